@@ -1,0 +1,49 @@
+"""The result of a run: where every body is, and the report on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .problem import Problem
+    from .report import Report
+
+__all__ = ["Placement"]
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Bodies in class, then size order; every count exactly as asked.
+
+    Attributes:
+        problem: What was asked for.
+        position: Body positions [m], shape ``[n, 2]``, float64, inside the domain.
+        class_index: Index into ``problem.classes``, shape ``[n]``, int32.
+        size_index: Index into the class's sizes, shape ``[n]``, int32.
+        angle: Direction of the body's long axis [rad], counter-clockwise from x, shape ``[n]``, float64; 0 for dots.
+        length: Length of a line body [m], shape ``[n]``, float64; 0 for dots.
+        report: What was reached.
+    """
+
+    problem: Problem
+    position: np.ndarray
+    class_index: np.ndarray
+    size_index: np.ndarray
+    angle: np.ndarray
+    length: np.ndarray
+    report: Report
+
+    @property
+    def class_name(self) -> tuple[str, ...]:
+        """Names of the classes, in the order that ``class_index`` counts."""
+        return tuple(body_class.name for body_class in self.problem.classes)
+
+    @property
+    def area(self) -> np.ndarray:
+        """Footprint of every body [m²], shape ``[n]``, float64."""
+        areas = [np.array([size.area for size in body_class.sizes]) for body_class in self.problem.classes]
+        first = np.concatenate([[0], np.cumsum([len(a) for a in areas])])
+        return np.concatenate(areas)[first[self.class_index] + self.size_index]
