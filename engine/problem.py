@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Sequence
+import reprlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from .errors import ProblemError
 __all__ = ["Balance", "BodyClass", "Domain", "Problem", "Size"]
 
 Boundary = Literal["open", "periodic"]
+Kind = TypeVar("Kind")
 BOUNDARIES: tuple[str, ...] = ("open", "periodic")
 
 
@@ -39,14 +41,8 @@ class Domain:
     boundary: Boundary = "open"
 
     def __post_init__(self) -> None:
-        size = _as_sequence(self.size, "domain.size")
-        if len(size) != 2:
-            raise ProblemError(f"`domain.size` must be two lengths in metres, x and y; got {self.size!r}")
-        for value in size:
-            _check_positive(value, "domain.size")
-        if self.boundary not in BOUNDARIES:
-            raise ProblemError(f"`domain.boundary` must be {_either(BOUNDARIES)}; got {self.boundary!r}")
-        object.__setattr__(self, "size", (float(size[0]), float(size[1])))
+        object.__setattr__(self, "size", check_domain_size(self.size))
+        object.__setattr__(self, "boundary", check_boundary(self.boundary))
 
     @property
     def area(self) -> float:
@@ -76,15 +72,8 @@ class Balance:
     size_emphasis: float = 2.0
 
     def __post_init__(self) -> None:
-        _check_number(self.class_separation, "balance.class_separation")
-        if not 0.0 <= self.class_separation <= 1.0:
-            raise ProblemError(
-                f"`balance.class_separation` must be between 0 (each class by itself) and 1 (only the union); "
-                f"got {self.class_separation!r}"
-            )
-        _check_number(self.size_emphasis, "balance.size_emphasis")
-        if not 1.0 <= self.size_emphasis < math.inf:
-            raise ProblemError(f"`balance.size_emphasis` must be 1 or more, and finite; got {self.size_emphasis!r}")
+        object.__setattr__(self, "class_separation", check_class_separation(self.class_separation))
+        object.__setattr__(self, "size_emphasis", check_size_emphasis(self.size_emphasis))
 
 
 @dataclass(frozen=True)
@@ -105,14 +94,10 @@ class Size:
     count: int
 
     def __post_init__(self) -> None:
-        _check_name(self.name, "size.name")
-        _check_positive(self.area, f'`area` of size "{self.name}"', unit=" in m²")
-        if isinstance(self.count, bool) or not isinstance(self.count, numbers.Real) or self.count != self.count // 1:
-            raise ProblemError(f'`count` of size "{self.name}" must be a whole number of at least 1; got {self.count!r}')
-        if self.count < 1:
-            raise ProblemError(f'`count` of size "{self.name}" must be a whole number of at least 1; got {self.count!r}')
-        object.__setattr__(self, "area", float(self.area))
-        object.__setattr__(self, "count", int(self.count))
+        name = check_name(self.name, "size.name")
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "area", check_area(self.area, f'`area` of size "{name}"'))
+        object.__setattr__(self, "count", check_count(self.count, f'`count` of size "{name}"'))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +107,8 @@ class BodyClass:
     Args:
         name: Unique within the problem.
         sizes: At least one :class:`Size`.
-        density: Image of shape ``[height, width]``, values >= 0, any scale; or a number > 0 for a uniform density.
-            Where it is zero, no body of the class is placed.
+        density: Image of shape ``[height, width]``, values >= 0, any scale, any real or boolean dtype; or a number > 0
+            for a uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy.
 
     Raises:
         ProblemError: A density that is negative, not finite, zero everywhere or not a two-dimensional image; no size;
@@ -135,26 +120,15 @@ class BodyClass:
     density: np.ndarray | float = 1.0
 
     def __post_init__(self) -> None:
-        _check_name(self.name, "class.name")
-        where = f'class "{self.name}"'
-        sizes = tuple(self.sizes)
+        name = check_name(self.name, "class.name")
+        where = f'class "{name}"'
+        sizes = _as_tuple(self.sizes, Size, f"`sizes` of {where}")
         if not sizes:
             raise ProblemError(f"{where} must have at least one size; got none")
-        _check_unique([size.name for size in sizes], f"size names of {where}")
+        check_unique([size.name for size in sizes], f"size names of {where}")
+        object.__setattr__(self, "name", name)
         object.__setattr__(self, "sizes", sizes)
-        try:
-            density = np.atleast_2d(np.asarray(self.density, dtype=np.float32))
-        except (TypeError, ValueError):
-            raise ProblemError(f"`density` of {where} must be an image or a number; got {self.density!r:.60}") from None
-        if density.ndim != 2 or density.size == 0:
-            raise ProblemError(f"`density` of {where} must have shape [height, width]; got {density.shape}")
-        if not np.isfinite(density).all():
-            raise ProblemError(f"`density` of {where} must be finite everywhere; it holds NaN or infinity")
-        if density.min() < 0.0:
-            raise ProblemError(f"`density` of {where} must be 0 or more everywhere; its smallest value is {density.min():g}")
-        if density.max() <= 0.0:
-            raise ProblemError(f"`density` of {where} must be above 0 somewhere; it is 0 everywhere")
-        object.__setattr__(self, "density", density)
+        object.__setattr__(self, "density", check_density(self.density, f"`density` of {where}"))
 
     @property
     def density_image(self) -> np.ndarray:
@@ -187,14 +161,16 @@ class Problem:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        classes = tuple(self.classes)
+        if not isinstance(self.domain, Domain):
+            raise ProblemError(f"`domain` must be a Domain; got {show(self.domain)}")
+        if not isinstance(self.balance, Balance):
+            raise ProblemError(f"`balance` must be a Balance; got {show(self.balance)}")
+        classes = _as_tuple(self.classes, BodyClass, "`classes`")
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
-        _check_unique([body_class.name for body_class in classes], "class names")
+        check_unique([body_class.name for body_class in classes], "class names")
         object.__setattr__(self, "classes", classes)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, numbers.Integral) or not 0 <= self.seed < 2**63:
-            raise ProblemError(f"`seed` must be a whole number of at least 0; got {self.seed!r}")
-        object.__setattr__(self, "seed", int(self.seed))
+        object.__setattr__(self, "seed", check_seed(self.seed))
 
     @property
     def body_count(self) -> int:
@@ -202,32 +178,160 @@ class Problem:
         return sum(body_class.count for body_class in self.classes)
 
 
-def _as_sequence(value: object, key: str) -> Sequence[float]:
-    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
-        raise ProblemError(f"`{key}` must be two lengths in metres, x and y; got {value!r}")
-    return value  # type: ignore[return-value]
+# The checks below are one per kind of value. Each takes the name that the value has for whoever wrote it (a field here, a
+# key of a recipe there), so that every front end names the value in its own words and none repeats the rules.
 
 
-def _check_number(value: object, key: str) -> None:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or math.isnan(value):
-        raise ProblemError(f"`{key}` must be a number; got {value!r}")
+def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
+    """Return the two lengths [m]; raise ProblemError unless both and their product are above 0 and finite."""
+    entries = tuple(value) if isinstance(value, (list, tuple, np.ndarray)) and np.ndim(value) != 0 else ()
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two lengths in metres, x and y; got {show(value)}")
+    width, height = (_positive(entry, key, " in metres") for entry in entries)
+    if not 0.0 < width * height < math.inf:
+        raise ProblemError(f"{key} must span an area that is above 0 and finite; got {show(value)}")
+    return width, height
 
 
-def _check_positive(value: object, key: str, unit: str = "") -> None:
-    key = key if key.startswith("`") else f"`{key}`"
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0.0 < value < math.inf:
-        raise ProblemError(f"{key} must be a number above 0, and finite{unit}; got {value!r}")
+def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
+    """Return the boundary; raise ProblemError unless it is one of ``BOUNDARIES``."""
+    if not isinstance(value, str) or value not in BOUNDARIES:
+        raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
+    return "periodic" if value == "periodic" else "open"
 
 
-def _check_name(name: object, key: str) -> None:
-    if not isinstance(name, str) or not name.strip():
-        raise ProblemError(f"`{key}` must be a text that is not empty; got {name!r}")
+def check_class_separation(value: object, key: str = "`balance.class_separation`") -> float:
+    """Return the paper's alpha; raise ProblemError unless it is within 0..1."""
+    number = _as_float(value)
+    if number is None or not 0.0 <= number <= 1.0:
+        raise ProblemError(
+            f"{key} must be a number between 0 (each class by itself) and 1 (only the union); got {show(value)}"
+        )
+    return number
 
 
-def _check_unique(names: list[str], what: str) -> None:
+def check_size_emphasis(value: object, key: str = "`balance.size_emphasis`") -> float:
+    """Return the paper's C; raise ProblemError unless it is 1 or more, and finite."""
+    number = _as_float(value)
+    if number is None or not 1.0 <= number < math.inf:
+        raise ProblemError(f"{key} must be a number of 1 or more, and finite; got {show(value)}")
+    return number
+
+
+def check_name(value: object, key: str) -> str:
+    """Return the name; raise ProblemError unless it can be shown on one line and written to any file."""
+    if not isinstance(value, str) or not value.strip():
+        raise ProblemError(f"`{key}` must be a text that is not empty; got {show(value)}")
+    # Line breaks would tear reports apart, and lone surrogates cannot be written as UTF-8.
+    if not value.isprintable():
+        raise ProblemError(f"`{key}` must be a text on one line, without control characters; got {show(value)}")
+    return str(value)
+
+
+def check_area(value: object, key: str) -> float:
+    """Return the footprint [m²]; raise ProblemError unless it is above 0 and finite."""
+    return _positive(value, key, " in m²")
+
+
+def check_count(value: object, key: str) -> int:
+    """Return the count; raise ProblemError unless it is a whole number of at least 1 (120.0 is one, ``True`` is not)."""
+    if _is_real(value) and value >= 1 and value < math.inf and value == int(value):  # type: ignore[operator, call-overload]
+        return int(value)  # type: ignore[call-overload]
+    raise ProblemError(f"{key} must be a whole number of at least 1; got {show(value)}")
+
+
+def check_seed(value: object, key: str = "`seed`") -> int:
+    """Return the seed; raise ProblemError unless it is a whole number that fits 63 bits."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or not 0 <= value < 2**63:
+        raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
+    return int(value)
+
+
+def check_density(value: object, key: str) -> np.ndarray:
+    """Return the density as a new float32 array of shape ``[height, width]``; raise ProblemError if it has no meaning."""
+    if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
+        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
+    try:
+        given = np.asarray(value)
+    except Exception:  # whatever a user's sequence or `__array__` raises, it is not an image
+        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}") from None
+    if given.dtype.kind not in "buif":
+        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
+    if given.ndim == 0:
+        given = given.reshape(1, 1)
+    if given.ndim != 2 or given.size == 0:
+        raise ProblemError(f"{key} must have shape [height, width], neither of them 0; got shape {list(given.shape)}")
+    if not np.isfinite(given).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
+    smallest, largest = given.min(), given.max()
+    if smallest < 0:
+        raise ProblemError(f"{key} must be 0 or more everywhere; its smallest value is {smallest:g}")
+    if largest <= 0:
+        raise ProblemError(f"{key} must be above 0 somewhere; it is 0 everywhere")
+    # Only ratios matter: values that float32, or a sum of them, cannot hold are brought into its range.
+    if not 1e-20 < largest < 1e20:
+        given = given.astype(np.longdouble) / largest.astype(np.longdouble)
+    return given.astype(np.float32, order="C")
+
+
+def check_unique(names: Sequence[str], what: str) -> None:
+    """Raise ProblemError if a name stands there twice."""
+    seen: set[str] = set()
     for name in names:
-        if names.count(name) > 1:
+        if name in seen:
             raise ProblemError(f'{what} must differ from each other; "{name}" stands there {names.count(name)} times')
+        seen.add(name)
+
+
+def show(value: object) -> str:
+    """Return ``value`` as a sentence shows it: short, on one line, and never failing."""
+    if isinstance(value, numbers.Integral) and not isinstance(value, bool):
+        whole = int(value)
+        # Python refuses to print whole numbers of thousands of digits.
+        return str(whole) if abs(whole) < 10**18 else f"{'-' if whole < 0 else ''}about 1e{_digits(abs(whole)) - 1}"
+    if isinstance(value, (float, np.floating)):
+        return f"{float(value):.12g}"
+    if isinstance(value, str):
+        text = ascii(value) if not value.isprintable() else f'"{value}"'
+        return text if len(text) <= 62 else f'{text[:58]}..."'
+    try:
+        text = " ".join(reprlib.repr(value).split())
+    except Exception:  # a repr is foreign code
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _digits(whole: int) -> int:
+    return int(math.log10(whole)) + 1
+
+
+def _is_real(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
+
+
+def _as_float(value: object) -> float | None:
+    """Return a real number as float (infinite where it is too large for one), None for anything else and for NaN."""
+    if not _is_real(value):
+        return None
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf  # type: ignore[operator]
+    return None if math.isnan(number) else number
+
+
+def _positive(value: object, key: str, unit: str) -> float:
+    number = _as_float(value)
+    if number is None or not 0.0 < number < math.inf:
+        raise ProblemError(f"{key} must be a number{unit} above 0, and finite; got {show(value)}")
+    return number
+
+
+def _as_tuple(value: object, kind: type[Kind], key: str) -> tuple[Kind, ...]:
+    entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
+    if entries is None or not all(isinstance(entry, kind) for entry in entries):
+        raise ProblemError(f"{key} must be a list of {kind.__name__}; got {show(value)}")
+    return entries
 
 
 def _either(choices: Sequence[str]) -> str:

@@ -1,0 +1,106 @@
+"""Which device a run uses, and how kernels are launched on it.
+
+Warp runs a CPU launch on the calling thread. :class:`Launcher` therefore cuts a CPU launch into ranges and gives them to
+threads (the call into compiled code releases Python's global lock), so every kernel of the engine takes the index of its
+range's first element as its first argument. On a GPU there is one range.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import warp as wp
+
+from .errors import DeviceError
+
+__all__ = ["Launcher", "resolve_device"]
+
+# Below this many elements a second thread costs more than it saves.
+SMALLEST_RANGE = 2048
+
+
+def resolve_device(name: str = "auto") -> wp.Device:
+    """Return the Warp device called ``name``.
+
+    Args:
+        name: ``"auto"`` (the first NVIDIA GPU, or the CPU where there is none), ``"cpu"``, ``"cuda"`` or ``"cuda:N"``.
+
+    Raises:
+        DeviceError: An unknown name, or a GPU that this machine lacks.
+    """
+    wp.config.quiet = True
+    wp.init()
+    gpu_names = [device.alias for device in wp.get_cuda_devices()]
+    if name == "auto":
+        name = gpu_names[0] if gpu_names else "cpu"
+    if name == "cuda" and gpu_names:
+        name = gpu_names[0]
+    if name == "cpu" or name in gpu_names:
+        return wp.get_device(name)
+    accepted = ", ".join(f'"{choice}"' for choice in ["auto", "cpu", *gpu_names])
+    number = name.removeprefix("cuda:") if isinstance(name, str) else ""
+    if name == "cuda" or number.isdigit():
+        why = "this machine has no such NVIDIA GPU, or no driver for it"
+        raise DeviceError(f"`device` {name!r} is not there: {why}; use one of {accepted}")
+    raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
+
+
+class Launcher:
+    """Launches kernels on one device, on all cores when it is the CPU.
+
+    Args:
+        device: From :func:`resolve_device`.
+    """
+
+    def __init__(self, device: wp.Device) -> None:
+        self.device = device
+        self.thread_count = (
+            1
+            if device.is_cuda
+            else max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+        )
+        self._pool = ThreadPoolExecutor(self.thread_count) if self.thread_count > 1 else None
+
+    def close(self) -> None:
+        """Give the threads back."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def launch(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any] = ()) -> None:
+        """Run ``kernel`` for the elements ``0 .. count - 1``; its first argument is the first element of its range."""
+        if self._pool is None or count <= SMALLEST_RANGE:
+            self.launch_ranges(kernel, [(0, count)], inputs, outputs)
+            return
+        cuts = [count * part // self.thread_count for part in range(self.thread_count + 1)]
+        self.launch_ranges(kernel, list(zip(cuts[:-1], cuts[1:], strict=True)), inputs, outputs)
+
+    def launch_ranges(
+        self,
+        kernel: wp.Kernel,
+        ranges: Sequence[tuple[int, int]],
+        inputs: Sequence[Any],
+        outputs: Sequence[Any] = (),
+    ) -> None:
+        """Run ``kernel`` for several ranges ``(first, last + 1)`` at once; returns when all are done (on the CPU)."""
+        self.launch_each(kernel, [(first, end, inputs) for first, end in ranges], outputs)
+
+    def launch_each(
+        self, kernel: wp.Kernel, parts: Sequence[tuple[int, int, Sequence[Any]]], outputs: Sequence[Any] = ()
+    ) -> None:
+        """Like :meth:`launch_ranges`, with inputs of its own (a scratch array, say) for every range."""
+
+        def run(part: tuple[int, int, Sequence[Any]]) -> None:
+            first, end, inputs = part
+            wp.launch(kernel, dim=end - first, inputs=[first, *inputs], outputs=list(outputs), device=self.device)
+
+        parts = [part for part in parts if part[1] > part[0]]
+        # Two threads that meet an unloaded module would both compile it.
+        kernel.module.load(self.device)
+        if self._pool is None or len(parts) == 1:
+            for part in parts:
+                run(part)
+        else:
+            list(self._pool.map(run, parts))
