@@ -1,0 +1,352 @@
+"""Buttons of the sidebar. They translate between Blender and the API, and turn its errors into sentences."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D400, D415
+
+import random
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..engine.errors import EshError
+from . import running
+from .properties import active_scatter
+
+__all__ = ["CLASSES"]
+
+_MOVES = (("UP", "Up", "Towards the top of the list"), ("DOWN", "Down", "Towards the end of the list"))
+
+
+class _Edit(bpy.types.Operator):
+    """Base of the small edits of the settings."""
+
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}  # noqa: RUF012 - Blender wants a set
+
+    @classmethod
+    def poll(cls, context):
+        if not _settings_editable(cls, context):
+            return False
+        if cls._needs(context) is None:
+            cls.poll_message_set(cls._missing)
+            return False
+        return True
+
+    _missing = "Add a scatter first"
+
+    @staticmethod
+    def _needs(context):
+        return active_scatter(context)
+
+
+class ESH_OT_scatter(bpy.types.Operator):
+    """Place everything: exactly as many as asked, evenly, following the densities. Esc stops and changes nothing"""
+
+    bl_idname = "esh.scatter"
+    bl_label = "Scatter"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context):
+        """Say in the button's tooltip why it is grey."""
+        if not _settings_editable(cls, context):
+            return False
+        scatter = active_scatter(context)
+        obstacle = scatter.obstacle(context.scene) if scatter else "Add a scatter first"
+        if context.mode != "OBJECT":
+            obstacle = "Go back to Object Mode first"
+        if obstacle:
+            cls.poll_message_set(obstacle)
+        return not obstacle
+
+    def execute(self, context):
+        """Run to the end before returning: for scripts and ``blender -b``."""
+        from .api import scatter
+
+        settings = active_scatter(context)
+        window_manager = context.window_manager
+        window_manager.progress_begin(0, settings.max_steps)
+        try:
+            positional, named = settings.arguments(context.scene)
+            result = scatter(*positional, **named, progress=lambda now: window_manager.progress_update(now.step))
+        except EshError as error:
+            self.report({"ERROR"}, _sentence(error))
+            return {"CANCELLED"}
+        finally:
+            window_manager.progress_end()
+        return self._finish(settings, result)
+
+    def invoke(self, context, _event):
+        """Solve in the background while the window stays alive."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        from .api import ScatterJob
+
+        settings = active_scatter(context)
+        try:
+            positional, named = settings.arguments(context.scene)
+            job = ScatterJob(*positional, **named)
+        except EshError as error:
+            self.report({"ERROR"}, _sentence(error))
+            return {"CANCELLED"}
+        running.start(context, job, settings)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        """Watch the run; Esc leaves what was there."""
+        if event.type == "ESC" and event.value == "PRESS":
+            running.stop("Stopped; nothing was changed")
+        session = running.session
+        if session is None or session.stop_reason:
+            return self._stopped(session)
+        if event.type == "TIMER":
+            session.show()
+            if not session.run.running:
+                return self._write(context)
+        return {"PASS_THROUGH"} if running.lets_through(context, event) else {"RUNNING_MODAL"}
+
+    def cancel(self, _context):
+        """Blender takes the operator away: another file, a closed window."""
+        running.end()
+
+    def _stopped(self, session):
+        running.end()
+        self.report({"WARNING"}, session.stop_reason if session else "Stopped; nothing was changed")
+        return {"CANCELLED"}
+
+    def _write(self, context):
+        session = running.session
+        running.end()
+        try:
+            if session.run.error is not None:
+                raise session.run.error
+            result = session.job.write(context)
+            settings = session.scene.esh_scatter.scatters[session.scatter_index]
+        except EshError as error:
+            self.report({"ERROR"}, _sentence(error))
+            return {"CANCELLED"}
+        except ReferenceError:
+            self.report({"ERROR"}, "The target, a source or the scene was removed during the run; nothing was changed")
+            return {"CANCELLED"}
+        return self._finish(settings, result)
+
+    def _finish(self, settings, result):
+        report = result.report
+        settings.remember(result.object, report.to_dict())
+        placed = sum(size.placed for body_class in report.classes for size in body_class.sizes)
+        look = [*report.notes]
+        if report.overlaps:
+            look.append(f"{report.overlaps:,} footprints overlap")
+        if not report.converged:
+            look.append("not converged")
+        summary = f"Placed {placed:,} in {report.seconds:.1f} s on {report.device}"
+        self.report({"WARNING" if look else "INFO"}, "; ".join([summary, *look]))
+        return {"FINISHED"}
+
+
+class ESH_OT_stop(bpy.types.Operator):
+    """Stop the run and leave what was there"""
+
+    bl_idname = "esh.stop"
+    bl_label = "Stop"
+    bl_options = {"INTERNAL"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, _context):
+        """Only while something runs."""
+        return running.session is not None
+
+    def execute(self, _context):
+        """Stop."""
+        running.stop("Stopped; nothing was changed")
+        return {"FINISHED"}
+
+
+class ESH_OT_scatter_add(_Edit):
+    """Add a scatter; the active object, where it is a mesh, becomes its target"""
+
+    bl_idname = "esh.scatter_add"
+    bl_label = "Add Scatter"
+
+    @staticmethod
+    def _needs(context):
+        return context.scene
+
+    def execute(self, context):
+        """Add it."""
+        candidate = context.view_layer.objects.active
+        settings = context.scene.esh_scatter
+        results = {scatter.result for scatter in settings.scatters}
+        usable = candidate is not None and candidate.type == "MESH" and candidate not in results
+        settings.add_scatter(candidate if usable else None)
+        return {"FINISHED"}
+
+
+class ESH_OT_scatter_remove(_Edit):
+    """Remove this scatter's settings; what it has placed stays in the scene"""
+
+    bl_idname = "esh.scatter_remove"
+    bl_label = "Remove Scatter"
+
+    def execute(self, context):
+        """Remove it."""
+        settings = context.scene.esh_scatter
+        settings.scatter_index = _remove(settings.scatters, settings.scatter_index)
+        return {"FINISHED"}
+
+
+class ESH_OT_class_add(_Edit):
+    """Add a class of things to scatter, e.g. pines; each class follows its own density"""
+
+    bl_idname = "esh.class_add"
+    bl_label = "Add Class"
+
+    def execute(self, context):
+        """Add it."""
+        active_scatter(context).add_class()
+        return {"FINISHED"}
+
+
+class _ClassEdit(_Edit):
+    _missing = "Select a class first"
+
+    @staticmethod
+    def _needs(context):
+        scatter = active_scatter(context)
+        return scatter and scatter.active_class
+
+
+class ESH_OT_class_remove(_ClassEdit):
+    """Remove the selected class"""
+
+    bl_idname = "esh.class_remove"
+    bl_label = "Remove Class"
+
+    def execute(self, context):
+        """Remove it."""
+        scatter = active_scatter(context)
+        scatter.class_index = _remove(scatter.classes, scatter.class_index)
+        return {"FINISHED"}
+
+
+class ESH_OT_class_move(_ClassEdit):
+    """Move the selected class in the list"""
+
+    bl_idname = "esh.class_move"
+    bl_label = "Move Class"
+
+    direction: EnumProperty(items=_MOVES, name="Direction")
+
+    def execute(self, context):
+        """Move it."""
+        scatter = active_scatter(context)
+        scatter.class_index = _move(scatter.classes, scatter.class_index, self.direction)
+        return {"FINISHED"}
+
+
+class ESH_OT_size_add(_ClassEdit):
+    """Add a size to the selected class; larger sizes keep more distance"""
+
+    bl_idname = "esh.size_add"
+    bl_label = "Add Size"
+
+    def execute(self, context):
+        """Add it."""
+        active_scatter(context).active_class.add_size()
+        return {"FINISHED"}
+
+
+class _SizeEdit(_Edit):
+    _missing = "Select a size first"
+
+    @staticmethod
+    def _needs(context):
+        scatter = active_scatter(context)
+        return scatter and scatter.active_class and scatter.active_class.active_size
+
+
+class ESH_OT_size_remove(_SizeEdit):
+    """Remove the selected size"""
+
+    bl_idname = "esh.size_remove"
+    bl_label = "Remove Size"
+
+    def execute(self, context):
+        """Remove it."""
+        body_class = active_scatter(context).active_class
+        body_class.size_index = _remove(body_class.sizes, body_class.size_index)
+        return {"FINISHED"}
+
+
+class ESH_OT_size_move(_SizeEdit):
+    """Move the selected size in the list"""
+
+    bl_idname = "esh.size_move"
+    bl_label = "Move Size"
+
+    direction: EnumProperty(items=_MOVES, name="Direction")
+
+    def execute(self, context):
+        """Move it."""
+        body_class = active_scatter(context).active_class
+        body_class.size_index = _move(body_class.sizes, body_class.size_index, self.direction)
+        return {"FINISHED"}
+
+
+class ESH_OT_seed_roll(_Edit):
+    """Roll the dice: another seed, another placement of equal quality"""
+
+    bl_idname = "esh.seed_roll"
+    bl_label = "Roll Seed"
+
+    def execute(self, context):
+        """Roll."""
+        scatter = active_scatter(context)
+        scatter.seed = random.choice([seed for seed in range(10_000) if seed != scatter.seed])
+        return {"FINISHED"}
+
+
+def _settings_editable(operator: type, context: bpy.types.Context) -> bool:
+    """Tell whether settings can be changed now; otherwise the tooltip of ``operator`` says why not."""
+    reason = None
+    if running.session is not None:
+        reason = "A run is under way; Esc stops it"
+    elif running.still_stopping():
+        reason = "The run that was stopped is still coming to its end; try again in a moment"
+    elif context.scene is None or not context.scene.is_editable:
+        reason = "This scene is linked from a library and cannot be changed"
+    if reason:
+        operator.poll_message_set(reason)
+    return reason is None
+
+
+def _remove(collection, index: int) -> int:
+    collection.remove(index)
+    return max(0, min(index, len(collection) - 1))
+
+
+def _move(collection, index: int, direction: str) -> int:
+    to = max(0, min(index + (-1 if direction == "UP" else 1), len(collection) - 1))
+    collection.move(index, to)
+    return to
+
+
+def _sentence(error: Exception) -> str:
+    """Return the error's sentence as Blender's status line shows it: with a capital letter, without back quotes."""
+    text = str(error).replace("`", "")
+    return text[:1].upper() + text[1:]
+
+
+CLASSES = (
+    ESH_OT_scatter,
+    ESH_OT_stop,
+    ESH_OT_scatter_add,
+    ESH_OT_scatter_remove,
+    ESH_OT_class_add,
+    ESH_OT_class_remove,
+    ESH_OT_class_move,
+    ESH_OT_size_add,
+    ESH_OT_size_remove,
+    ESH_OT_size_move,
+    ESH_OT_seed_roll,
+)

@@ -1,0 +1,328 @@
+"""The sidebar tab."""
+
+import textwrap
+
+import bpy
+
+from . import running
+from .properties import active_scatter
+
+__all__ = ["CLASSES"]
+
+
+class _Panel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = running.SIDEBAR_TAB
+
+
+class _SubPanel(_Panel):
+    bl_parent_id = "ESH_PT_scatter"
+
+    @classmethod
+    def poll(cls, context):
+        return active_scatter(context) is not None
+
+    def _column(self):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.enabled = running.session is None
+        return layout.column()
+
+
+class ESH_PT_scatter(_Panel, bpy.types.Panel):
+    """Which scatter, on what."""
+
+    bl_label = "ESH Scatter"
+
+    def draw(self, context):
+        """Draw the list of scatters and the target."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.enabled = running.session is None
+        settings = context.scene.esh_scatter
+        if not settings.scatters:
+            column = layout.column()
+            _write_text(context, column, "Select the ground, a mesh, and click:")
+            column.separator()
+            row = column.row()
+            row.scale_y = 1.5
+            row.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+            return
+        _draw_list(layout, "ESH_UL_scatters", settings, "scatters", "scatter_index", "scatter", rows=2)
+        if settings.active is not None:
+            row = layout.row()
+            row.alert = settings.active.target is None
+            row.prop(settings.active, "target")
+
+
+class ESH_PT_classes(_SubPanel, bpy.types.Panel):
+    """What is scattered."""
+
+    bl_label = "Classes"
+
+    def draw(self, context):
+        """Draw the list of classes."""
+        column = self._column()
+        scatter = active_scatter(context)
+        if scatter.classes:
+            _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=4, move=True)
+            return
+        _write_text(context, column, "A class is one kind of thing, e.g. pines, with a density of its own.")
+        column.separator()
+        row = column.row()
+        row.scale_y = 1.5
+        row.operator("esh.class_add", text="Add a Class", icon="ADD")
+
+
+class _ClassPanel(_SubPanel):
+    @classmethod
+    def poll(cls, context):
+        scatter = active_scatter(context)
+        return scatter is not None and scatter.active_class is not None
+
+
+class ESH_PT_density(_ClassPanel, bpy.types.Panel):
+    """Where the selected class stands."""
+
+    bl_label = "Density"
+
+    def draw_header_preset(self, context):
+        """Name the class whose density this is."""
+        _draw_class_name(self.layout, context)
+
+    def draw(self, context):
+        """Draw the density of the selected class."""
+        column = self._column()
+        scatter = active_scatter(context)
+        body_class = scatter.active_class
+        target = scatter.target if scatter.target and scatter.target.type == "MESH" else None
+        column.prop(body_class, "density_kind")
+        if body_class.density_kind == "UNIFORM":
+            return
+        if body_class.density_kind == "IMAGE":
+            column.template_ID(body_class, "image", open="image.open", text="Image")
+            column.prop(body_class, "mapping")
+            if body_class.mapping == "UV" and target:
+                column.prop_search(body_class, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
+        elif target is None:
+            column.label(text="Choose a target first", icon="ERROR")
+        elif body_class.density_kind == "VERTEX_GROUP":
+            column.prop_search(body_class, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
+        elif body_class.density_kind == "ATTRIBUTE":
+            column.prop_search(body_class, "attribute", target.data, "attributes", icon="SPREADSHEET")
+        column.prop(body_class, "invert")
+
+
+class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
+    """The selected class's sizes."""
+
+    bl_label = "Sizes"
+
+    def draw_header_preset(self, context):
+        """Name the class whose sizes these are."""
+        _draw_class_name(self.layout, context)
+
+    def draw(self, context):
+        """Draw the list of sizes and the selected one."""
+        column = self._column()
+        body_class = active_scatter(context).active_class
+        if not body_class.sizes:
+            _write_text(context, column, "A size says what is placed and how many.")
+            column.separator()
+            column.operator("esh.size_add", text="Add a Size", icon="ADD")
+            return
+        _draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=3, move=True)
+        size = body_class.active_size
+        if size is None:
+            return
+        column.separator()
+        column.row().prop(size, "source_kind", expand=True)
+        source = column.row()
+        source.alert = size.source is None
+        source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
+        column.prop(size, "count")
+        column.separator()
+        column.row().prop(size, "area_kind", expand=True)
+        if size.area_kind == "VALUE":
+            column.prop(size, "area")
+
+
+class ESH_PT_balance(_SubPanel, bpy.types.Panel):
+    """How the aims are weighed."""
+
+    bl_label = "Balance"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender wants a set
+
+    def draw(self, context):
+        """Draw the balance."""
+        column = self._column()
+        scatter = active_scatter(context)
+        column.prop(scatter, "class_separation", text="Separation", slider=True)
+        column.prop(scatter, "size_emphasis")
+
+
+class ESH_PT_placement(_SubPanel, bpy.types.Panel):
+    """How each one stands."""
+
+    bl_label = "Placement"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+
+    def draw(self, context):
+        """Draw how each one stands."""
+        column = self._column()
+        scatter = active_scatter(context)
+        column.prop(scatter, "align_to_normal", slider=True)
+        column.prop(scatter, "random_turn")
+        column.prop(scatter, "scale_jitter", slider=True)
+
+
+class ESH_PT_solve(_SubPanel, bpy.types.Panel):
+    """Seed, device and the button."""
+
+    bl_label = "Solve"
+
+    def draw(self, context):
+        """Draw the button, or how far the run is."""
+        column = self._column()
+        scatter = active_scatter(context)
+        seed = column.row(align=True)
+        seed.prop(scatter, "seed")
+        seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
+        column.prop(scatter, "device")
+        column.prop(scatter, "max_steps")
+        column.separator()
+        if running.session is not None:
+            self.layout.enabled = True
+            column.enabled = False
+            _draw_progress(context, self.layout)
+            return
+        button = column.row()
+        button.scale_y = 1.8
+        button.operator(
+            "esh.scatter", text="Scatter Again" if scatter.result_in(context.scene) else "Scatter", icon="PLAY"
+        )
+        obstacle = scatter.obstacle(context.scene)
+        if obstacle:
+            _write_text(context, column, obstacle, icon="INFO")
+        elif not scatter.report_json:
+            _write_text(context, column, "The first run on a computer compiles for up to a minute.", icon="INFO")
+
+
+class ESH_PT_report(_SubPanel, bpy.types.Panel):
+    """What the last run reached."""
+
+    bl_label = "Report"
+
+    @classmethod
+    def poll(cls, context):
+        """Only after a run."""
+        scatter = active_scatter(context)
+        return scatter is not None and scatter.report is not None
+
+    def draw(self, context):
+        """Draw the last run's report."""
+        layout = self.layout
+        scatter = active_scatter(context)
+        report = scatter.report
+        if scatter.outdated and running.session is None:
+            _write_text(context, layout, "Settings changed since this run. Scatter again.", icon="FILE_REFRESH")
+        for note in report["notes"]:
+            _write_text(context, layout, note, icon="ERROR")
+        _draw_counts(layout.box(), report)
+        facts = layout.column(align=True)
+        spacing = report["smallest_spacing"]
+        overlaps = report["overlaps"]
+        _draw_fact(facts, "Overlaps", f"{overlaps:,}" if overlaps else "none", "ERROR" if overlaps else "CHECKMARK")
+        _draw_fact(facts, "Coverage error", f"{report['coverage_error']:.4f}")
+        _draw_fact(facts, "Smallest spacing", "-" if spacing is None else f"{spacing:.2f} of a perfect lattice")
+        _draw_fact(facts, "Space covered", f"{report['covered']:.0%}")
+        converged = "" if report["converged"] else ", not converged"
+        _draw_fact(facts, "Steps", f"{report['steps']}{converged}", "NONE" if report["converged"] else "ERROR")
+        _draw_fact(facts, "Time", f"{report['seconds']:.1f} s on {report['device']}")
+
+
+def _draw_list(
+    layout, list_class: str, owner, items: str, index: str, noun: str, *, rows: int, move: bool = False
+) -> None:
+    row = layout.row()
+    row.template_list(list_class, "", owner, items, owner, index, rows=rows)
+    side = row.column(align=True)
+    side.operator(f"esh.{noun}_add", text="", icon="ADD")
+    side.operator(f"esh.{noun}_remove", text="", icon="REMOVE")
+    if move and len(getattr(owner, items)) > 1:
+        side.separator()
+        side.operator(f"esh.{noun}_move", text="", icon="TRIA_UP").direction = "UP"
+        side.operator(f"esh.{noun}_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+
+
+def _draw_class_name(layout, context) -> None:
+    body_class = active_scatter(context).active_class
+    row = layout.row()
+    row.active = False
+    row.label(text=body_class.name if body_class else "")
+
+
+def _draw_progress(context, layout) -> None:
+    session = running.session
+    row = layout.row(align=True)
+    row.scale_y = 1.8
+    row.progress(factor=session.factor, text=session.text)
+    row.operator("esh.stop", text="", icon="CANCEL")
+    _write_text(context, layout, "Esc stops and changes nothing.", icon="INFO")
+
+
+def _draw_counts(layout, report: dict) -> None:
+    """Draw a table: a row per class and size, with what was asked, placed, and the class's coverage error."""
+    split = layout.split(factor=0.46)
+    names, numbers = split.column(align=True), split.row().column_flow(columns=3, align=True)
+    rows = [("", "Asked", "Placed", "Error")]
+    for entry in report["classes"]:
+        sizes = entry["sizes"]
+        for number, size in enumerate(sizes):
+            name = entry["name"] if len(sizes) == 1 else f"{entry['name']}, {size['name']}"
+            error = "" if number else f"{entry['coverage_error']:.4f}"
+            rows.append((name, f"{size['asked']:,}", f"{size['placed']:,}", error))
+    for number, row in enumerate(rows):
+        line = names.row()
+        line.active = number > 0
+        line.label(text=row[0])
+    for column in (1, 2, 3):
+        for number, row in enumerate(rows):
+            cell = numbers.row()
+            cell.active = number > 0
+            cell.alignment = "RIGHT"
+            cell.label(text=row[column])
+
+
+def _draw_fact(layout, label: str, value: str, icon: str = "NONE") -> None:
+    split = layout.split(factor=0.4)
+    name = split.row()
+    name.alignment = "RIGHT"
+    name.active = False
+    name.label(text=label)
+    split.label(text=value, icon=icon)
+
+
+def _write_text(context, layout, text: str, icon: str = "NONE") -> None:
+    """Draw ``text`` on as many lines as the sidebar's width asks for."""
+    scale = context.preferences.system.ui_scale
+    # A character of the interface's font is about 7 pixels wide; margins and the icon take about 60.
+    characters = max(20, int((context.region.width / scale - 60) / 6.3))
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, characters)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+
+
+CLASSES = (
+    ESH_PT_scatter,
+    ESH_PT_classes,
+    ESH_PT_density,
+    ESH_PT_sizes,
+    ESH_PT_balance,
+    ESH_PT_placement,
+    ESH_PT_solve,
+    ESH_PT_report,
+)

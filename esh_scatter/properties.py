@@ -1,0 +1,483 @@
+"""What a user sets in the sidebar: property groups on the scene, so that it is saved, undone and copied with it.
+
+``Scene.esh_scatter`` holds any number of scatters, each with its target, classes, sizes and last report. They live on
+the scene rather than on the target because a target is often linked from a library and then cannot be edited. Objects,
+collections and images are held as pointers, so renaming them breaks nothing and deleting them leaves an empty field.
+"""
+
+import hashlib
+import json
+from functools import lru_cache
+from math import tau
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+from bpy.types import PropertyGroup
+
+__all__ = ["CLASSES", "active_scatter", "attach", "detach", "unused_name"]
+
+# Told apart by most people with a colour vision deficiency (after Okabe and Ito), and pleasant beside each other.
+CLASS_COLORS = (
+    (0.000, 0.342, 0.171),
+    (0.791, 0.347, 0.000),
+    (0.093, 0.456, 0.815),
+    (0.604, 0.191, 0.386),
+    (0.871, 0.776, 0.054),
+    (0.665, 0.112, 0.000),
+    (0.000, 0.168, 0.445),
+    (0.350, 0.350, 0.350),
+)
+
+DEVICE_ARGUMENT = {"AUTO": "auto", "CPU": "cpu", "CUDA": "cuda:0"}
+
+
+def unused_name(name: str, taken: set[str]) -> str:
+    """Return ``name``, or ``name.001`` and so on where it is taken, as Blender names its data."""
+    stem, _, number = name.rpartition(".")
+    stem = stem if stem and number.isdigit() else name
+    candidate, index = name, 1
+    while candidate in taken:
+        candidate, index = f"{stem}.{index:03d}", index + 1
+    return candidate
+
+
+def _keep_name_unused(item: PropertyGroup, _context: object) -> None:
+    """Give ``item`` a name that no neighbour in its list has; an empty name becomes its kind's."""
+    path, _, index = item.path_from_id().rpartition("[")
+    siblings = item.id_data.path_resolve(path)
+    position = int(index.rstrip("]"))
+    taken = {sibling.name for number, sibling in enumerate(siblings) if number != position}
+    name = unused_name(item.name.strip() or item.KIND, taken)
+    if name != item.name:
+        item.name = name
+
+
+class ESH_PG_size(PropertyGroup):
+    """One size of a class: what is placed, how often, and how much room each takes."""
+
+    KIND = "Size"
+
+    name: StringProperty(
+        name="Name", description="Name of this size; it differs from the class's other sizes", update=_keep_name_unused
+    )
+    source_kind: EnumProperty(
+        name="Place",
+        description="What is placed",
+        items=(
+            ("OBJECT", "Object", "Place copies of one object", "OBJECT_DATA", 0),
+            (
+                "COLLECTION",
+                "Collection",
+                "Place the objects of a collection, one chosen at random per place",
+                "OUTLINER_COLLECTION",
+                1,
+            ),
+        ),
+        default="OBJECT",
+    )
+    source_object: PointerProperty(
+        type=bpy.types.Object,
+        name="Object",
+        description="The object to place; it is instanced, not copied, and stays as it is",
+    )
+    source_collection: PointerProperty(
+        type=bpy.types.Collection,
+        name="Collection",
+        description="The collection whose objects are placed, one chosen at random per place",
+    )
+    count: IntProperty(
+        name="Count",
+        description="How many to place; exactly as many are placed, always",
+        default=100,
+        min=1,
+        soft_max=100_000,
+    )
+    area_kind: EnumProperty(
+        name="Footprint",
+        description="How much ground one of them takes; larger footprints keep more distance",
+        items=(
+            ("MESH", "From the Mesh", "Measure the object as seen from above", "MESH_DATA", 0),
+            ("VALUE", "Area", "Give the area", "FIXED_SIZE", 1),
+        ),
+        default="MESH",
+    )
+    area: FloatProperty(
+        name="Area",
+        description="Ground that one of them takes; this much stays free of all others where the space allows it",
+        default=1.0,
+        min=1e-6,
+        soft_min=0.01,
+        soft_max=1000.0,
+        precision=3,
+        unit="AREA",
+    )
+
+    @property
+    def source(self) -> bpy.types.Object | bpy.types.Collection | None:
+        """The object or collection to place, or None while none is chosen."""
+        return self.source_object if self.source_kind == "OBJECT" else self.source_collection
+
+    def as_argument(self):
+        """Return this size as :func:`~esh.scatter` takes it."""
+        from .api import ScatterSize
+
+        area = self.area if self.area_kind == "VALUE" else None
+        return ScatterSize(self.name, self.count, self.source, area=area)
+
+
+class ESH_PG_class(PropertyGroup):
+    """One class of bodies: the density it follows and its sizes."""
+
+    KIND = "Class"
+
+    name: StringProperty(
+        name="Name", description="Name of this class; it differs from the other classes", update=_keep_name_unused
+    )
+    color: FloatVectorProperty(
+        name="Color",
+        description="Color of this class in the list and, as an attribute, on its points",
+        subtype="COLOR",
+        size=3,
+        min=0.0,
+        max=1.0,
+        default=CLASS_COLORS[0],
+    )
+    density_kind: EnumProperty(
+        name="Density",
+        description="Where more and where fewer of this class stand",
+        items=(
+            ("UNIFORM", "Even", "Equally dense everywhere on the target", "MESH_PLANE", 0),
+            ("IMAGE", "Image", "Follow an image: white means many, black none", "IMAGE_DATA", 1),
+            ("VERTEX_GROUP", "Vertex Group", "Follow the weights of a vertex group of the target", "GROUP_VERTEX", 2),
+            ("ATTRIBUTE", "Attribute", "Follow a painted or computed attribute of the target", "SPREADSHEET", 3),
+        ),
+        default="UNIFORM",
+    )
+    image: PointerProperty(
+        type=bpy.types.Image,
+        name="Image",
+        description="Density image: white means many, black none. It is read at every point, however coarse the mesh",
+    )
+    mapping: EnumProperty(
+        name="Mapping",
+        description="How the image lies on the target",
+        items=(
+            ("POSITION", "From Above", "Stretched over the target's extent in x and y; its top is at the largest y"),
+            ("UV", "UV Map", "Laid out by a UV map of the target"),
+        ),
+        default="POSITION",
+    )
+    uv_map: StringProperty(
+        name="UV Map", description="UV map of the target; the one that is active for rendering when left empty"
+    )
+    vertex_group: StringProperty(
+        name="Vertex Group", description="Vertex group of the target whose weights are followed"
+    )
+    attribute: StringProperty(
+        name="Attribute", description="Attribute of the target that is followed; values below 0 count as 0"
+    )
+    invert: BoolProperty(name="Invert", description="Swap many and none", default=False)
+    sizes: CollectionProperty(type=ESH_PG_size)
+    size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
+
+    @property
+    def count(self) -> int:
+        """Number of bodies in all sizes."""
+        return sum(size.count for size in self.sizes)
+
+    @property
+    def active_size(self) -> ESH_PG_size | None:
+        """The selected size, or None."""
+        return self.sizes[self.size_index] if 0 <= self.size_index < len(self.sizes) else None
+
+    def add_size(self) -> ESH_PG_size:
+        """Append a size, select it and return it."""
+        names = {size.name for size in self.sizes}
+        size = self.sizes.add()
+        size.name = unused_name(next((n for n in ("Large", "Medium", "Small") if n not in names), "Size"), names)
+        self.size_index = len(self.sizes) - 1
+        return size
+
+    def obstacle(self, target: bpy.types.Object) -> str | None:
+        """Return what keeps this class from being scattered on ``target``, as one sentence, or None."""
+        if self.density_kind == "IMAGE" and self.image is None:
+            return f'Class "{self.name}": choose its density image'
+        if self.density_kind == "IMAGE" and self.mapping == "UV":
+            if not target.data.uv_layers:
+                return f'Class "{self.name}": "{target.name}" has no UV map; add one, or map the image from above'
+            if self.uv_map and self.uv_map not in target.data.uv_layers:
+                return f'Class "{self.name}": "{target.name}" has no UV map "{self.uv_map}"'
+        if self.density_kind == "VERTEX_GROUP" and self.vertex_group not in target.vertex_groups:
+            return f'Class "{self.name}": choose a vertex group of "{target.name}"'
+        if self.density_kind == "ATTRIBUTE" and not self.attribute:
+            return f'Class "{self.name}": choose an attribute of "{target.name}"'
+        if not self.sizes:
+            return f'Class "{self.name}": add a size'
+        for size in self.sizes:
+            if size.source is None:
+                what = "an object" if size.source_kind == "OBJECT" else "a collection"
+                return f'Class "{self.name}", size "{size.name}": choose {what} to place'
+            if size.source == target:
+                return f'Class "{self.name}", size "{size.name}": the target cannot be placed on itself'
+        return None
+
+    def as_argument(self):
+        """Return this class as :func:`~esh.scatter` takes it."""
+        from .api import ScatterClass
+        from .densities import AttributeDensity, ImageDensity, VertexGroupDensity
+
+        density = 1.0
+        if self.density_kind == "IMAGE":
+            density = ImageDensity(self.image, mapping=self.mapping, uv_map=self.uv_map, invert=self.invert)
+        elif self.density_kind == "VERTEX_GROUP":
+            density = VertexGroupDensity(self.vertex_group, invert=self.invert)
+        elif self.density_kind == "ATTRIBUTE":
+            density = AttributeDensity(self.attribute, invert=self.invert)
+        sizes = [size.as_argument() for size in self.sizes]
+        return ScatterClass(self.name, sizes, density=density, color=tuple(self.color))
+
+
+class ESH_PG_scatter(PropertyGroup):
+    """One scatter: a target, what stands on it, and the report of its last run."""
+
+    KIND = "Scatter"
+
+    name: StringProperty(
+        name="Name", description="Name of this scatter, and of the object it makes", update=_keep_name_unused
+    )
+    target: PointerProperty(
+        type=bpy.types.Object,
+        name="Target",
+        description="The mesh that is scattered on, seen from above; slopes are accounted for",
+        poll=lambda _self, candidate: candidate.type == "MESH",
+    )
+    classes: CollectionProperty(type=ESH_PG_class)
+    class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
+    class_separation: FloatProperty(
+        name="Class Separation",
+        description="0: every class is spread evenly by itself, as if it were alone. 1: only the union of all is even",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    size_emphasis: FloatProperty(
+        name="Size Emphasis",
+        description="How much more evenly larger sizes are spread among themselves; 1 treats all sizes alike",
+        default=2.0,
+        min=1.0,
+        soft_max=8.0,
+        max=1e6,
+    )
+    align_to_normal: FloatProperty(
+        name="Align to Normal",
+        description="0: everything stands upright. 1: everything is perpendicular to the ground",
+        default=1.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    random_turn: FloatProperty(
+        name="Random Turn",
+        description="Range of the random turn about each one's own axis; 360° is any direction, 0 none",
+        default=tau,
+        min=0.0,
+        max=tau,
+        subtype="ANGLE",
+    )
+    scale_jitter: FloatProperty(
+        name="Scale Jitter",
+        description="Largest random change of scale: 0.2 makes each between 20% smaller and 20% larger",
+        default=0.0,
+        min=0.0,
+        max=0.95,
+        soft_max=0.5,
+        subtype="FACTOR",
+    )
+    seed: IntProperty(
+        name="Seed",
+        description="The same settings, seed and device give the same result; another seed another one",
+        min=0,
+    )
+    device: EnumProperty(
+        name="Device",
+        description="Where the bodies are moved into place",
+        items=(
+            ("AUTO", "Automatic", "An NVIDIA GPU where there is one, otherwise the CPU"),
+            ("CPU", "CPU", "The processor"),
+            ("CUDA", "NVIDIA GPU", "The first NVIDIA GPU (CUDA)"),
+        ),
+        default="AUTO",
+    )
+    max_steps: IntProperty(
+        name="Steps",
+        description="Steps taken at most. More steps spread more evenly; beyond 150 little is gained",
+        default=150,
+        min=1,
+        soft_min=20,
+        soft_max=500,
+    )
+    result: PointerProperty(
+        type=bpy.types.Object, name="Result", description="The object that the last run made; the next run replaces it"
+    )
+    report_json: StringProperty(options={"HIDDEN"})
+    ran_with: StringProperty(options={"HIDDEN"})
+
+    @property
+    def active_class(self) -> ESH_PG_class | None:
+        """The selected class, or None."""
+        return self.classes[self.class_index] if 0 <= self.class_index < len(self.classes) else None
+
+    @property
+    def report(self) -> dict | None:
+        """The last run's report, as :meth:`~esh.engine.report.Report.to_dict` gives it, or None before the first."""
+        return _parse_report(self.report_json)
+
+    @property
+    def outdated(self) -> bool:
+        """Whether a setting differs from what the last run was made with. Cheap enough to ask while drawing."""
+        return bool(self.report_json) and self.ran_with != self.fingerprint()
+
+    def add_class(self) -> ESH_PG_class:
+        """Append a class with one size, select it and return it."""
+        body_class = self.classes.add()
+        body_class.name = unused_name("Class", {other.name for other in self.classes[:-1]})
+        used = [tuple(other.color) for other in self.classes[:-1]]
+        free = [color for color in CLASS_COLORS if not any(_close(color, other) for other in used)]
+        body_class.color = free[0] if free else CLASS_COLORS[len(used) % len(CLASS_COLORS)]
+        body_class.add_size()
+        self.class_index = len(self.classes) - 1
+        return body_class
+
+    def result_in(self, scene: bpy.types.Scene) -> bpy.types.Object | None:
+        """Return the last run's object where it still is in ``scene``.
+
+        An object that was deleted in the viewport stays in the file as long as something points to it.
+        """
+        return self.result if self.result and scene.objects.get(self.result.name) == self.result else None
+
+    def obstacle(self, scene: bpy.types.Scene) -> str | None:
+        """Return what keeps this from being scattered, as one sentence that says what to do, or None."""
+        if self.target is None:
+            return "Choose a target: the mesh to scatter on"
+        if self.target.type != "MESH":
+            return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
+        if scene.objects.get(self.target.name) != self.target:
+            return f'"{self.target.name}" is no longer in this scene; choose another target'
+        if self.result is not None and self.result == self.target:
+            return "The target is what the last run made; choose another target"
+        if not self.classes:
+            return "Add a class: what to scatter"
+        return next(filter(None, (body_class.obstacle(self.target) for body_class in self.classes)), None)
+
+    def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
+        """Return the positional and keyword arguments of :func:`~esh.scatter` that these settings stand for."""
+        return (self.target, [body_class.as_argument() for body_class in self.classes]), {
+            "class_separation": self.class_separation,
+            "size_emphasis": self.size_emphasis,
+            "seed": self.seed,
+            "device": DEVICE_ARGUMENT[self.device],
+            "max_steps": self.max_steps,
+            "align_to_normal": self.align_to_normal,
+            "random_turn": self.random_turn,
+            "scale_jitter": self.scale_jitter,
+            "name": self.name,
+            "result": self.result_in(scene),
+        }
+
+    def remember(self, result: bpy.types.Object, report: dict) -> None:
+        """Keep what a run made and reached."""
+        self.result = result
+        self.report_json = json.dumps(report)
+        self.ran_with = self.fingerprint()
+
+    def fingerprint(self) -> str:
+        """Return a digest of every setting that changes the result, and of the target's place and vertex count."""
+        target = self.target
+        mesh = target and (target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world])
+        values = [mesh, _values(self, _SCATTER_SETTINGS)]
+        for body_class in self.classes:
+            values.append(_values(body_class, _CLASS_SETTINGS))
+            values.extend(_values(size, _SIZE_SETTINGS) for size in body_class.sizes)
+        return hashlib.sha256(repr(values).encode()).hexdigest()
+
+
+class ESH_PG_scene(PropertyGroup):
+    """Every scatter of one scene."""
+
+    scatters: CollectionProperty(type=ESH_PG_scatter)
+    scatter_index: IntProperty(name="Selected Scatter", description="The scatter that is shown below the list")
+
+    @property
+    def active(self) -> ESH_PG_scatter | None:
+        """The selected scatter, or None."""
+        return self.scatters[self.scatter_index] if 0 <= self.scatter_index < len(self.scatters) else None
+
+    def add_scatter(self, target: bpy.types.Object | None) -> ESH_PG_scatter:
+        """Append a scatter on ``target``, select it and return it."""
+        scatter = self.scatters.add()
+        scatter.name = unused_name(
+            f"{target.name} Scatter" if target else "Scatter", {other.name for other in self.scatters[:-1]}
+        )
+        scatter.target = target
+        self.scatter_index = len(self.scatters) - 1
+        return scatter
+
+
+# Settings whose change makes the last run out of date. Names and colours of classes are not among them.
+_SCATTER_SETTINGS = (
+    "class_separation",
+    "size_emphasis",
+    "align_to_normal",
+    "random_turn",
+    "scale_jitter",
+    "seed",
+    "device",
+    "max_steps",
+)
+_CLASS_SETTINGS = ("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert")
+_SIZE_SETTINGS = ("source_kind", "source_object", "source_collection", "count", "area_kind", "area")
+
+
+def _values(group: PropertyGroup, names: tuple[str, ...]) -> list:
+    values = (getattr(group, name) for name in names)
+    return [value.name_full if isinstance(value, bpy.types.ID) else value for value in values]
+
+
+def _close(color: tuple, other: tuple) -> bool:
+    return all(abs(a - b) < 1e-3 for a, b in zip(color, other, strict=True))
+
+
+@lru_cache(maxsize=32)
+def _parse_report(text: str) -> dict | None:
+    try:
+        return json.loads(text) if text else None
+    except json.JSONDecodeError:  # written by hand, or by another version: as good as none
+        return None
+
+
+def active_scatter(context: bpy.types.Context) -> ESH_PG_scatter | None:
+    """Return the scatter that the sidebar shows, or None."""
+    return context.scene.esh_scatter.active
+
+
+def attach() -> None:
+    """Give every scene its settings."""
+    bpy.types.Scene.esh_scatter = PointerProperty(type=ESH_PG_scene, name="ESH Scatter")
+
+
+def detach() -> None:
+    """Take the settings' definition away again; what a file holds stays in it."""
+    del bpy.types.Scene.esh_scatter
+
+
+CLASSES = (ESH_PG_size, ESH_PG_class, ESH_PG_scatter, ESH_PG_scene)

@@ -1,0 +1,26 @@
+"""Registering and unregistering every class of the add-on, in order."""
+
+import bpy
+
+from . import lists, operators, panels, properties, running
+
+__all__ = ["register", "unregister"]
+
+_MODULES = (properties, lists, operators, panels)
+
+
+def register() -> None:
+    """Make the sidebar, its operators and the scene's settings known to Blender."""
+    for module in _MODULES:
+        for cls in module.CLASSES:
+            bpy.utils.register_class(cls)
+    properties.attach()
+
+
+def unregister() -> None:
+    """Stop a run that is under way and take everything away again."""
+    running.end(wait=True)
+    properties.detach()
+    for module in reversed(_MODULES):
+        for cls in reversed(module.CLASSES):
+            bpy.utils.unregister_class(cls)
