@@ -21,6 +21,8 @@ from .errors import ProblemError
 __all__ = ["Balance", "BodyClass", "Domain", "Problem", "Size"]
 
 Boundary = Literal["open", "periodic"]
+# What the `__array__`, `__iter__` or `__repr__` of somebody else's object may raise.
+FOREIGN_ERRORS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 Kind = TypeVar("Kind")
 BOUNDARIES: tuple[str, ...] = ("open", "periodic")
 
@@ -242,9 +244,9 @@ def check_count(value: object, key: str) -> int:
 
 def check_seed(value: object, key: str = "`seed`") -> int:
     """Return the seed; raise ProblemError unless it is a whole number that fits 63 bits."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or not 0 <= value < 2**63:
-        raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
-    return int(value)
+    if isinstance(value, numbers.Integral) and not isinstance(value, bool) and 0 <= int(value) < 2**63:
+        return int(value)
+    raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
 
 
 def check_density(value: object, key: str) -> np.ndarray:
@@ -253,7 +255,7 @@ def check_density(value: object, key: str) -> np.ndarray:
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
     try:
         given = np.asarray(value)
-    except Exception:  # whatever a user's sequence or `__array__` raises, it is not an image
+    except FOREIGN_ERRORS:
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}") from None
     if given.dtype.kind not in "buif":
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
@@ -296,7 +298,7 @@ def show(value: object) -> str:
         return text if len(text) <= 62 else f'{text[:58]}..."'
     try:
         text = " ".join(reprlib.repr(value).split())
-    except Exception:  # a repr is foreign code
+    except FOREIGN_ERRORS:
         text = f"a {type(value).__name__}"
     return text if len(text) <= 80 else f"{text[:77]}..."
 
@@ -328,7 +330,10 @@ def _positive(value: object, key: str, unit: str) -> float:
 
 
 def _as_tuple(value: object, kind: type[Kind], key: str) -> tuple[Kind, ...]:
-    entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
+    try:
+        entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
+    except FOREIGN_ERRORS:
+        entries = None
     if entries is None or not all(isinstance(entry, kind) for entry in entries):
         raise ProblemError(f"{key} must be a list of {kind.__name__}; got {show(value)}")
     return entries
