@@ -1,0 +1,92 @@
+# Everything a fresh Linux machine needs: Python 3.11 or 3.13 (the Pythons that pip's bpy, Blender as a module, is built
+# for), pip and make. Each target makes what it needs, alone, in any order, and again at no cost.
+#
+#   make demo PYTHON=/opt/python3.11/bin/python3
+
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+# Two installs into one environment must not run at once, even with make -j.
+.NOTPARALLEL:
+
+VENV ?= .venv
+VENV_OLDEST := $(VENV)-bpy-4.5
+RUN := $(VENV)/bin/python
+PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
+OUTPUT ?= output
+PLATFORM ?=
+PYTEST_ARGS ?=
+
+# The first of these that runs and that has a bpy wheel; with PYTHON=…, only that one.
+PYTHON ?=
+CANDIDATES := $(if $(PYTHON),$(PYTHON),python3 python3.11 python3.13 python)
+FOUND := $(shell for p in $(CANDIDATES); do \
+	v=$$($$p -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null) || continue; \
+	case $$v in (3.11|3.13) echo $$p $$v; exit;; esac; done)
+CHOSEN := $(word 1,$(FOUND))
+VERSION := $(or $(word 2,$(FOUND)),none)
+
+.PHONY: help demo test extension lint format bench clean
+
+help: ## Say what can be made
+	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
+	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
+	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
+	@echo "make lint       check style and types"
+	@echo "make format     put the code into the style that lint asks for"
+	@echo "make bench      measure quality and speed"
+	@echo "make clean      remove everything that was made here"
+	@echo
+	@echo "PYTHON=…        the Python to use: 3.11 or 3.13 (now: $(or $(CHOSEN),none found))"
+
+demo: $(VENV)/.with-blender
+	$(RUN) demo_scenes/forest.py --output $(OUTPUT)
+
+test: $(VENV)/.with-blender $(VENV)/.with-test $(if $(filter 3.11,$(VERSION)),$(VENV_OLDEST)/.with-oldest)
+	$(RUN) -m pytest $(PYTEST_ARGS)
+ifeq ($(VERSION),3.11)
+	@echo "The part that touches Blender once more, in the oldest that is supported:"
+	$(VENV_OLDEST)/bin/python -m pytest tests/esh_scatter tests/test_extension_zip.py $(PYTEST_ARGS)
+endif
+
+extension: $(VENV)/.with-blender
+	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+lint: $(VENV)/.with-lint
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m mypy
+
+format: $(VENV)/.with-lint
+	$(RUN) -m ruff check --fix .
+	$(RUN) -m ruff format .
+
+bench: $(VENV)/.with-test
+	$(RUN) benchmarks/run.py
+
+clean:
+	rm -rf $(VENV) $(VENV_OLDEST) build dist $(OUTPUT) *.egg-info
+
+# One stamp for the environment, and one for each set of packages in it; a new pyproject.toml installs anew.
+$(VENV)/.with-%: pyproject.toml $(VENV)/.python-$(VERSION)
+	@echo "Installing into $(VENV): esh-scatter with what '$*' needs ..."
+	@$(RUN) $(PIP_INSTALL) --editable '.[$*]'
+	@case $* in blender) $(RUN) tools/check_bpy.py;; esac
+	@touch $@
+
+$(VENV_OLDEST)/.with-oldest: pyproject.toml $(VENV_OLDEST)/.python-$(VERSION)
+	@echo "Installing into $(VENV_OLDEST): esh-scatter with the oldest Blender supported ..."
+	@$(VENV_OLDEST)/bin/python $(PIP_INSTALL) --editable '.[blender-oldest,test]'
+	@$(VENV_OLDEST)/bin/python tools/check_bpy.py
+	@touch $@
+
+# An environment of another Python is made anew. Debian's Python comes without ensurepip, but pip can serve itself.
+$(VENV)/.python-$(VERSION) $(VENV_OLDEST)/.python-$(VERSION):
+	@if [ $(VERSION) = none ]; then \
+		echo "Python 3.11 or 3.13 is needed (pip's bpy is built for these only), and none of '$(CANDIDATES)' is one: say which to use with PYTHON=…, for example make demo PYTHON=/usr/bin/python3.11" >&2; exit 1; fi
+	@rm -rf $(@D)
+	@if $(CHOSEN) -c 'import venv, ensurepip' 2>/dev/null; then $(CHOSEN) -m venv $(@D); \
+	elif $(CHOSEN) -c 'import venv' 2>/dev/null && $(CHOSEN) -m venv --without-pip $(@D) \
+		&& $(CHOSEN) -m pip --quiet --python $(@D)/bin/python install pip 2>/dev/null; then :; \
+	else rm -rf $(@D); \
+		echo "$(CHOSEN) cannot make virtual environments: install its venv module (on Debian and Ubuntu: apt install python$(VERSION)-venv)" >&2; exit 1; fi
+	@touch $@
