@@ -90,7 +90,9 @@ def find_blender_builder() -> Path:
     for folder in (spec.submodule_search_locations or []) if spec else []:
         for builder in sorted(Path(folder).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")):
             return builder
-    raise BuildError("Blender's builder of extensions was not found: install pip's bpy into this Python, or run `make extension`")
+    raise BuildError(
+        "Blender's builder of extensions was not found: install pip's bpy into this Python, or run `make extension`"
+    )
 
 
 def staged_manifest(text: str, target: str, wheels: list[str]) -> str:
@@ -99,7 +101,9 @@ def staged_manifest(text: str, target: str, wheels: list[str]) -> str:
     listed = "".join(f'  "{wheel}",\n' for wheel in wheels)
     text, wheel_count = re.subn(r"(?ms)^wheels = \[.*?^\]$", f"wheels = [\n{listed}]", text)
     if platform_count != 1 or wheel_count != 1:
-        raise BuildError(f"{MANIFEST} must have one list `platforms` on a line, and one list `wheels`, one wheel a line")
+        raise BuildError(
+            f"{MANIFEST} must have one list `platforms` on a line, and one list `wheels`, one wheel a line"
+        )
     return text
 
 
@@ -129,7 +133,15 @@ def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
             staged = stage / wheel
             staged.parent.mkdir(exist_ok=True)
             shutil.copy2(download_wheel(staged.name, wheel_folder), staged)
-        command = [sys.executable, str(builder), "build", "--source-dir", str(stage), "--output-filepath", str(zip_path)]
+        command = [
+            sys.executable,
+            str(builder),
+            "build",
+            "--source-dir",
+            str(stage),
+            "--output-filepath",
+            str(zip_path),
+        ]
         outcome = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if outcome.returncode or not zip_path.is_file():
             raise BuildError(f"Blender's builder refused the extension:\n{outcome.stdout.strip()}")
@@ -140,7 +152,9 @@ def main() -> int:
     """Build as the command line says; return the exit status."""
     platforms = tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))["platforms"]
     parser = argparse.ArgumentParser(description="Build the extension's zip for one platform.")
-    parser.add_argument("--platform", default=current_platform(), help=f"{', '.join(platforms)}; default: this machine's")
+    parser.add_argument(
+        "--platform", default=current_platform(), help=f"{', '.join(platforms)}; default: this machine's"
+    )
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder for the zip")
     parser.add_argument("--wheels", type=Path, default=ROOT / "build" / "wheels", help="folder for downloaded wheels")
     arguments = parser.parse_args()

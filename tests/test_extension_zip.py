@@ -1,0 +1,214 @@
+"""The zip as users get it: built, installed into a Blender that has nothing else, used from a script, and removed.
+
+The environment in which it runs holds ``bpy`` with what ``bpy`` itself requires, and no more: neither the package ``esh``
+nor anything that only pip's installation of it brings along. It is made of links into the environment of the tests.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import venv
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+if importlib.util.find_spec("bpy") is None:
+    pytest.skip("needs Blender as a Python module", allow_module_level=True)
+
+ROOT = Path(__file__).resolve().parent.parent
+MODULE = "bl_ext.user_default.esh_scatter"
+
+ENABLE = f"""
+import json, os, sys
+import bpy
+import addon_utils
+
+def state():
+    return {{
+        "types": sorted(name for name in dir(bpy.types) if name.startswith(("ESH_", "Esh", "esh_"))),
+        "operators": sorted(dir(bpy.ops.esh)),
+        "properties": {{
+            cls.__name__: sorted(cls.bl_rna.properties.keys())
+            for cls in (bpy.types.Scene, bpy.types.Object, bpy.types.Collection, bpy.types.WindowManager)
+        }},
+        "handlers": {{name: len(getattr(bpy.app.handlers, name)) for name in dir(bpy.app.handlers)
+                     if isinstance(getattr(bpy.app.handlers, name), list)}},
+        "keymaps": sum(len(keymap.keymap_items) for keymap in bpy.context.window_manager.keyconfigs.addon.keymaps)
+        if bpy.context.window_manager.keyconfigs.addon else 0,
+    }}
+
+def answer(**values):
+    print("ANSWER " + json.dumps(values))
+"""
+
+
+def required_distributions(name: str) -> set[str]:
+    """Return the names of a distribution and of everything that it requires, in turn."""
+    found: set[str] = set()
+    waiting = [name]
+    while waiting:
+        distribution = importlib.metadata.distribution(waiting.pop())
+        key = distribution.metadata["Name"]
+        if key in found:
+            continue
+        found.add(key)
+        for requirement in distribution.requires or []:
+            if "extra ==" not in requirement:
+                waiting.append(re.match(r"[\w.-]+", requirement).group())
+    return found
+
+
+@pytest.fixture(scope="module")
+def zip_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The zip of this machine's platform, built as `make extension` builds it."""
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, ROOT / "tools" / "build_extension.py", "--output", folder]
+    outcome = subprocess.run(command, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
+    (path,) = folder.glob("*.zip")
+    return path
+
+
+@pytest.fixture(scope="module")
+def bare_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Python that has bpy and what bpy requires, and nothing else."""
+    folder = tmp_path_factory.mktemp("bare")
+    venv.EnvBuilder(with_pip=False, symlinks=True).create(folder)
+    (target,) = folder.glob("lib/python*/site-packages")
+    for name in required_distributions("bpy"):
+        distribution = importlib.metadata.distribution(name)
+        tops = {file.parts[0] for file in distribution.files or [] if file.parts[0] not in {"..", "__pycache__"}}
+        for top in tops:
+            (target / top).symlink_to(distribution.locate_file(top))
+    return folder / "bin" / "python"
+
+
+@pytest.fixture(scope="module")
+def run_in_blender(bare_python: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict]:
+    """Run a script in a new process of the bare Blender; all of them share one folder of settings and extensions."""
+    folder = tmp_path_factory.mktemp("blender")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    environment["BLENDER_USER_RESOURCES"] = str(folder)
+
+    def run(script: str) -> dict:
+        command = [bare_python, "-c", ENABLE + script]
+        outcome = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=600)
+        answers = [line for line in outcome.stdout.splitlines() if line.startswith("ANSWER ")]
+        assert outcome.returncode == 0 and answers, outcome.stdout[-3000:] + outcome.stderr[-3000:]
+        return json.loads(answers[-1].removeprefix("ANSWER "))
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def installed(zip_path: Path, run_in_blender: Callable[[str], dict]) -> dict:
+    """Install the zip as a user does, once; what the process that did it saw."""
+    return run_in_blender(
+        f"""
+before = state()
+outcome = bpy.ops.extensions.package_install_files(
+    filepath={str(zip_path)!r}, repo="user_default", enable_on_install=True, overwrite=True)
+answer(outcome=list(outcome), before=before, after=state(), loaded={MODULE!r} in sys.modules,
+       enabled={MODULE!r} in bpy.context.preferences.addons, warp="warp" in sys.modules,
+       warnings=addon_utils._extensions_warnings_get())
+"""
+    )
+
+
+def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
+    with zipfile.ZipFile(zip_path) as archive:
+        names = set(archive.namelist())
+        manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+    sources = {
+        path.relative_to(ROOT).as_posix()
+        for folder in ("engine", "esh_scatter")
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    wheels = {wheel.removeprefix("./") for wheel in manifest["wheels"]}
+    assert names == {"blender_manifest.toml", "__init__.py", "LICENSE", *sources, *wheels}
+    assert [len(manifest["platforms"]), len(wheels)] == [1, 2]
+    assert zip_path.name == f"esh_scatter-{manifest['version']}-{manifest['platforms'][0]}.zip"
+
+
+def test_blenders_own_check_accepts_the_zip(zip_path: Path):
+    spec = importlib.util.find_spec("bpy")
+    (builder,) = Path(spec.submodule_search_locations[0]).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+    outcome = subprocess.run([sys.executable, builder, "validate", zip_path], capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stdout
+
+
+def test_installing_registers_without_starting_warp(installed: dict):
+    assert installed["outcome"] == ["FINISHED"]
+    assert installed["loaded"] and installed["enabled"]
+    assert not installed["warp"]
+    assert not installed["before"]["types"] and not installed["before"]["operators"]
+    assert any(name.startswith("ESH_PT_") for name in installed["after"]["types"])
+    assert "scatter" in installed["after"]["operators"]
+    assert installed["after"]["handlers"] == installed["before"]["handlers"]
+
+
+def test_installing_breaks_no_policy_of_blender(installed: dict):
+    assert installed["warnings"] == {}
+
+
+def test_the_installed_extension_scatters_with_its_own_wheels(installed: dict, run_in_blender: Callable[[str], dict]):
+    seen = run_in_blender(
+        f"""
+addon_utils.enable({MODULE!r})
+from bl_ext.user_default import esh_scatter as esh
+from bl_ext.user_default.esh_scatter.esh_scatter.api import ScatterClass, ScatterSize
+
+bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, size=10)
+ground = bpy.context.object
+bpy.ops.mesh.primitive_cone_add(radius1=0.1, depth=0.5)
+tree = bpy.context.object
+classes = [
+    ScatterClass("pine", [ScatterSize("large", 20, tree, 0.5), ScatterSize("small", 60, tree, 0.1)], density=1.0),
+    ScatterClass("beech", [ScatterSize("only", 30, tree, 0.2)], density=1.0),
+]
+result = esh.scatter(ground, classes, seed=3, device="cpu", max_steps=20)
+scattered = result.object.evaluated_get(bpy.context.evaluated_depsgraph_get())
+heights = [vertex.co.z for vertex in result.object.data.vertices]
+instances = sum(1 for entry in bpy.context.evaluated_depsgraph_get().object_instances if entry.is_instance)
+import trimesh, warp
+addon_utils._is_first_reset()
+answer(points=len(heights), height=max(map(abs, heights)), instances=instances,
+       placed=[size.placed for entry in result.report.classes for size in entry.sizes],
+       absent=[name for name in ("PIL", "matplotlib", "rich", "scipy", "esh") if __import__("importlib").util.find_spec(name)],
+       wheels=[os.path.realpath(module.__file__) for module in (trimesh, warp)],
+       folder=os.path.realpath(os.environ["BLENDER_USER_RESOURCES"]), warnings=addon_utils._extensions_warnings_get())
+"""
+    )
+    assert seen["absent"] == []
+    assert all(path.startswith(seen["folder"]) for path in seen["wheels"])
+    assert seen["placed"] == [20, 60, 30]
+    assert seen["points"] == seen["instances"] == 110
+    assert seen["height"] < 1e-5
+    assert seen["warnings"] == {}
+
+
+def test_disabling_leaves_nothing_and_enabling_again_works(installed: dict, run_in_blender: Callable[[str], dict]):
+    seen = run_in_blender(
+        f"""
+before = state()
+addon_utils.enable({MODULE!r})
+enabled = state()
+addon_utils.disable({MODULE!r})
+disabled = state()
+addon_utils.enable({MODULE!r})
+again = state()
+answer(before=before, enabled=enabled, disabled=disabled, again=again)
+"""
+    )
+    assert seen["disabled"] == seen["before"] != seen["enabled"]
+    assert seen["again"] == seen["enabled"]

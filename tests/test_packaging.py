@@ -1,0 +1,134 @@
+"""The files that describe the package agree with each other and with what is there."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+MANIFEST_TEXT = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
+MANIFEST = tomllib.loads(MANIFEST_TEXT)
+
+
+@pytest.fixture(scope="module")
+def build_extension() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "tools" / "build_extension.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def committed_files() -> list[Path]:
+    if not shutil.which("git") or not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [ROOT / name for name in listed.split("\0") if name and (ROOT / name).is_file()]
+
+
+def test_versions_agree():
+    version = PYPROJECT["project"]["version"]
+    source = (ROOT / "__init__.py").read_text(encoding="utf-8")
+    released = re.findall(r"^## \[(\d[^]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert MANIFEST["version"] == version
+    assert re.findall(r'^__version__ = "(.*)"$', source, re.MULTILINE) == [version]
+    assert released[0] == version
+
+
+def test_licences_agree():
+    assert MANIFEST["license"] == [f"SPDX:{PYPROJECT['project']['license']}"]
+    text = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert "GNU GENERAL PUBLIC LICENSE" in text and "Version 3, 29 June 2007" in text
+    assert "END OF TERMS AND CONDITIONS" in text
+
+
+def test_every_package_is_listed_for_pip():
+    packages = {"esh"}
+    for top in ("engine", "esh_scatter"):
+        packages |= {
+            ".".join(("esh", *path.parent.relative_to(ROOT).parts)) for path in (ROOT / top).rglob("__init__.py")
+        }
+        for path in (ROOT / top).rglob("*.py"):
+            assert (path.parent / "__init__.py").is_file(), f"{path.parent} is no package: pip would leave it out"
+    assert set(PYPROJECT["tool"]["setuptools"]["packages"]) == packages
+
+
+def test_bundled_wheels_satisfy_the_requirements_of_pip():
+    pytest.importorskip("packaging")
+    from packaging.requirements import Requirement
+    from packaging.utils import parse_wheel_filename
+
+    required = {r.name: r.specifier for r in map(Requirement, PYPROJECT["project"]["dependencies"])}
+    bundled = {
+        name: version for name, version, _, _ in (parse_wheel_filename(Path(w).name) for w in MANIFEST["wheels"])
+    }
+    assert set(bundled) == {"trimesh", "warp-lang"}
+    for name, version in bundled.items():
+        assert version in required[name]
+
+
+def test_every_platform_has_one_wheel_of_each_kind(build_extension: ModuleType):
+    used = set()
+    for platform in MANIFEST["platforms"]:
+        wheels = [wheel for wheel in MANIFEST["wheels"] if build_extension.is_wheel_for(wheel, platform)]
+        assert sorted(Path(wheel).name.split("-")[0] for wheel in wheels) == ["trimesh", "warp_lang"]
+        used.update(wheels)
+    assert used == set(MANIFEST["wheels"])
+    assert set(build_extension.WHEEL_TAGS) == set(MANIFEST["platforms"])
+
+
+def test_a_staged_manifest_differs_in_platform_and_wheels_only(build_extension: ModuleType):
+    staged = tomllib.loads(build_extension.staged_manifest(MANIFEST_TEXT, "windows-x64", ["./wheels/a.whl"]))
+    assert staged == MANIFEST | {"platforms": ["windows-x64"], "wheels": ["./wheels/a.whl"]}
+
+
+def test_what_is_staged_is_what_the_manifest_lets_in(build_extension: ModuleType):
+    allowed = {
+        pattern.removeprefix("!/") for pattern in MANIFEST["build"]["paths_exclude_pattern"] if pattern[0] == "!"
+    }
+    assert allowed == set(build_extension.PACKAGE_CONTENT)
+
+
+def test_an_unknown_platform_is_refused_in_one_sentence(build_extension: ModuleType, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["build_extension.py", "--platform", "amiga"])
+    assert build_extension.main() == 2
+    message = capsys.readouterr().err
+    assert "amiga" in message and all(platform in message for platform in MANIFEST["platforms"])
+
+
+def test_the_oldest_blender_is_the_one_that_is_tested():
+    oldest = ".".join(MANIFEST["blender_version_min"].split(".")[:2])
+    assert any(f"bpy=={oldest}.*" in entry for entry in PYPROJECT["project"]["optional-dependencies"]["blender-oldest"])
+
+
+def test_nothing_committed_names_a_private_place():
+    # Put together here, so that this file passes its own test.
+    private = [
+        "/" + "work/main",
+        "/" + "work/shared",
+        ".." + "/shared",
+        "/" + "root/",
+        "index" + "-url",
+        "py" + "pi.org",
+        "files.python" + "hosted",
+    ]
+    for path in committed_files():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue
+        found = [word for word in private if word in text]
+        assert not found, f"{path.relative_to(ROOT)} names {found}"
+
+
+def test_nothing_that_is_made_is_committed():
+    for path in committed_files():
+        assert path.suffix not in {".pyc", ".whl", ".zip", ".blend"}, path
+        assert path.stat().st_size < 3_000_000, f"{path} is too large for the repository"
