@@ -27,24 +27,25 @@ if importlib.util.find_spec("bpy") is None:
 ROOT = Path(__file__).resolve().parent.parent
 MODULE = "bl_ext.user_default.esh_scatter"
 
-ENABLE = f"""
+ENABLE = """
 import json, os, sys
+from importlib.util import find_spec
 import bpy
 import addon_utils
 
 def state():
-    return {{
+    return {
         "types": sorted(name for name in dir(bpy.types) if name.startswith(("ESH_", "Esh", "esh_"))),
         "operators": sorted(dir(bpy.ops.esh)),
-        "properties": {{
+        "properties": {
             cls.__name__: sorted(cls.bl_rna.properties.keys())
             for cls in (bpy.types.Scene, bpy.types.Object, bpy.types.Collection, bpy.types.WindowManager)
-        }},
-        "handlers": {{name: len(getattr(bpy.app.handlers, name)) for name in dir(bpy.app.handlers)
-                     if isinstance(getattr(bpy.app.handlers, name), list)}},
+        },
+        "handlers": {name: len(getattr(bpy.app.handlers, name)) for name in dir(bpy.app.handlers)
+                     if isinstance(getattr(bpy.app.handlers, name), list)},
         "keymaps": sum(len(keymap.keymap_items) for keymap in bpy.context.window_manager.keyconfigs.addon.keymaps)
         if bpy.context.window_manager.keyconfigs.addon else 0,
-    }}
+    }
 
 def answer(**values):
     print("ANSWER " + json.dumps(values))
@@ -184,7 +185,7 @@ import trimesh, warp
 addon_utils._is_first_reset()
 answer(points=len(heights), height=max(map(abs, heights)), instances=instances,
        placed=[size.placed for entry in result.report.classes for size in entry.sizes],
-       absent=[name for name in ("PIL", "matplotlib", "rich", "scipy", "esh") if __import__("importlib").util.find_spec(name)],
+       absent=[name for name in ("PIL", "matplotlib", "rich", "scipy", "esh") if find_spec(name)],
        wheels=[os.path.realpath(module.__file__) for module in (trimesh, warp)],
        folder=os.path.realpath(os.environ["BLENDER_USER_RESOURCES"]), warnings=addon_utils._extensions_warnings_get())
 """
