@@ -39,28 +39,35 @@ def direct_field(
         targets: One per group.
         charge: Charges, shape ``[n]``.
         charge_group: Group of every charge, shape ``[n]``.
-        blur: Standard deviation of the Gaussian that smooths the targets; they are summed over points a quarter as far apart.
+        blur: Standard deviation of the Gaussian that smooths the targets; they are summed over points half as far apart.
 
     Returns:
         Field, shape ``[n, 2]``, float64.
     """
-    rows, columns = (max(int(np.ceil(4.0 * length / blur)), 8) for length in size[::-1])
+    # Whole cells per pixel, so that every cell has one density and its charge lies at its middle.
+    rows, columns = (
+        int(np.lcm.reduce([t.image.shape[axis] for t in targets])) for axis in (0, 1)
+    )
+    rows *= max(1, int(np.ceil(2.0 * size[1] / blur / rows)))
+    columns *= max(1, int(np.ceil(2.0 * size[0] / blur / columns)))
     y = (np.arange(rows) + 0.5) / rows * size[1]
     x = (np.arange(columns) + 0.5) / columns * size[0]
     points = np.stack([np.tile(x, rows), np.repeat(y, columns)], axis=1)
+    # A point stands for a cell of the grid; a Gaussian that is wider by the cell's own variance makes up for its extent.
+    width = float(np.sqrt(blur**2 + (size[0] / columns * size[1] / rows) / 12.0))
     image_charge = np.stack([t.charge * box_integrals(t.image, (rows, columns)).ravel() for t in targets])
     result = np.zeros((len(position), 2))
     for g in range(len(targets)):
         own = np.flatnonzero(charge_group == g)
         pulling = -interaction[g] @ image_charge
         pushing = charge * interaction[g, charge_group]
-        sources = ((position, pushing, 0.0), (points, pulling, blur))
+        sources = ((position, pushing, 0.0), (points, pulling, width))
         total = np.zeros((len(own), 2))
-        for source, strength, width in sources:
+        for source, strength, smoothing in sources:
             if periodic:
-                total += _periodic_sum(position[own], source, strength, width, size)
+                total += _periodic_sum(position[own], source, strength, smoothing, size)
             else:
-                total += _plane_sum(position[own], source, strength, width)
+                total += _plane_sum(position[own], source, strength, smoothing)
         result[own] = total
     return result
 

@@ -18,7 +18,7 @@ import warp as wp
 
 from . import kernels_cells, kernels_field, kernels_mesh
 from .convolution import Convolution, good_length
-from .density import box_integrals, spline_deposit
+from .density import spline_deposit
 from .device import Launcher
 
 __all__ = ["Field", "FieldTarget"]
@@ -26,14 +26,20 @@ __all__ = ["Field", "FieldTarget"]
 # Split width over mesh spacing, cut-off over split width, and mesh spacing over the spacing of the bodies; the force error
 # that they give is 1e-3 to 3e-3 of the local force scale (benchmarks/force_accuracy.py prints it for others).
 SPLIT_OVER_MESH = 1.9
+SPLIT_OVER_SPACING = 0.95
 CUTOFF_OVER_SPLIT = 3.5
-MESH_OVER_SPACING = 0.55
-# The target is smoothed by this many mesh spacings: sharper than the bodies can follow, and smooth enough for the mesh.
-BLUR_OVER_MESH = 1.0
+MESH_OVER_SPACING = 0.52
+# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and two
+# spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
+BLUR_OVER_SPACING = 0.37
+BLUR_OVER_MESH = 0.75
 SMALLEST_MESH = 48
 LARGEST_MESH = 16384
 # Open meshes have nodes beyond the domain, so that the splines of bodies on its edge find theirs.
 OPEN_MARGIN = 2
+# Nodes between the farthest pair and the wrap of an open mesh: the kernel has a kink there, and the optimal influence
+# function spreads it over a few nodes.
+WRAP_GUARD = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +140,7 @@ class Field:
             self.padded = self.shape
         else:
             # One spacing for both axes, as small as the padded lengths allow.
-            extra = 2 * OPEN_MARGIN + 1
+            extra = 2 * OPEN_MARGIN + 1 + WRAP_GUARD
             longest, shortest = max(self.size), min(self.size)
             wanted = min(wanted, longest / SMALLEST_MESH)
             padded_long = min(good_length(2.0 * (longest / wanted + extra)), LARGEST_MESH)
@@ -144,12 +150,12 @@ class Field:
             padded = (padded_short, padded_long) if long_first else (padded_long, padded_short)
             self.mesh_spacing = (step, step)
             self.margin = OPEN_MARGIN
-            nodes = [math.ceil(length / step - 1e-9) + extra for length in self.size]
+            nodes = [math.ceil(length / step - 1e-9) + 2 * OPEN_MARGIN + 1 for length in self.size]
             self.shape = (nodes[1], nodes[0])
             self.padded = padded
-        self.split = SPLIT_OVER_MESH * max(self.mesh_spacing)
+        self.split = max(SPLIT_OVER_MESH * max(self.mesh_spacing), SPLIT_OVER_SPACING * spacing)
         self.cutoff = CUTOFF_OVER_SPLIT * self.split
-        self.blur = BLUR_OVER_MESH * max(self.mesh_spacing)
+        self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * max(self.mesh_spacing))
 
     def _choose_cells(self) -> None:
         counts = [max(1, int(length / self.cutoff)) for length in self.size]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_mesh import Mesh, nearest_node, wrap
+from .kernels_mesh import Mesh, nearest_node
 
 wp.set_module_options({"enable_backward": False})
 

