@@ -1,8 +1,8 @@
 """The problem: which bodies, how many, how large, following which density, in which domain.
 
-Conventions used in the whole engine: metres, square metres and radians; x to the right, y up; the domain is the rectangle
-``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y), and it is
-stretched over the whole domain whatever its resolution or aspect.
+Conventions used in the whole engine: metres, square metres and radians; x to the right, y up; the domain is the
+rectangle ``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y),
+and it is stretched over the whole domain whatever its resolution or aspect.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Size:
     count: int
 
     def __post_init__(self) -> None:
-        name = check_name(self.name, "size.name")
+        name = check_name(self.name, "`name` of a size")
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "area", check_area(self.area, f'`area` of size "{name}"'))
         object.__setattr__(self, "count", check_count(self.count, f'`count` of size "{name}"'))
@@ -122,7 +122,7 @@ class BodyClass:
     density: np.ndarray | float = 1.0
 
     def __post_init__(self) -> None:
-        name = check_name(self.name, "class.name")
+        name = check_name(self.name, "`name` of a class")
         where = f'class "{name}"'
         sizes = _as_tuple(self.sizes, Size, f"`sizes` of {where}")
         if not sizes:
@@ -180,8 +180,8 @@ class Problem:
         return sum(body_class.count for body_class in self.classes)
 
 
-# The checks below are one per kind of value. Each takes the name that the value has for whoever wrote it (a field here, a
-# key of a recipe there), so that every front end names the value in its own words and none repeats the rules.
+# The checks below are one per kind of value. Each takes the name that the value has for whoever wrote it (a field here,
+# a key of a recipe there), so that every front end names the value in its own words and none repeats the rules.
 
 
 def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
@@ -223,10 +223,10 @@ def check_size_emphasis(value: object, key: str = "`balance.size_emphasis`") -> 
 def check_name(value: object, key: str) -> str:
     """Return the name; raise ProblemError unless it can be shown on one line and written to any file."""
     if not isinstance(value, str) or not value.strip():
-        raise ProblemError(f"`{key}` must be a text that is not empty; got {show(value)}")
+        raise ProblemError(f"{key} must be a text that is not empty; got {show(value)}")
     # Line breaks would tear reports apart, and lone surrogates cannot be written as UTF-8.
     if not value.isprintable():
-        raise ProblemError(f"`{key}` must be a text on one line, without control characters; got {show(value)}")
+        raise ProblemError(f"{key} must be a text on one line, without control characters; got {show(value)}")
     return str(value)
 
 
@@ -236,7 +236,7 @@ def check_area(value: object, key: str) -> float:
 
 
 def check_count(value: object, key: str) -> int:
-    """Return the count; raise ProblemError unless it is a whole number of at least 1 (120.0 is one, ``True`` is not)."""
+    """Return the count; raise ProblemError unless it is a whole number of at least 1 (120.0 is, ``True`` is not)."""
     if _is_real(value) and value >= 1 and value < math.inf and value == int(value):  # type: ignore[operator, call-overload]
         return int(value)  # type: ignore[call-overload]
     raise ProblemError(f"{key} must be a whole number of at least 1; got {show(value)}")
@@ -244,13 +244,13 @@ def check_count(value: object, key: str) -> int:
 
 def check_seed(value: object, key: str = "`seed`") -> int:
     """Return the seed; raise ProblemError unless it is a whole number that fits 63 bits."""
-    if isinstance(value, numbers.Integral) and not isinstance(value, bool) and 0 <= int(value) < 2**63:
+    if isinstance(value, numbers.Integral) and _is_real(value) and 0 <= int(value) < 2**63:
         return int(value)
     raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
 
 
 def check_density(value: object, key: str) -> np.ndarray:
-    """Return the density as a new float32 array of shape ``[height, width]``; raise ProblemError if it has no meaning."""
+    """Return a new float32 array of shape ``[height, width]``; raise ProblemError if it means no density."""
     if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
     try:
@@ -287,7 +287,7 @@ def check_unique(names: Sequence[str], what: str) -> None:
 
 def show(value: object) -> str:
     """Return ``value`` as a sentence shows it: short, on one line, and never failing."""
-    if isinstance(value, numbers.Integral) and not isinstance(value, bool):
+    if isinstance(value, numbers.Integral) and _is_real(value):
         whole = int(value)
         # Python refuses to print whole numbers of thousands of digits.
         return str(whole) if abs(whole) < 10**18 else f"{'-' if whole < 0 else ''}about 1e{_digits(abs(whole)) - 1}"

@@ -1,0 +1,292 @@
+"""The command ``esh-scatter``: from a recipe to a placement, without Blender.
+
+What takes time to load (NumPy, Warp) is imported only once the arguments are known to be good.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
+
+from .. import __version__
+from ..engine.errors import EshError, ProblemError
+
+if TYPE_CHECKING:
+    from ..engine.placement import Placement
+    from ..engine.problem import Problem
+    from ..engine.relaxation import Progress
+
+__all__ = ["main"]
+
+BAD_INPUT = 2
+# What shells report for a program that Ctrl-C ended.
+INTERRUPTED = 130
+
+SOLVE_HELP = """\
+Read a recipe, place its bodies, write where they are.
+
+Exit status: 0 when everything is written; 2 when something in the input is wrong (one sentence says what); 130 when
+Ctrl-C stopped the run. In the last two cases nothing is written, and older files stay as they were.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser that answers a mistake with one sentence, as every other mistake is answered."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the sentence and leave with status 2."""
+        self.exit(BAD_INPUT, f"esh-scatter: {message}; see {self.prog} --help\n")
+
+
+class _Interrupted(Exception):
+    """Ctrl-C was pressed."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status.
+
+    Args:
+        arguments: The words after the command's name; those of this process when None.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        # A name that the terminal cannot show is no reason to fail.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        options = _parser().parse_args(arguments)
+        return _solve(options)
+    except EshError as error:
+        _complain(str(error))
+        return BAD_INPUT
+    except MemoryError:
+        _complain("this machine's memory does not suffice; lower the counts, or use smaller density images")
+        return BAD_INPUT
+    except (_Interrupted, KeyboardInterrupt) as interruption:
+        _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read the report has had enough of it. Python flushes once more at exit: into nothing, then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="esh-scatter",
+        description="Place objects by electrostatic sampling: exact counts, density textures, classes and sizes.",
+    )
+    parser.add_argument("--version", action="version", version=f"esh-scatter {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    solve = commands.add_parser(
+        "solve",
+        help="place the bodies that a recipe describes",
+        description=SOLVE_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    solve.add_argument(
+        "recipe", metavar="RECIPE.toml", type=Path, help="what to place where; density images lie beside it"
+    )
+    solve.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        type=Path,
+        action="append",
+        required=True,
+        help="where to write the placement: a .npz (NumPy) or .csv file; may be given several times",
+    )
+    solve.add_argument("--report", metavar="R.json", type=Path, help="write the report as JSON too")
+    solve.add_argument("--plot", metavar="P.png", type=Path, help="draw the plan: bodies as discs of their size")
+    solve.add_argument("--seed", metavar="N", type=_whole(0), help="use this seed instead of the recipe's")
+    solve.add_argument(
+        "--device", metavar="D", default="auto", help='"auto" (default: a GPU where there is one), "cpu" or "cuda:0"'
+    )
+    solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=150, help="steps at most (default: 150)")
+    solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
+    return parser
+
+
+class _whole:
+    """Type of an argument: a whole number of at least ``least``."""
+
+    def __init__(self, least: int) -> None:
+        self.least = least
+
+    def __call__(self, text: str) -> int:
+        with contextlib.suppress(ValueError):
+            if int(text) >= self.least:
+                return int(text)
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least {self.least}; got {text!r}")
+
+
+def _solve(options: argparse.Namespace) -> int:
+    _check_outputs(options)
+    with _interruption() as interrupted:
+        from ..engine.placement_files import placement_writer, write_files
+        from ..engine.recipe import read_recipe, recipe_densities
+
+        problem = read_recipe(options.recipe, seed=options.seed)
+        _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
+        placement = _run(problem, options, interrupted)
+        writers = {path: placement_writer(path, placement) for path in options.output}
+        if options.report is not None:
+            writers[options.report] = lambda file: _write_report(file, placement)
+        if options.plot is not None:
+            from ..engine.plan_plot import draw_plan
+
+            writers[options.plot] = lambda file: draw_plan(placement, file)
+        # From here on an interruption waits: the files are all but there.
+        write_files(writers)
+    if not options.quiet:
+        print(placement.report)
+        sys.stdout.flush()
+    return 0
+
+
+def _run(problem: Problem, options: argparse.Namespace, interrupted: list[bool]) -> Placement:
+    import warp
+
+    # Warp tells of every kernel it loads, on the stream that the report goes to.
+    warp.config.quiet = True
+    from ..engine.relaxation import solve
+
+    show_bar = sys.stderr.isatty() and not options.quiet
+    last: list[Progress] = []
+    with _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar:
+
+        def on_progress(progress: Progress) -> bool:
+            last[:] = [progress]
+            if bar is not None:
+                bar(progress)
+            return not interrupted
+
+        if interrupted:
+            raise _Interrupted
+        try:
+            placement = solve(problem, device=options.device, max_steps=options.max_steps, progress=on_progress)
+        except ProblemError as error:
+            raise ProblemError(f"{options.recipe}: {error}") from None
+    if interrupted:
+        raise _Interrupted(f" after {last[0].step} of {last[0].steps} steps" if last else "")
+    return placement
+
+
+@contextlib.contextmanager
+def _interruption() -> Iterator[list[bool]]:
+    """Let the first Ctrl-C fill the list that is handed out, and the second one end the program at once."""
+    pressed: list[bool] = []
+
+    def press(number: int, frame: Any) -> None:
+        pressed.append(True)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    try:
+        before = signal.signal(signal.SIGINT, press)
+    except ValueError:  # called from another thread than the main one, where Ctrl-C does not arrive
+        yield pressed
+        return
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _progress_bar(body_count: int) -> Iterator[Any]:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("steps"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[residual]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task("preparing (the first run compiles)", total=None, residual="")
+
+        def show(progress: Any) -> None:
+            display.update(
+                task,
+                description=f"placing {body_count:,} bodies",
+                completed=progress.step,
+                total=progress.steps,
+                residual=f"residual {progress.residual:.1e}",
+            )
+
+        yield show
+
+
+def _write_report(file: BinaryIO, placement: Placement) -> None:
+    text = json.dumps(_strict(placement.report.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
+    file.write(text.encode("utf-8") + b"\n")
+
+
+def _strict(value: Any) -> Any:
+    """Return plain JSON values; what JSON has no number for (NaN, infinity) becomes null."""
+    if isinstance(value, dict):
+        return {str(key): _strict(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_strict(entry) for entry in value]
+    if hasattr(value, "item"):  # a NumPy scalar
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Find out before the run, not after it, that something cannot be written."""
+    from ..engine.placement_files import check_writable
+
+    endings = {"-o": (".npz", ".csv"), "--report": (".json",), "--plot": (".png",)}
+    seen: dict[Path, Path] = {}
+    for option, path in _outputs(options):
+        if path.suffix.lower() not in endings[option]:
+            raise EshError(
+                f"{option} {path} must end in {' or '.join(endings[option])}; got the ending {path.suffix!r}"
+            )
+        check_writable(path)
+        place = path.resolve()
+        if place in seen:
+            raise EshError(f"{option} {path} is the same file as {seen[place]}, which is given before; name another")
+        seen[place] = path
+
+
+def _check_not_inputs(options: argparse.Namespace, inputs: list[Path]) -> None:
+    for option, path in _outputs(options):
+        for source in inputs:
+            if path.resolve() == source.resolve() or (path.exists() and source.exists() and path.samefile(source)):
+                raise EshError(
+                    f"{option} {path} would overwrite {source}, which is read for this run; name another file"
+                )
+
+
+def _outputs(options: argparse.Namespace) -> list[tuple[str, Path]]:
+    named = [("-o", path) for path in options.output]
+    return named + [(f"--{n}", getattr(options, n)) for n in ("report", "plot") if getattr(options, n) is not None]
+
+
+def _complain(sentence: str) -> None:
+    with contextlib.suppress(OSError):
+        print(f"esh-scatter: {' '.join(sentence.split())}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
