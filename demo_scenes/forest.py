@@ -1,0 +1,403 @@
+"""A mixed forest on real land, from two density textures to a rendered picture, by one command.
+
+    python demo_scenes/forest.py --output output
+
+1. The ground: a real elevation model (``terrain.py``).
+2. Two density textures made from altitude and slope, saved as PNG files and read back as images, as an artist would
+   hand them over: pines high and steep, beeches low and gentle, clearings in both.
+3. Trees by code (``trees.py``), two sizes of each class, three shape variants of each size.
+4. One call of ``esh.scatter`` places all of them at once.
+5. ``forest.blend``, ``forest-plan.png`` and, rendered by Cycles, ``forest.png``; the report; the scene's own checks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+from PIL import Image
+
+from esh.engine.plan_plot import draw_plan
+from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterResult, ScatterSize, scatter
+
+sys.path.insert(0, str(Path(__file__).parent))
+import materials
+import terrain as land
+import trees
+
+__all__ = ["build", "main", "test_final"]
+
+SEED = 11
+VARIANTS = 3
+# class -> size -> (count, height [m], crown radius [m], footprint [m²]); the footprint is the disc under the crown.
+TREES = {
+    "pine": {"large": (1250, 19.0, 3.0), "small": (1500, 10.0, 1.8)},
+    "beech": {"large": (620, 15.0, 4.1), "small": (800, 8.5, 2.4)},
+}
+COLORS = {"pine": (0.09, 0.30, 0.24), "beech": (0.85, 0.48, 0.12)}
+# Where the picture is taken from, and at which point it looks: x, y, height above the ground [m].
+EYE = (66.0, -250.0, 16.0)
+AIM = (10.0, 60.0, 8.0)
+CLEARING = (EYE[0], EYE[1], 46.0)
+SUN_ELEVATION = math.radians(19.0)
+SUN_AZIMUTH = math.radians(248.0)
+
+
+def footprint(crown_radius: float) -> float:
+    """Area under a crown [m²]."""
+    return math.pi * crown_radius**2
+
+
+def mesh_object(name: str, vertex: np.ndarray, face: np.ndarray, smooth: bool = False) -> bpy.types.Object:
+    """Make an object, not yet in any collection, of vertices ``[n, 3]`` and faces ``[m, 3 or 4]``."""
+    mesh = bpy.data.meshes.new(name)
+    sides = face.shape[1]
+    mesh.vertices.add(len(vertex))
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertex, np.float32).ravel())
+    mesh.loops.add(face.size)
+    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(face, np.int32).ravel())
+    mesh.polygons.add(len(face))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, face.size, sides, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.full(len(face), smooth))
+    mesh.update(calc_edges=True)
+    return bpy.data.objects.new(name, mesh)
+
+
+def tree_object(name: str, tree: trees.TreeMesh, surfaces: list[bpy.types.Material]) -> bpy.types.Object:
+    """Make an object of a modelled tree; ``surfaces`` are its bark and its foliage."""
+    item = mesh_object(name, tree.vertex, tree.face)
+    for material in surfaces:
+        item.data.materials.append(material)
+    item.data.polygons.foreach_set("material_index", tree.material.astype(np.int32))
+    tint = item.data.attributes.new("tint", "FLOAT", "FACE")
+    tint.data.foreach_set("value", tree.tint.astype(np.float32))
+    return item
+
+
+def collection(name: str, parent: bpy.types.Collection, hidden: bool = False) -> bpy.types.Collection:
+    """Make a collection below ``parent``; a hidden one holds what is only seen as instances."""
+    made = bpy.data.collections.new(name)
+    parent.children.link(made)
+    made.hide_viewport = made.hide_render = hidden
+    return made
+
+
+def model_trees(scene: bpy.types.Scene) -> dict[tuple[str, str], bpy.types.Collection]:
+    """Model every class and size in :data:`VARIANTS` shapes, one collection for each size."""
+    pine_bark = materials.bark("Pine bark", (0.035, 0.024, 0.018), (0.11, 0.07, 0.05))
+    beech_bark = materials.bark("Beech bark", (0.09, 0.085, 0.075), (0.24, 0.22, 0.19))
+    needles = materials.foliage(
+        "Needles", [(0.0, (0.022, 0.055, 0.026)), (0.5, (0.035, 0.078, 0.030)), (1.0, (0.062, 0.095, 0.032))], 0.35, 0.12
+    )
+    leaves = materials.foliage(
+        "Beech leaves",
+        [(0.0, (0.34, 0.075, 0.014)), (0.35, (0.50, 0.17, 0.018)), (0.7, (0.58, 0.30, 0.035)), (1.0, (0.33, 0.28, 0.05))],
+        0.3,
+        0.4,
+    )
+    library = collection("Tree library", scene.collection)
+    library.hide_render = True
+    made = {}
+    for kind, sizes in TREES.items():
+        for size, (_, height, radius) in sizes.items():
+            members = collection(f"{kind} {size}", library)
+            for variant in range(VARIANTS):
+                seed = 100 * (size == "large") + variant
+                factor = 1.0 + 0.1 * (variant - 1)
+                if kind == "pine":
+                    tree = trees.pine(height * factor, radius, 19 if size == "large" else 13, seed)
+                else:
+                    tree = trees.beech(height * factor, radius, 9 if size == "large" else 6,
+                                       2600 if size == "large" else 1300, seed)  # fmt: skip
+                surfaces = [pine_bark, needles] if kind == "pine" else [beech_bark, leaves]
+                item = tree_object(f"{kind} {size} {variant + 1}", tree, surfaces)
+                item["trunk_radius"] = tree.trunk_radius
+                members.objects.link(item)
+            made[kind, size] = members
+    return made
+
+
+def save_textures(textures: dict[str, np.ndarray], folder: Path) -> dict[str, bpy.types.Image]:
+    """Write the density textures as 8-bit PNG files and load them, as data and not as colour."""
+    loaded = {}
+    for name, texture in textures.items():
+        path = folder / f"forest-{name}.png"
+        Image.fromarray(np.round(255.0 * texture).astype(np.uint8)).save(path)
+        image = bpy.data.images.load(str(path.resolve()))
+        image.colorspace_settings.name = "Non-Color"
+        loaded[name] = image
+    return loaded
+
+
+def add_undergrowth(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
+    """Put grass and rocks before the camera, where one is near enough to see them; each shares one of a few meshes."""
+    rng = np.random.default_rng(SEED)
+    group = collection("Undergrowth", scene.collection)
+    blade, stone = materials.grass("Grass"), materials.bark("Stone", (0.09, 0.085, 0.08), (0.30, 0.28, 0.25))
+    tufts = [tree_object("Tuft", trees.grass_tuft(0.8, 46, seed), [stone, blade]).data for seed in range(4)]
+    stones = [tree_object("Boulder", trees.boulder(1.0, seed), [stone]).data for seed in range(4)]
+    ahead = math.atan2(AIM[1] - EYE[1], AIM[0] - EYE[0])
+    for count, meshes, near, far, small, large in ((2600, tufts, 8.0, 75.0, 0.6, 1.5), (46, stones, 14.0, 80.0, 0.4, 1.9)):
+        distance = near + (far - near) * rng.random(count) ** 1.2
+        angle = ahead + rng.uniform(-0.62, 0.62, count)
+        x, y = EYE[0] + distance * np.cos(angle), EYE[1] + distance * np.sin(angle)
+        z = terrain.height_at(x, y)
+        for place in zip(x, y, z, strict=True):
+            item = bpy.data.objects.new("Undergrowth", meshes[rng.integers(len(meshes))])
+            item.location = place
+            item.rotation_euler[2] = rng.uniform(0.0, 2.0 * math.pi)
+            item.scale = [small + (large - small) * rng.random() ** 2] * 3
+            group.objects.link(item)
+
+
+def add_camera(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
+    """Set the camera at :data:`EYE`, looking up the valley."""
+    points = [Vector((x, y, float(terrain.height_at([x], [y])[0]) + above)) for x, y, above in (EYE, AIM)]
+    data = bpy.data.cameras.new("Camera")
+    data.lens = 34.0
+    data.clip_end = 20_000.0
+    camera = bpy.data.objects.new("Camera", data)
+    camera.location = points[0]
+    camera.rotation_euler = (points[1] - points[0]).to_track_quat("-Z", "Y").to_euler()
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def set_render(scene: bpy.types.Scene, width: int, samples: int) -> None:
+    """Choose Cycles with few samples, a denoiser where this Blender has one, and a filmic look."""
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x, scene.render.resolution_y = width, round(width * 9 / 16)
+    scene.render.resolution_percentage = 100
+    scene.render.use_persistent_data = True
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.samples = samples
+    cycles.seed = SEED
+    cycles.use_adaptive_sampling = True
+    cycles.adaptive_threshold = 0.03
+    cycles.max_bounces, cycles.diffuse_bounces, cycles.transmission_bounces = 4, 2, 2
+    cycles.use_fast_gi = False
+    cycles.caustics_reflective = cycles.caustics_refractive = False
+    cycles.use_denoising = True
+    try:
+        cycles.denoiser = "OPENIMAGEDENOISE"
+    except TypeError:
+        cycles.use_denoising = False
+    scene.view_settings.view_transform = "AgX"
+    scene.view_settings.look = "AgX - Medium High Contrast"
+    scene.view_settings.exposure = 0.35
+    scene.render.image_settings.file_format = "PNG"
+
+
+def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terrain, dict[str, np.ndarray]]:
+    """Build the whole scene in an empty file.
+
+    Args:
+        output: Existing folder for the density textures.
+        max_steps: Of the sampler.
+
+    Returns:
+        The scatter's result, the terrain and the density textures.
+    """
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    scene.unit_settings.system = "METRIC"
+    terrain = land.load_terrain()
+    low, high = float(terrain.height.min()), float(terrain.height.max())
+    ground = mesh_object("Ground", *terrain.faces(), smooth=True)
+    ground.data.materials.append(materials.ground("Ground", low, high, wooded=False))
+    backdrop = mesh_object("Backdrop", *land.load_backdrop(), smooth=True)
+    backdrop.data.materials.append(materials.ground("Distant forest", low, high, wooded=True))
+    for item in (ground, backdrop):
+        scene.collection.objects.link(item)
+
+    textures = land.density_textures(terrain, keep_clear=(CLEARING,))
+    images = save_textures(textures, output)
+    sources = model_trees(scene)
+    classes = [
+        ScatterClass(
+            kind,
+            [
+                ScatterSize(size, count, sources[kind, size], area=footprint(radius))
+                for size, (count, _, radius) in sizes.items()
+            ],
+            density=ImageDensity(images[kind]),
+            color=COLORS[kind],
+        )
+        for kind, sizes in TREES.items()
+    ]
+    result = scatter(
+        ground, classes, seed=SEED, max_steps=max_steps, align_to_normal=0.1, scale_jitter=0.12, name="Forest"
+    )
+    for layer in scene.view_layers[0].layer_collection.children:
+        if layer.name == "Tree library":
+            layer.exclude = True
+    add_undergrowth(scene, terrain)
+    materials.set_sky(scene, SUN_ELEVATION, SUN_AZIMUTH)
+    add_camera(scene, terrain)
+    return result, terrain, textures
+
+
+def save(path: Path) -> None:
+    """Save the file with its textures inside, and their paths relative to it."""
+    for image in bpy.data.images:
+        if image.source == "FILE" and image.filepath:
+            image.pack()
+            image.filepath = f"//{Path(bpy.path.abspath(image.filepath)).name}"
+    bpy.context.preferences.filepaths.save_version = 0
+    bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
+
+
+def placed_trees(result: bpy.types.Object) -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
+    """Read what Blender really instances, as the renderer sees it.
+
+    Returns:
+        For every (class, size): the instances' matrices, shape ``[n, 4, 4]``, and the lowest ring of each trunk in the
+        world, shape ``[n, k, 3]`` [m].
+    """
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    matrices: dict[str, list[np.ndarray]] = {}
+    for instance in depsgraph.object_instances:
+        if instance.is_instance and instance.parent.original == result:
+            matrices.setdefault(instance.object.original.name, []).append(np.array(instance.matrix_world))
+    found: dict[tuple[str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
+    for name, matrix in matrices.items():
+        kind, size, _ = name.split(" ")
+        mesh = bpy.data.objects[name].data
+        vertex = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", vertex)
+        vertex = vertex.reshape(-1, 3)
+        ring = vertex[vertex[:, 2] < -0.9 * trees.ROOT_DEPTH]
+        stack = np.stack(matrix)
+        world = ring @ stack[:, :3, :3].transpose(0, 2, 1) + stack[:, None, :3, 3]
+        found.setdefault((kind, size), []).append((stack, world))
+    return {
+        key: (np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]))
+        for key, parts in found.items()
+    }
+
+
+def test_final(
+    result: ScatterResult, terrain: land.Terrain, textures: dict[str, np.ndarray], blend: Path
+) -> dict[str, float]:
+    """Check the finished forest; the scene is read back from ``blend``, so nothing counts that was not saved.
+
+    Returns:
+        What was measured, by name.
+
+    Raises:
+        AssertionError: Something is not as it should be; the message says what.
+    """
+    name = result.object.name
+    for entry in result.report.classes:
+        for size in entry.sizes:
+            asked = TREES[entry.name][size.name][0]
+            assert size.asked == size.placed == asked, f"{entry.name} {size.name}: {asked} asked, {size.placed} placed"
+
+    bpy.ops.wm.open_mainfile(filepath=str(blend.resolve()))
+    for image in bpy.data.images:
+        if image.source == "FILE" and image.filepath:
+            assert image.packed_file and image.filepath.startswith("//"), f"{image.name} is not in the file"
+    found = placed_trees(bpy.data.objects[name])
+    place, radius, trunk, kinds = [], [], [], []
+    for kind, sizes in TREES.items():
+        for size, (count, _, crown) in sizes.items():
+            matrix, root = found[kind, size]
+            assert len(matrix) == count, f"{kind} {size}: {count} asked, {len(matrix)} instances"
+            above = matrix[:, 2, 3] - terrain.height_at(matrix[:, 0, 3], matrix[:, 1, 3])
+            assert np.abs(above).max() < 0.1, f"{kind} {size}: a tree is {np.abs(above).max():.2f} m off the ground"
+            root_above = root[..., 2] - terrain.height_at(root[..., 0], root[..., 1])
+            assert root_above.max() < 0.0, f"{kind} {size}: a trunk ends {root_above.max():.2f} m above the ground"
+            upright = matrix[:, 2, 2] / np.linalg.norm(matrix[:, :3, 2], axis=1)
+            assert upright.min() > math.cos(math.radians(12.0)), f"{kind} {size}: a tree leans over"
+            place.append(matrix[:, :2, 3])
+            radius.append(np.full(count, crown))
+            members = bpy.data.collections[f"{kind} {size}"].objects
+            trunk.append(np.full(count, max(item["trunk_radius"] for item in members)))
+            kinds.append(np.full(count, list(TREES).index(kind)))
+    measured = _check_spacing(np.concatenate(place), np.concatenate(radius), np.concatenate(trunk))
+    for index, (kind, texture) in enumerate(textures.items()):
+        chosen = np.concatenate(kinds) == index
+        measured[f"{kind}_texture_correlation"] = _check_texture(
+            kind, np.round(255 * texture), np.concatenate(place)[chosen], np.concatenate(radius)[chosen], terrain
+        )
+    return measured
+
+
+def _check_spacing(place: np.ndarray, radius: np.ndarray, trunk: np.ndarray) -> dict[str, float]:
+    """No trunk stands in another's, none deep in another's crown, and crowns seldom meet."""
+    deepest, meeting = np.inf, 0
+    for i in range(len(place) - 1):
+        distance = np.hypot(*(place[i + 1 :] - place[i]).T)
+        assert (distance > 1.5 * (trunk[i] + trunk[i + 1 :])).all(), f"two trunks at {place[i]} are in one another"
+        share = distance / (radius[i] + radius[i + 1 :])
+        deepest = min(deepest, float(share.min()))
+        meeting += int((share < 0.85).sum())
+    assert deepest > 0.4, f"a tree stands in another: {deepest:.2f} of the sum of their crowns' radii apart"
+    assert meeting < 0.05 * len(place), f"{meeting} pairs of crowns are in one another"
+    return {"closest_crowns": deepest, "crowns_meeting": float(meeting)}
+
+
+def _check_texture(
+    kind: str, texture: np.ndarray, place: np.ndarray, radius: np.ndarray, terrain: land.Terrain
+) -> float:
+    """Trees stand where their texture is, nowhere that it is black; returns the correlation of what is placed with it."""
+    rows, columns = texture.shape
+    column = np.clip(((place[:, 0] / terrain.size[0] + 0.5) * columns).astype(int), 0, columns - 1)
+    row = np.clip(((0.5 - place[:, 1] / terrain.size[1]) * rows).astype(int), 0, rows - 1)
+    near = np.pad(texture, 1, mode="edge")
+    near = np.maximum.reduce([near[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
+    astray = int((near[row, column] == 0).sum())
+    assert astray == 0, f"{astray} trees of class {kind} stand where its texture is black"
+    # Cells of 25 m or so: a handful of trees in each.
+    cells = (max(rows // 13, 1), max(columns // 13, 1))
+    edges = [np.linspace(0, n, c + 1) for n, c in zip(texture.shape, cells, strict=True)]
+    placed, *_ = np.histogram2d(row + 0.5, column + 0.5, bins=edges, weights=radius**2)
+    at_row, at_column = np.indices(texture.shape) + 0.5
+    wanted, *_ = np.histogram2d(
+        at_row.ravel(), at_column.ravel(), bins=edges, weights=(texture / np.cos(terrain.slope())).ravel()
+    )
+    correlation = float(np.corrcoef(placed.ravel(), wanted.ravel())[0, 1])
+    assert correlation > 0.8, f"the texture of class {kind} is not to be recognised: correlation {correlation:.2f}"
+    return correlation
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the scene from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("output"), help="folder for the pictures and the .blend")
+    parser.add_argument("--width", type=int, default=1280, help="width of the picture in pixels (16:9)")
+    parser.add_argument("--samples", type=int, default=48, help="Cycles samples per pixel")
+    parser.add_argument("--max-steps", type=int, default=150, help="steps of the sampler at most")
+    options = parser.parse_args(arguments)
+    options.output.mkdir(parents=True, exist_ok=True)
+    start = time.perf_counter()
+
+    def tell(text: str) -> None:
+        print(f"[{time.perf_counter() - start:5.1f} s] {text}", flush=True)
+
+    result, terrain, textures = build(options.output, options.max_steps)
+    print(result.report, flush=True)
+    tell("built")
+    draw_plan(result.placement, options.output / "forest-plan.png", colors=list(COLORS.values()))
+    scene = bpy.context.scene
+    set_render(scene, options.width, options.samples)
+    blend = options.output / "forest.blend"
+    save(blend)
+    tell(f"wrote {blend} and forest-plan.png")
+    scene.render.filepath = str((options.output / "forest.png").resolve())
+    bpy.ops.render.render(write_still=True)
+    tell("rendered forest.png")
+    for key, value in test_final(result, terrain, textures, blend).items():
+        print(f"{key}: {value:.3g}")
+    tell("all checks passed")
+
+
+if __name__ == "__main__":
+    main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)

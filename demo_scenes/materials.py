@@ -1,0 +1,226 @@
+"""Materials, sky and air of the forest, built as node trees."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+
+__all__ = ["bark", "foliage", "grass", "ground", "set_sky"]
+
+Color = tuple[float, float, float]
+# Air: the distance over which two thirds of the light of a thing is lost [m], and the colour that takes its place.
+VISIBILITY = 1500.0
+HAZE: Color = (0.50, 0.52, 0.56)
+HAZE_STRENGTH = 0.8
+
+
+def _node(tree: bpy.types.NodeTree, kind: str, /, **values: object) -> bpy.types.Node:
+    node = tree.nodes.new(kind)
+    for key, value in values.items():
+        setattr(node, key, value)
+    return node
+
+
+def _ramp(tree: bpy.types.NodeTree, factor: bpy.types.NodeSocket, stops: list[tuple[float, Color]]) -> bpy.types.NodeSocket:
+    node = _node(tree, "ShaderNodeValToRGB")
+    tree.links.new(factor, node.inputs[0])
+    elements = node.color_ramp.elements
+    while len(elements) < len(stops):
+        elements.new(1.0)
+    for element, (position, color) in zip(elements, stops, strict=True):
+        element.position = position
+        element.color = (*color, 1.0)
+    return node.outputs[0]
+
+
+def _math(tree: bpy.types.NodeTree, operation: str, *inputs: object) -> bpy.types.NodeSocket:
+    node = _node(tree, "ShaderNodeMath", operation=operation)
+    for socket, value in zip(node.inputs, inputs, strict=False):
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return node.outputs[0]
+
+
+def _mix(tree: bpy.types.NodeTree, factor: object, a: object, b: object, blend: str = "MIX") -> bpy.types.NodeSocket:
+    node = _node(tree, "ShaderNodeMix", data_type="RGBA", blend_type=blend)
+    for socket, value in zip((node.inputs[0], node.inputs[6], node.inputs[7]), (factor, a, b), strict=True):
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        elif isinstance(value, tuple):
+            socket.default_value = (*value, 1.0)
+        else:
+            socket.default_value = value
+    return node.outputs[2]
+
+
+def _noise(tree: bpy.types.NodeTree, wavelength: float, detail: float = 4.0) -> bpy.types.NodeSocket:
+    """Noise in metres of the world, 0..1."""
+    place = _node(tree, "ShaderNodeNewGeometry")
+    node = _node(tree, "ShaderNodeTexNoise")
+    node.inputs["Scale"].default_value = 1.0 / wavelength
+    node.inputs["Detail"].default_value = detail
+    tree.links.new(place.outputs["Position"], node.inputs["Vector"])
+    return node.outputs[0]
+
+
+def _material(name: str) -> tuple[bpy.types.Material, bpy.types.NodeTree]:
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material, material.node_tree
+
+
+def _finish(tree: bpy.types.NodeTree, shader: bpy.types.NodeSocket) -> None:
+    """Put the air between the shader and the eye: cheaper than a volume, and free of noise."""
+    view = _node(tree, "ShaderNodeCameraData")
+    path = _node(tree, "ShaderNodeLightPath")
+    loss = _math(tree, "EXPONENT", _math(tree, "DIVIDE", view.outputs["View Distance"], -VISIBILITY))
+    amount = _math(tree, "MULTIPLY", _math(tree, "SUBTRACT", 1.0, loss), path.outputs["Is Camera Ray"])
+    air = _node(tree, "ShaderNodeEmission")
+    air.inputs["Color"].default_value = (*HAZE, 1.0)
+    air.inputs["Strength"].default_value = HAZE_STRENGTH
+    mix = _node(tree, "ShaderNodeMixShader")
+    tree.links.new(amount, mix.inputs[0])
+    tree.links.new(shader, mix.inputs[1])
+    tree.links.new(air.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], _node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
+
+
+def _surface(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, roughness: float = 0.9) -> bpy.types.Node:
+    node = _node(tree, "ShaderNodeBsdfPrincipled")
+    tree.links.new(color, node.inputs["Base Color"])
+    node.inputs["Roughness"].default_value = roughness
+    node.inputs["Specular IOR Level"].default_value = 0.15
+    return node
+
+
+def _tint(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+    return _node(tree, "ShaderNodeAttribute", attribute_name="tint").outputs["Fac"]
+
+
+def _per_instance(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+    return _node(tree, "ShaderNodeObjectInfo").outputs["Random"]
+
+
+def bark(name: str, dark: Color, light: Color) -> bpy.types.Material:
+    """Bark or stone: two colours, mottled."""
+    material, tree = _material(name)
+    color = _ramp(tree, _noise(tree, 0.5), [(0.3, dark), (0.7, light)])
+    _finish(tree, _surface(tree, color).outputs[0])
+    return material
+
+
+def foliage(name: str, hues: list[tuple[float, Color]], shade: float, translucent: float) -> bpy.types.Material:
+    """Leaves or needles.
+
+    Args:
+        name: Of the material.
+        hues: From which every tree takes its own colour: position 0..1 and colour.
+        shade: Brightness of the innermost leaves beside the outermost.
+        translucent: Share of the light that shines through.
+    """
+    material, tree = _material(name)
+    hue = _ramp(tree, _per_instance(tree), hues)
+    depth = _ramp(tree, _tint(tree), [(0.0, (shade,) * 3), (1.0, (1.25,) * 3)])
+    color = _mix(tree, 1.0, hue, depth, "MULTIPLY")
+    through = _node(tree, "ShaderNodeBsdfTranslucent")
+    tree.links.new(color, through.inputs["Color"])
+    mix = _node(tree, "ShaderNodeMixShader")
+    mix.inputs[0].default_value = translucent
+    tree.links.new(_surface(tree, color, 0.65).outputs[0], mix.inputs[1])
+    tree.links.new(through.outputs[0], mix.inputs[2])
+    _finish(tree, mix.outputs[0])
+    return material
+
+
+def grass(name: str) -> bpy.types.Material:
+    """Dry autumn grass."""
+    return foliage(
+        name, [(0.0, (0.16, 0.15, 0.045)), (0.5, (0.26, 0.20, 0.07)), (1.0, (0.33, 0.25, 0.11))], shade=0.6, translucent=0.35
+    )
+
+
+def ground(name: str, low: float, high: float, wooded: bool) -> bpy.types.Material:
+    """The land: grass below, soil and needles above, rock where it is steep.
+
+    Args:
+        name: Of the material.
+        low: Altitude of the valleys' floors [m].
+        high: Altitude of the tops [m].
+        wooded: Paint a distant forest on it: the backdrop carries no trees.
+    """
+    material, tree = _material(name)
+    place = _node(tree, "ShaderNodeNewGeometry")
+    split = _node(tree, "ShaderNodeSeparateXYZ")
+    tree.links.new(place.outputs["Position"], split.inputs[0])
+    facing = _node(tree, "ShaderNodeSeparateXYZ")
+    tree.links.new(place.outputs["Normal"], facing.inputs[0])
+    rise = _math(tree, "DIVIDE", _math(tree, "SUBTRACT", split.outputs[2], low), high - low)
+    altitude = _math(tree, "ADD", rise, _math(tree, "MULTIPLY", _math(tree, "SUBTRACT", _noise(tree, 45.0), 0.5), 0.45))
+    if wooded:
+        color = _ramp(
+            tree, altitude,
+            [(0.06, (0.16, 0.15, 0.05)), (0.14, (0.22, 0.10, 0.025)), (0.42, (0.13, 0.075, 0.022)), (0.6, (0.025, 0.045, 0.02))],
+        )  # fmt: skip
+        canopy = _ramp(tree, _noise(tree, 9.0, 2.0), [(0.35, (0.35,) * 3), (0.65, (1.2,) * 3)])
+        color = _mix(tree, 1.0, color, canopy, "MULTIPLY")
+    else:
+        color = _ramp(
+            tree, altitude,
+            [(0.0, (0.17, 0.165, 0.05)), (0.3, (0.19, 0.135, 0.05)), (0.55, (0.12, 0.075, 0.035)), (0.9, (0.10, 0.085, 0.05))],
+        )  # fmt: skip
+        patch = _ramp(tree, _noise(tree, 5.0), [(0.3, (0.62, 0.62, 0.55)), (0.7, (1.25, 1.2, 1.1))])
+        color = _mix(tree, 1.0, color, patch, "MULTIPLY")
+        rock = _ramp(tree, _noise(tree, 1.6), [(0.3, (0.10, 0.095, 0.09)), (0.7, (0.27, 0.25, 0.225))])
+        # cos 27 degrees and cos 35 degrees.
+        bare = _math(tree, "ADD", facing.outputs[2], _math(tree, "MULTIPLY", _noise(tree, 6.0), 0.12))
+        steep = _ramp(tree, bare, [(0.87, (1.0,) * 3), (0.93, (0.0,) * 3)])
+        color = _mix(tree, steep, color, rock)
+    surface = _surface(tree, color, 0.95)
+    bump = _node(tree, "ShaderNodeBump")
+    bump.inputs["Strength"].default_value = 0.9 if wooded else 0.5
+    bump.inputs["Distance"].default_value = 12.0 if wooded else 0.35
+    tree.links.new(_noise(tree, 11.0 if wooded else 0.9, 3.0), bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], surface.inputs["Normal"])
+    _finish(tree, surface.outputs[0])
+    return material
+
+
+def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
+    """Light the scene by a physical sky and a low, warm sun.
+
+    Args:
+        scene: What is lit.
+        elevation: The sun's height above the horizon [rad].
+        azimuth: Where the sun stands, clockwise from north (y) [rad].
+    """
+    world = bpy.data.worlds.new("Sky")
+    scene.world = world
+    world.use_nodes = True
+    tree = world.node_tree
+    tree.nodes.clear()
+    sky = _node(tree, "ShaderNodeTexSky")
+    kinds = sky.bl_rna.properties["sky_type"].enum_items.keys()
+    # Blender 5 calls the Nishita model by how it scatters.
+    sky.sky_type = next(kind for kind in ("NISHITA", "MULTIPLE_SCATTERING", "SINGLE_SCATTERING") if kind in kinds)
+    sky.sun_disc = False
+    sky.sun_elevation = elevation
+    sky.sun_rotation = azimuth
+    sky.air_density = 1.2
+    for dust in ("dust_density", "aerosol_density"):
+        if hasattr(sky, dust):
+            setattr(sky, dust, 1.6)
+    light = _node(tree, "ShaderNodeBackground")
+    light.inputs["Strength"].default_value = 0.22
+    tree.links.new(sky.outputs[0], light.inputs["Color"])
+    tree.links.new(light.outputs[0], _node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
+    sun = bpy.data.lights.new("Sun", "SUN")
+    sun.energy = 4.6
+    sun.color = (1.0, 0.80, 0.56)
+    sun.angle = math.radians(0.8)
+    lamp = bpy.data.objects.new("Sun", sun)
+    lamp.rotation_euler = (math.pi / 2 - elevation, 0.0, math.pi - azimuth)
+    scene.collection.objects.link(lamp)
