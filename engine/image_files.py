@@ -10,17 +10,14 @@ wheels for Linux, Windows and macOS, kept by the people who keep the format.
 
 from __future__ import annotations
 
-import contextlib
-import os
-import sys
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .errors import InputFileError, ProblemError
+from .native_output import muted
 from .problem import check_density
 
 if TYPE_CHECKING:
@@ -201,13 +198,13 @@ def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         raise InputFileError(f"{path} needs the Python module OpenEXR to be read: pip install OpenEXR") from None
 
     try:
-        with _silence():
+        with muted():
             header = OpenEXR.File(str(path), header_only=True).header()
         x, y, width, height = _window(header["dataWindow"])
         _check_pixel_count(path, width, height)
         shown_x, shown_y, shown_width, shown_height = _window(header["displayWindow"])
         _check_pixel_count(path, shown_width, shown_height)
-        with _silence():
+        with muted():
             channels = OpenEXR.File(str(path), separate_channels=True).channels()
     except InputFileError:
         raise
@@ -243,25 +240,6 @@ def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         return value, None
     alpha = pixels("A")
     return np.divide(value, alpha, out=np.zeros_like(value), where=alpha != 0), alpha
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Keep what OpenEXR's C++ side prints about a damaged file off the terminal: the exception says it once."""
-    saved = []
-    for python_stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(AttributeError, OSError, ValueError):  # absent (pythonw) or closed
-            python_stream.flush()
-    try:
-        for stream in (1, 2):
-            saved.append((stream, os.dup(stream)))
-            with open(os.devnull, "wb") as nowhere:
-                os.dup2(nowhere.fileno(), stream)
-        yield
-    finally:
-        for stream, copy in saved:
-            os.dup2(copy, stream)
-            os.close(copy)
 
 
 def _window(window: tuple) -> tuple[int, int, int, int]:

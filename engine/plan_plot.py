@@ -6,6 +6,8 @@ take a few seconds.
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +18,7 @@ import numpy as np
 from .errors import EshError
 
 if TYPE_CHECKING:
-    from PIL import Image, ImageFont
+    from PIL import Image
 
     from .placement import Placement
 
@@ -165,7 +167,6 @@ def _legend_lines(
 ) -> list[tuple[str, Color, _Line]]:
     """Return one line per class, or more where its sizes do not fit into ``width``: its name, colour and sizes."""
     lines: list[tuple[str, Color, _Line]] = []
-    font = _font(22)
     for c, body_class in enumerate(placement.problem.classes):
         in_class = placement.class_index == c
         entries: _Line = []
@@ -180,7 +181,7 @@ def _legend_lines(
         line: _Line = []
         used = float(LEGEND_INDENT)
         for entry in entries:
-            needed = ENTRY_GAP + font.getlength(entry[2])
+            needed = ENTRY_GAP + _font(22, entry[2]).getlength(entry[2])
             if line and used + needed > width:
                 lines.append((name, class_color[c], line))
                 name, line, used = "", [], float(LEGEND_INDENT)
@@ -208,21 +209,21 @@ def _compose(
     canvas.paste(plan, (left, top))
     draw = ImageDraw.Draw(canvas)
     domain = placement.problem.domain
-    title = f"{len(placement.position):,} bodies on {domain.size[0]:g} × {domain.size[1]:g} m"
+    title = f"{len(placement.position):,} bodies on {domain.size[0]:g} m by {domain.size[1]:g} m"
     if domain.periodic:
         title += ", periodic"
-    draw.text((left + MARGIN, top + MARGIN - 22), title, INK, _font(24), anchor="ls")
+    _write(draw, (left + MARGIN, top + MARGIN - 22), title, INK, 24, "ls")
     _draw_scale_bar(draw, left + MARGIN + plan_width, top + MARGIN - 22, plan_width / domain.size[0], domain.size[0])
 
     for number, (name, color, entries) in enumerate(lines):
         x, y = left + MARGIN, legend_top + LINE_HEIGHT * number + LINE_HEIGHT // 2
         if name:
-            draw.text((x, y), name, _mix(color, (0, 0, 0), 0.25), _font(24), anchor="lm")
+            _write(draw, (x, y), name, _mix(color, (0, 0, 0), 0.25), 24, "lm")
         x += LEGEND_INDENT
         for entry_color, radius, text in entries:
             _draw_smooth_disc(canvas, (x, y), radius, entry_color)
-            draw.text((x + 26, y), text, INK, _font(22), anchor="lm")
-            x += int(ENTRY_GAP + _font(22).getlength(text))
+            _write(draw, (x + 26, y), text, INK, 22, "lm")
+            x += int(ENTRY_GAP + _font(22, text).getlength(text))
     return canvas
 
 
@@ -234,7 +235,7 @@ def _draw_scale_bar(draw: Any, right: int, y: int, scale: float, width: float) -
     draw.line([(right - pixels, y - 2), (right, y - 2)], FAINT_INK, 2)
     for end in (right - pixels, right):
         draw.line([(end, y - 8), (end, y + 3)], FAINT_INK, 2)
-    draw.text((right - pixels - 12, y), f"{length:g} m", FAINT_INK, _font(20), anchor="rs")
+    _write(draw, (right - pixels - 12, y), f"{length:g} m", FAINT_INK, 20, "rs")
 
 
 def _draw_smooth_disc(canvas: Image.Image, center: tuple[int, int], radius: float, color: Color) -> None:
@@ -293,10 +294,20 @@ def _mix(color: Color, other: Color, share: float) -> Color:
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= 24 else f"{name[:23]}…"
+    return name if len(name) <= 24 else f"{name[:22]}..."
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+def _write(draw: Any, corner: tuple[float, float], text: str, color: Color, size: int, anchor: str) -> None:
+    draw.text(corner, text, color, _font(size, text), anchor=anchor)
+
+
+def _font(size: int, text: str) -> Any:
+    """Return Pillow's own font, or one that knows more letters than ASCII where ``text`` has them and there is one."""
     from PIL import ImageFont
 
+    matplotlib = None if text.isascii() else importlib.util.find_spec("matplotlib")
+    if matplotlib is not None and matplotlib.origin is not None:
+        with contextlib.suppress(OSError):
+            path = Path(matplotlib.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
+            return ImageFont.truetype(str(path), round(size * 0.86))
     return ImageFont.load_default(size)

@@ -154,9 +154,13 @@ def _solve(options: argparse.Namespace) -> int:
 def _run(problem: Problem, options: argparse.Namespace, interrupted: list[bool]) -> Placement:
     import warp
 
-    # Warp tells of every kernel it loads, on the stream that the report goes to.
-    warp.config.quiet = True
+    from ..engine.native_output import muted
     from ..engine.relaxation import solve
+
+    # Warp tells of every kernel it loads on the stream that the report goes to, and of a missing GPU on the other.
+    warp.config.log_level = warp.LOG_ERROR
+    with muted():
+        warp.init()
 
     show_bar = sys.stderr.isatty() and not options.quiet
     last: list[Progress] = []
