@@ -25,7 +25,7 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo test extension lint format bench clean
+.PHONY: help demo test extension lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
@@ -33,7 +33,6 @@ help: ## Say what can be made
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
 	@echo "make lint       check style and types"
 	@echo "make format     put the code into the style that lint asks for"
-	@echo "make bench      measure quality and speed"
 	@echo "make clean      remove everything that was made here"
 	@echo
 	@echo "PYTHON=…        the Python to use: 3.11 or 3.13 (now: $(or $(CHOSEN),none found))"
@@ -59,9 +58,6 @@ lint: $(VENV)/.with-lint
 format: $(VENV)/.with-lint
 	$(RUN) -m ruff check --fix .
 	$(RUN) -m ruff format .
-
-bench: $(VENV)/.with-test
-	$(RUN) benchmarks/run.py
 
 clean:
 	rm -rf $(VENV) $(VENV_OLDEST) build dist $(OUTPUT) *.egg-info
