@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import io
 import os
 import sys
 from collections.abc import Iterator
@@ -18,9 +20,7 @@ def muted() -> Iterator[None]:
 
     **Limitations**: holds for the whole process, other threads included; keep it short.
     """
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(AttributeError, OSError, ValueError):  # absent (a program without console) or closed
-            stream.flush()
+    _flush()
     saved: list[tuple[int, int]] = []
     try:
         for number in (1, 2):
@@ -28,8 +28,19 @@ def muted() -> Iterator[None]:
                 saved.append((number, os.dup(number)))
                 with open(os.devnull, "wb") as nowhere:
                     os.dup2(nowhere.fileno(), number)
-        yield
+        # Some print through Python, whose stream may lead elsewhere than the descriptor (a notebook, Blender's console).
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            yield
     finally:
+        _flush()  # into nothing: what still waits in a buffer would come out later
         for number, copy in saved:
             os.dup2(copy, number)
             os.close(copy)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # absent (a program without console) or closed
+            stream.flush()
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None).fflush(None)

@@ -172,7 +172,7 @@ def _legend_lines(
         entries: _Line = []
         for s, size in enumerate(body_class.sizes[:MOST_SIZES_LISTED]):
             count = int((in_class & (placement.size_index == s)).sum())
-            radius = min(max(math.sqrt(size.area / math.pi) * scale, 3.0), 15.0)
+            radius = min(max(math.sqrt(size.area / math.pi) * scale, 5.0), 15.0)
             entries.append((size_color[c][s], radius, f"{_short(size.name)}  {count:,}"))
         rest = int((in_class & (placement.size_index >= MOST_SIZES_LISTED)).sum())
         if rest:

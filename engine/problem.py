@@ -186,7 +186,9 @@ class Problem:
 
 def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
     """Return the two lengths [m]; raise ProblemError unless both and their product are above 0 and finite."""
-    entries = tuple(value) if isinstance(value, (list, tuple, np.ndarray)) and np.ndim(value) != 0 else ()
+    entries = (
+        tuple(value) if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0) else ()
+    )
     if len(entries) != 2:
         raise ProblemError(f"{key} must be two lengths in metres, x and y; got {show(value)}")
     width, height = (_positive(entry, key, " in metres") for entry in entries)
