@@ -10,7 +10,6 @@ import importlib.metadata
 import importlib.util
 import json
 import os
-import re
 import subprocess
 import sys
 import tomllib
@@ -20,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 if importlib.util.find_spec("bpy") is None:
     pytest.skip("needs Blender as a Python module", allow_module_level=True)
@@ -62,9 +62,9 @@ def required_distributions(name: str) -> set[str]:
         if key in found:
             continue
         found.add(key)
-        for requirement in distribution.requires or []:
-            if "extra ==" not in requirement:
-                waiting.append(re.match(r"[\w.-]+", requirement).group())
+        for requirement in map(Requirement, distribution.requires or []):
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                waiting.append(requirement.name)
     return found
 
 

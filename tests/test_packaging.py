@@ -11,6 +11,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import parse_wheel_filename
 
 ROOT = Path(__file__).resolve().parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -61,10 +63,6 @@ def test_every_package_is_listed_for_pip():
 
 
 def test_bundled_wheels_satisfy_the_requirements_of_pip():
-    pytest.importorskip("packaging")
-    from packaging.requirements import Requirement
-    from packaging.utils import parse_wheel_filename
-
     required = {r.name: r.specifier for r in map(Requirement, PYPROJECT["project"]["dependencies"])}
     bundled = {
         name: version for name, version, _, _ in (parse_wheel_filename(Path(w).name) for w in MANIFEST["wheels"])
