@@ -19,17 +19,14 @@ import time
 from pathlib import Path
 
 import bpy
-import numpy as np
-from mathutils import Vector
-from PIL import Image
-
-from esh.engine.plan_plot import draw_plan
-from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterResult, ScatterSize, scatter
-
-sys.path.insert(0, str(Path(__file__).parent))
 import materials
+import numpy as np
 import terrain as land
 import trees
+from esh.engine.plan_plot import draw_plan
+from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterResult, ScatterSize, scatter
+from mathutils import Vector
+from PIL import Image
 
 __all__ = ["build", "main", "test_final"]
 
@@ -37,16 +34,17 @@ SEED = 11
 VARIANTS = 3
 # class -> size -> (count, height [m], crown radius [m], footprint [m²]); the footprint is the disc under the crown.
 TREES = {
-    "pine": {"large": (1250, 19.0, 3.0), "small": (1500, 10.0, 1.8)},
-    "beech": {"large": (620, 15.0, 4.1), "small": (800, 8.5, 2.4)},
+    "pine": {"large": (1450, 20.0, 3.3), "small": (1800, 10.0, 1.9)},
+    "beech": {"large": (700, 15.0, 4.2), "small": (900, 8.5, 2.5)},
 }
 COLORS = {"pine": (0.09, 0.30, 0.24), "beech": (0.85, 0.48, 0.12)}
 # Where the picture is taken from, and at which point it looks: x, y, height above the ground [m].
-EYE = (66.0, -250.0, 16.0)
-AIM = (10.0, 60.0, 8.0)
-CLEARING = (EYE[0], EYE[1], 46.0)
-SUN_ELEVATION = math.radians(19.0)
-SUN_AZIMUTH = math.radians(248.0)
+EYE = (76.0, -262.0, 24.0)
+AIM = (38.0, 20.0, 0.0)
+# Meadows without trees along the valley's floor, from the camera onwards: x, y, radius [m].
+CLEARINGS = ((74.0, -256.0, 44.0), (74.0, -200.0, 36.0), (64.0, -145.0, 22.0), (55.0, -100.0, 14.0))
+SUN_ELEVATION = math.radians(23.0)
+SUN_AZIMUTH = math.radians(226.0)
 
 
 def footprint(crown_radius: float) -> float:
@@ -93,11 +91,16 @@ def model_trees(scene: bpy.types.Scene) -> dict[tuple[str, str], bpy.types.Colle
     pine_bark = materials.bark("Pine bark", (0.035, 0.024, 0.018), (0.11, 0.07, 0.05))
     beech_bark = materials.bark("Beech bark", (0.09, 0.085, 0.075), (0.24, 0.22, 0.19))
     needles = materials.foliage(
-        "Needles", [(0.0, (0.022, 0.055, 0.026)), (0.5, (0.035, 0.078, 0.030)), (1.0, (0.062, 0.095, 0.032))], 0.35, 0.12
+        "Needles", [(0.0, (0.03, 0.075, 0.035)), (0.5, (0.05, 0.105, 0.038)), (1.0, (0.085, 0.125, 0.04))], 0.35, 0.12
     )
     leaves = materials.foliage(
         "Beech leaves",
-        [(0.0, (0.34, 0.075, 0.014)), (0.35, (0.50, 0.17, 0.018)), (0.7, (0.58, 0.30, 0.035)), (1.0, (0.33, 0.28, 0.05))],
+        [
+            (0.0, (0.34, 0.075, 0.014)),
+            (0.35, (0.50, 0.17, 0.018)),
+            (0.7, (0.58, 0.30, 0.035)),
+            (1.0, (0.33, 0.28, 0.05)),
+        ],
         0.3,
         0.4,
     )
@@ -111,10 +114,10 @@ def model_trees(scene: bpy.types.Scene) -> dict[tuple[str, str], bpy.types.Colle
                 seed = 100 * (size == "large") + variant
                 factor = 1.0 + 0.1 * (variant - 1)
                 if kind == "pine":
-                    tree = trees.pine(height * factor, radius, 19 if size == "large" else 13, seed)
+                    tree = trees.pine(height * factor, radius, 23 if size == "large" else 15, seed)
                 else:
-                    tree = trees.beech(height * factor, radius, 9 if size == "large" else 6,
-                                       2600 if size == "large" else 1300, seed)  # fmt: skip
+                    tree = trees.beech(height * factor, radius, 13 if size == "large" else 9,
+                                       8000 if size == "large" else 3600, seed)  # fmt: skip
                 surfaces = [pine_bark, needles] if kind == "pine" else [beech_bark, leaves]
                 item = tree_object(f"{kind} {size} {variant + 1}", tree, surfaces)
                 item["trunk_radius"] = tree.trunk_radius
@@ -143,8 +146,11 @@ def add_undergrowth(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
     tufts = [tree_object("Tuft", trees.grass_tuft(0.8, 46, seed), [stone, blade]).data for seed in range(4)]
     stones = [tree_object("Boulder", trees.boulder(1.0, seed), [stone]).data for seed in range(4)]
     ahead = math.atan2(AIM[1] - EYE[1], AIM[0] - EYE[0])
-    for count, meshes, near, far, small, large in ((2600, tufts, 8.0, 75.0, 0.6, 1.5), (46, stones, 14.0, 80.0, 0.4, 1.9)):
-        distance = near + (far - near) * rng.random(count) ** 1.2
+    for count, meshes, near, far, small, large in (
+        (7000, tufts, 12.0, 150.0, 0.45, 1.3),
+        (60, stones, 16.0, 110.0, 0.3, 1.9),
+    ):
+        distance = near + (far - near) * rng.random(count) ** 0.8
         angle = ahead + rng.uniform(-0.62, 0.62, count)
         x, y = EYE[0] + distance * np.cos(angle), EYE[1] + distance * np.sin(angle)
         z = terrain.height_at(x, y)
@@ -160,7 +166,7 @@ def add_camera(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
     """Set the camera at :data:`EYE`, looking up the valley."""
     points = [Vector((x, y, float(terrain.height_at([x], [y])[0]) + above)) for x, y, above in (EYE, AIM)]
     data = bpy.data.cameras.new("Camera")
-    data.lens = 34.0
+    data.lens = 33.0
     data.clip_end = 20_000.0
     camera = bpy.data.objects.new("Camera", data)
     camera.location = points[0]
@@ -190,8 +196,8 @@ def set_render(scene: bpy.types.Scene, width: int, samples: int) -> None:
     except TypeError:
         cycles.use_denoising = False
     scene.view_settings.view_transform = "AgX"
-    scene.view_settings.look = "AgX - Medium High Contrast"
-    scene.view_settings.exposure = 0.35
+    scene.view_settings.look = "AgX - Punchy"
+    scene.view_settings.exposure = 0.85
     scene.render.image_settings.file_format = "PNG"
 
 
@@ -217,7 +223,7 @@ def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terra
     for item in (ground, backdrop):
         scene.collection.objects.link(item)
 
-    textures = land.density_textures(terrain, keep_clear=(CLEARING,))
+    textures = land.density_textures(terrain, keep_clear=CLEARINGS)
     images = save_textures(textures, output)
     sources = model_trees(scene)
     classes = [
@@ -373,7 +379,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("output"), help="folder for the pictures and the .blend")
     parser.add_argument("--width", type=int, default=1280, help="width of the picture in pixels (16:9)")
-    parser.add_argument("--samples", type=int, default=48, help="Cycles samples per pixel")
+    parser.add_argument("--samples", type=int, default=32, help="Cycles samples per pixel")
     parser.add_argument("--max-steps", type=int, default=150, help="steps of the sampler at most")
     options = parser.parse_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)

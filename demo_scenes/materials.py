@@ -10,9 +10,9 @@ __all__ = ["bark", "foliage", "grass", "ground", "set_sky"]
 
 Color = tuple[float, float, float]
 # Air: the distance over which two thirds of the light of a thing is lost [m], and the colour that takes its place.
-VISIBILITY = 1500.0
-HAZE: Color = (0.50, 0.52, 0.56)
-HAZE_STRENGTH = 0.8
+VISIBILITY = 1200.0
+HAZE: Color = (0.64, 0.58, 0.53)
+HAZE_STRENGTH = 0.6
 
 
 def _node(tree: bpy.types.NodeTree, kind: str, /, **values: object) -> bpy.types.Node:
@@ -22,7 +22,9 @@ def _node(tree: bpy.types.NodeTree, kind: str, /, **values: object) -> bpy.types
     return node
 
 
-def _ramp(tree: bpy.types.NodeTree, factor: bpy.types.NodeSocket, stops: list[tuple[float, Color]]) -> bpy.types.NodeSocket:
+def _ramp(
+    tree: bpy.types.NodeTree, factor: bpy.types.NodeSocket, stops: list[tuple[float, Color]]
+) -> bpy.types.NodeSocket:
     node = _node(tree, "ShaderNodeValToRGB")
     tree.links.new(factor, node.inputs[0])
     elements = node.color_ramp.elements
@@ -124,7 +126,7 @@ def foliage(name: str, hues: list[tuple[float, Color]], shade: float, translucen
     """
     material, tree = _material(name)
     hue = _ramp(tree, _per_instance(tree), hues)
-    depth = _ramp(tree, _tint(tree), [(0.0, (shade,) * 3), (1.0, (1.25,) * 3)])
+    depth = _ramp(tree, _tint(tree), [(0.0, (shade,) * 3), (1.0, (1.4, 1.35, 1.2))])
     color = _mix(tree, 1.0, hue, depth, "MULTIPLY")
     through = _node(tree, "ShaderNodeBsdfTranslucent")
     tree.links.new(color, through.inputs["Color"])
@@ -139,7 +141,10 @@ def foliage(name: str, hues: list[tuple[float, Color]], shade: float, translucen
 def grass(name: str) -> bpy.types.Material:
     """Dry autumn grass."""
     return foliage(
-        name, [(0.0, (0.16, 0.15, 0.045)), (0.5, (0.26, 0.20, 0.07)), (1.0, (0.33, 0.25, 0.11))], shade=0.6, translucent=0.35
+        name,
+        [(0.0, (0.12, 0.13, 0.035)), (0.5, (0.20, 0.17, 0.055)), (1.0, (0.31, 0.23, 0.09))],
+        shade=0.6,
+        translucent=0.35,
     )
 
 
@@ -162,18 +167,32 @@ def ground(name: str, low: float, high: float, wooded: bool) -> bpy.types.Materi
     altitude = _math(tree, "ADD", rise, _math(tree, "MULTIPLY", _math(tree, "SUBTRACT", _noise(tree, 45.0), 0.5), 0.45))
     if wooded:
         color = _ramp(
-            tree, altitude,
-            [(0.06, (0.16, 0.15, 0.05)), (0.14, (0.22, 0.10, 0.025)), (0.42, (0.13, 0.075, 0.022)), (0.6, (0.025, 0.045, 0.02))],
-        )  # fmt: skip
+            tree,
+            altitude,
+            [
+                (0.06, (0.16, 0.15, 0.05)),
+                (0.14, (0.22, 0.10, 0.025)),
+                (0.42, (0.13, 0.075, 0.022)),
+                (0.60, (0.025, 0.045, 0.02)),
+            ],
+        )
         canopy = _ramp(tree, _noise(tree, 9.0, 2.0), [(0.35, (0.35,) * 3), (0.65, (1.2,) * 3)])
         color = _mix(tree, 1.0, color, canopy, "MULTIPLY")
     else:
         color = _ramp(
-            tree, altitude,
-            [(0.0, (0.17, 0.165, 0.05)), (0.3, (0.19, 0.135, 0.05)), (0.55, (0.12, 0.075, 0.035)), (0.9, (0.10, 0.085, 0.05))],
-        )  # fmt: skip
+            tree,
+            altitude,
+            [
+                (0.0, (0.115, 0.135, 0.035)),
+                (0.3, (0.17, 0.125, 0.045)),
+                (0.55, (0.11, 0.07, 0.03)),
+                (0.9, (0.10, 0.085, 0.05)),
+            ],
+        )
         patch = _ramp(tree, _noise(tree, 5.0), [(0.3, (0.62, 0.62, 0.55)), (0.7, (1.25, 1.2, 1.1))])
         color = _mix(tree, 1.0, color, patch, "MULTIPLY")
+        stubble = _ramp(tree, _noise(tree, 0.45, 2.0), [(0.35, (0.6,) * 3), (0.65, (1.3,) * 3)])
+        color = _mix(tree, 1.0, color, stubble, "MULTIPLY")
         rock = _ramp(tree, _noise(tree, 1.6), [(0.3, (0.10, 0.095, 0.09)), (0.7, (0.27, 0.25, 0.225))])
         # cos 27 degrees and cos 35 degrees.
         bare = _math(tree, "ADD", facing.outputs[2], _math(tree, "MULTIPLY", _noise(tree, 6.0), 0.12))
@@ -187,6 +206,25 @@ def ground(name: str, low: float, high: float, wooded: bool) -> bpy.types.Materi
     tree.links.new(bump.outputs[0], surface.inputs["Normal"])
     _finish(tree, surface.outputs[0])
     return material
+
+
+def _clouds(tree: bpy.types.NodeTree, sky: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Draw thin high clouds over ``sky``, drawn out along the wind and closer together towards the horizon."""
+    ray = _node(tree, "ShaderNodeTexCoord")
+    split = _node(tree, "ShaderNodeSeparateXYZ")
+    tree.links.new(ray.outputs["Generated"], split.inputs[0])
+    rise = _math(tree, "ADD", _math(tree, "MAXIMUM", split.outputs[2], 0.0), 0.12)
+    plane = _node(tree, "ShaderNodeCombineXYZ")
+    tree.links.new(_math(tree, "DIVIDE", split.outputs[0], rise), plane.inputs[0])
+    tree.links.new(_math(tree, "MULTIPLY", _math(tree, "DIVIDE", split.outputs[1], rise), 1.9), plane.inputs[1])
+    noise = _node(tree, "ShaderNodeTexNoise")
+    noise.inputs["Scale"].default_value = 0.75
+    noise.inputs["Detail"].default_value = 7.0
+    noise.inputs["Distortion"].default_value = 0.35
+    tree.links.new(plane.outputs[0], noise.inputs["Vector"])
+    cover = _ramp(tree, noise.outputs[0], [(0.42, (0.0,) * 3), (0.62, (0.9,) * 3)])
+    bright = _mix(tree, 1.0, sky, (1.7, 1.45, 1.25), "MULTIPLY")
+    return _mix(tree, cover, sky, _mix(tree, 0.55, bright, (5.6, 4.9, 4.2)))
 
 
 def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
@@ -204,8 +242,8 @@ def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
     tree.nodes.clear()
     sky = _node(tree, "ShaderNodeTexSky")
     kinds = sky.bl_rna.properties["sky_type"].enum_items.keys()
-    # Blender 5 calls the Nishita model by how it scatters.
-    sky.sky_type = next(kind for kind in ("NISHITA", "MULTIPLE_SCATTERING", "SINGLE_SCATTERING") if kind in kinds)
+    # Blender 5 calls the Nishita model by how it scatters; its brighter successor would need another exposure.
+    sky.sky_type = next(kind for kind in ("NISHITA", "SINGLE_SCATTERING") if kind in kinds)
     sky.sun_disc = False
     sky.sun_elevation = elevation
     sky.sun_rotation = azimuth
@@ -214,12 +252,12 @@ def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
         if hasattr(sky, dust):
             setattr(sky, dust, 1.6)
     light = _node(tree, "ShaderNodeBackground")
-    light.inputs["Strength"].default_value = 0.22
-    tree.links.new(sky.outputs[0], light.inputs["Color"])
+    light.inputs["Strength"].default_value = 0.2
+    tree.links.new(_clouds(tree, sky.outputs[0]), light.inputs["Color"])
     tree.links.new(light.outputs[0], _node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
     sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy = 4.6
-    sun.color = (1.0, 0.80, 0.56)
+    sun.energy = 7.5
+    sun.color = (1.0, 0.79, 0.54)
     sun.angle = math.radians(0.8)
     lamp = bpy.data.objects.new("Sun", sun)
     lamp.rotation_euler = (math.pi / 2 - elevation, 0.0, math.pi - azimuth)

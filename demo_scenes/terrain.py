@@ -85,7 +85,7 @@ def _cell_size(data: np.lib.npyio.NpzFile) -> tuple[float, float]:
 
 
 def _cubic_rows(image: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Catmull-Rom interpolation between the rows of ``image``, at the row coordinates ``at``; shape ``[len(at), columns]``."""
+    """Catmull-Rom interpolation between the rows of ``image`` at the row coordinates ``at``: ``[len(at), columns]``."""
     start = np.clip(np.floor(at).astype(int), 0, len(image) - 2)
     t = (at - start)[:, None]
     a, b, c, d = (image[np.clip(start + offset, 0, len(image) - 1)] for offset in (-1, 0, 1, 2))
@@ -168,7 +168,9 @@ def _rise(value: np.ndarray, low: float, high: float) -> np.ndarray:
     return t * t * (3.0 - 2.0 * t)
 
 
-def density_textures(terrain: Terrain, keep_clear: tuple[tuple[float, float, float], ...] = ()) -> dict[str, np.ndarray]:
+def density_textures(
+    terrain: Terrain, keep_clear: tuple[tuple[float, float, float], ...] = ()
+) -> dict[str, np.ndarray]:
     """Paint where pines and beeches grow: pines high and steep, beeches low and gentle, neither in the clearings.
 
     Args:

@@ -7,7 +7,7 @@ a material index: 0 bark, 1 foliage.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,25 +91,34 @@ def pine(height: float, crown_radius: float, whorls: int, seed: int) -> TreeMesh
     build = _Builder()
     trunk_radius = 0.016 * height + 0.05
     lean = rng.normal(0.0, 0.008 * height, 2)
-    level = np.array([-ROOT_DEPTH, 0.0, 0.06 * height, 0.5 * height, 0.97 * height])
+    level = np.array([-ROOT_DEPTH, 0.0, 0.06 * height, 0.5 * height, 0.95 * height])
     path = np.column_stack([*(lean[:, None] * np.maximum(level / height, 0.0) ** 2), level])
     build.tube(path, trunk_radius * np.array([1.5, 1.25, 0.95, 0.55, 0.08]), 7, 0.4)
-    first = rng.uniform(0.07, 0.13)
+    first = rng.uniform(0.11, 0.15)
     for whorl in range(whorls):
         t = whorl / (whorls - 1)
-        base = height * (first + (0.965 - first) * t**0.88)
+        base = height * (first + (0.975 - first) * t**0.92)
         # A spire that bulges a little, frayed from level to level.
-        reach = crown_radius * ((1.0 - t) ** 0.82 + 0.045) * rng.uniform(0.86, 1.08)
-        branches = 6 + round(5 * (1.0 - t))
+        reach = crown_radius * (0.93 * (1.0 - t) ** 0.8 + 0.1) * rng.uniform(0.82, 1.08)
+        branches = 6 + round(6 * (1.0 - t))
         start = whorl * GOLDEN_ANGLE
         centre = np.append(lean * (base / height) ** 2, base)
         for branch in range(branches):
             angle = start + 2 * np.pi * (branch + rng.uniform(-0.25, 0.25)) / branches
             _pine_branch(build, centre, angle, reach * rng.uniform(0.72, 1.05), t, rng)
     top = np.append(lean * 0.97, 0.965 * height)
-    spire = np.array([[0.09, 0.0, -0.6], [-0.05, 0.08, -0.6], [-0.05, -0.08, -0.6], [0.0, 0.0, 0.035 * height]])
+    spire = np.array([[0.09, 0.0, -0.6], [-0.05, 0.08, -0.6], [-0.05, -0.08, -0.6], [0.0, 0.0, 0.02 * height]])
     build.add(top + spire, np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]]), 0.75, 1)
-    return build.done(trunk_radius)
+    return _fit(build.done(trunk_radius), height, crown_radius)
+
+
+def _fit(tree: TreeMesh, height: float, crown_radius: float) -> TreeMesh:
+    """Stretch ``tree`` so that it is as high and as wide as asked: the footprint is what the sampler keeps free."""
+    vertex = tree.vertex.copy()
+    wide = crown_radius / np.percentile(np.hypot(vertex[:, 0], vertex[:, 1]), 99.5)
+    vertex[:, :2] *= wide
+    vertex[:, 2] *= np.where(vertex[:, 2] > 0.0, height / vertex[:, 2].max(), 1.0)
+    return replace(tree, vertex=vertex, trunk_radius=wide * tree.trunk_radius)
 
 
 def _pine_branch(
@@ -119,8 +128,8 @@ def _pine_branch(
     out = np.array([np.cos(angle), np.sin(angle), 0.0])
     side = np.array([-out[1], out[0], 0.0])
     up = np.array([0.0, 0.0, 1.0])
-    droop = reach * (0.42 - 0.75 * t) + 0.1 * reach * rng.uniform(-1, 1)
-    width = reach * rng.uniform(0.24, 0.34)
+    droop = reach * (0.36 - 0.68 * t) + 0.1 * reach * rng.uniform(-1, 1)
+    width = reach * rng.uniform(0.26, 0.38)
     along = np.array([0.0, 0.34, 0.6, 0.82, 1.0])
     spread = np.array([0.25, 0.95, 0.72, 0.55, 0.0]) * rng.uniform(0.8, 1.2, 5)
     lift = np.array([0.16, 0.12, 0.04, -0.02, 0.0]) * reach
@@ -157,43 +166,43 @@ def beech(height: float, crown_radius: float, blobs: int, leaves: int, seed: int
     rng = np.random.default_rng(seed)
     build = _Builder()
     trunk_radius = 0.018 * height + 0.06
-    fork = 0.3 * height
+    fork = 0.24 * height
     bend = rng.normal(0.0, 0.012 * height, 2)
     level = np.array([-ROOT_DEPTH, 0.0, 0.05 * height, fork, 0.72 * height])
     path = np.column_stack([*(bend[:, None] * np.maximum(level / height, 0.0)), level])
     build.tube(path, trunk_radius * np.array([1.6, 1.35, 1.0, 0.8, 0.2]), 8, 0.55)
-    centre, radius = [np.array([*bend, 0.74 * height])], [0.62 * crown_radius]
+    centre, radius = [np.array([*bend, 0.66 * height])], [0.6 * crown_radius]
     for blob in range(blobs - 1):
         t = (blob + 0.5) / (blobs - 1)
         angle = blob * GOLDEN_ANGLE + rng.uniform(-0.4, 0.4)
-        # Low boughs reach far, high ones stay close: a dome.
-        level_of = 0.42 + 0.42 * t
-        reach = crown_radius * (0.66 - 0.32 * t) * rng.uniform(0.85, 1.1)
+        # An egg: boughs reach farthest a third of the way up, and close in towards the top.
+        level_of = 0.33 + 0.53 * t + rng.uniform(-0.03, 0.03)
+        reach = crown_radius * (0.52 + 0.35 * t - 0.72 * t * t) * rng.uniform(0.85, 1.15)
         centre.append(np.array([reach * np.cos(angle), reach * np.sin(angle), level_of * height]))
-        radius.append(crown_radius * (0.46 - 0.08 * t) * rng.uniform(0.85, 1.12))
+        radius.append(crown_radius * (0.46 - 0.12 * t) * rng.uniform(0.8, 1.15))
     middle, size = np.array(centre), np.array(radius)
     for c in middle[1:]:
         knee = np.array([0.35 * c[0], 0.35 * c[1], 0.5 * (fork + c[2])])
         start = np.array([0.0, 0.0, min(fork, 0.8 * c[2])])
         build.tube(np.stack([start, knee, c]), trunk_radius * np.array([0.5, 0.32, 0.1]), 5, 0.5)
-    flat = np.array([1.0, 1.0, 0.82])
+    flat = np.array([1.0, 1.0, 0.9])
     for c, r in zip(middle, size, strict=True):
         vertex, face = _sphere(1)
-        vertex = c + 0.8 * r * flat * vertex * rng.uniform(0.82, 1.08, (len(vertex), 1))
+        vertex = c + 0.72 * r * flat * vertex * rng.uniform(0.82, 1.08, (len(vertex), 1))
         build.add(vertex, face, 0.08 + rng.uniform(0.0, 0.08), 1)
     which = rng.choice(len(size), leaves, p=size**2 / (size**2).sum())
     z = 1.0 - 2.0 * rng.random(leaves) ** 1.15
     around = rng.random(leaves) * 2 * np.pi
     ring = np.sqrt(1.0 - z * z)
     normal = np.stack([ring * np.cos(around), ring * np.sin(around), z], 1)
-    place = middle[which] + size[which, None] * rng.uniform(0.8, 1.06, (leaves, 1)) * flat * normal
+    place = middle[which] + size[which, None] * rng.uniform(0.74, 1.1, (leaves, 1)) * flat * normal
     # Sprays inside another bough are never seen.
     inside = np.linalg.norm((place[:, None] - middle) / flat, axis=2) / size
     inside[np.arange(leaves), which] = 2.0
     seen = inside.min(1) > 0.78
     place, normal, which = place[seen], normal[seen], which[seen]
     _leaf_sprays(build, place, normal, crown_radius, height, which, rng)
-    return build.done(trunk_radius)
+    return _fit(build.done(trunk_radius), height, crown_radius)
 
 
 def _leaf_sprays(
@@ -212,7 +221,7 @@ def _leaf_sprays(
     along = np.cross(facing, rng.normal(size=(n, 3)))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(facing, along)
-    half = (0.045 * crown_radius + 0.12) * rng.uniform(0.7, 1.35, (n, 1))
+    half = (0.022 * crown_radius + 0.095) * rng.uniform(0.7, 1.35, (n, 1))
     bend = 0.35 * half * facing
     corner = np.stack([place - half * along, place + 0.62 * half * across + bend,
                        place + half * along, place - 0.62 * half * across + bend], 1)  # fmt: skip
@@ -270,7 +279,9 @@ def grass_tuft(height: float, blades: int, seed: int) -> TreeMesh:
     up = np.array([0.0, 0.0, 1.0])
     knee = root + 0.6 * tall * up + 0.3 * lean * tall * out
     tip = root + tall * up + lean * tall * out
-    vertex = np.stack([root - half * side, root + half * side, knee - 0.7 * half * side, knee + 0.7 * half * side, tip], 1)
+    vertex = np.stack(
+        [root - half * side, root + half * side, knee - 0.7 * half * side, knee + 0.7 * half * side, tip], 1
+    )
     first = 5 * np.arange(blades)[:, None]
     face = np.concatenate([first + [0, 1, 3], first + [0, 3, 2], first + [2, 3, 4]])
     build = _Builder()
