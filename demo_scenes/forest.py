@@ -39,12 +39,12 @@ TREES = {
 }
 COLORS = {"pine": (0.09, 0.30, 0.24), "beech": (0.85, 0.48, 0.12)}
 # Where the picture is taken from, and at which point it looks: x, y, height above the ground [m].
-EYE = (76.0, -262.0, 24.0)
-AIM = (38.0, 20.0, 0.0)
+EYE = (76.0, -262.0, 22.0)
+AIM = (38.0, 20.0, 2.0)
 # Meadows without trees along the valley's floor, from the camera onwards: x, y, radius [m].
-CLEARINGS = ((74.0, -256.0, 44.0), (74.0, -200.0, 36.0), (64.0, -145.0, 22.0), (55.0, -100.0, 14.0))
+CLEARINGS = ((74.0, -258.0, 38.0), (74.0, -208.0, 29.0), (64.0, -155.0, 18.0), (55.0, -105.0, 12.0))
 SUN_ELEVATION = math.radians(23.0)
-SUN_AZIMUTH = math.radians(226.0)
+SUN_AZIMUTH = math.radians(238.0)
 
 
 def footprint(crown_radius: float) -> float:
@@ -114,7 +114,7 @@ def model_trees(scene: bpy.types.Scene) -> dict[tuple[str, str], bpy.types.Colle
                 seed = 100 * (size == "large") + variant
                 factor = 1.0 + 0.1 * (variant - 1)
                 if kind == "pine":
-                    tree = trees.pine(height * factor, radius, 23 if size == "large" else 15, seed)
+                    tree = trees.pine(height * factor, radius, 30 if size == "large" else 19, seed)
                 else:
                     tree = trees.beech(height * factor, radius, 13 if size == "large" else 9,
                                        8000 if size == "large" else 3600, seed)  # fmt: skip
@@ -197,7 +197,7 @@ def set_render(scene: bpy.types.Scene, width: int, samples: int) -> None:
         cycles.use_denoising = False
     scene.view_settings.view_transform = "AgX"
     scene.view_settings.look = "AgX - Punchy"
-    scene.view_settings.exposure = 0.85
+    scene.view_settings.exposure = 0.8
     scene.render.image_settings.file_format = "PNG"
 
 

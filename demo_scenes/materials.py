@@ -10,7 +10,7 @@ __all__ = ["bark", "foliage", "grass", "ground", "set_sky"]
 
 Color = tuple[float, float, float]
 # Air: the distance over which two thirds of the light of a thing is lost [m], and the colour that takes its place.
-VISIBILITY = 1200.0
+VISIBILITY = 1300.0
 HAZE: Color = (0.64, 0.58, 0.53)
 HAZE_STRENGTH = 0.6
 
@@ -252,11 +252,11 @@ def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
         if hasattr(sky, dust):
             setattr(sky, dust, 1.6)
     light = _node(tree, "ShaderNodeBackground")
-    light.inputs["Strength"].default_value = 0.2
+    light.inputs["Strength"].default_value = 0.19
     tree.links.new(_clouds(tree, sky.outputs[0]), light.inputs["Color"])
     tree.links.new(light.outputs[0], _node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
     sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy = 7.5
+    sun.energy = 11.0
     sun.color = (1.0, 0.79, 0.54)
     sun.angle = math.radians(0.8)
     lamp = bpy.data.objects.new("Sun", sun)

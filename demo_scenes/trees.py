@@ -97,9 +97,9 @@ def pine(height: float, crown_radius: float, whorls: int, seed: int) -> TreeMesh
     first = rng.uniform(0.11, 0.15)
     for whorl in range(whorls):
         t = whorl / (whorls - 1)
-        base = height * (first + (0.975 - first) * t**0.92)
+        base = height * (first + (0.975 - first) * t**0.86)
         # A spire that bulges a little, frayed from level to level.
-        reach = crown_radius * (0.93 * (1.0 - t) ** 0.8 + 0.1) * rng.uniform(0.82, 1.08)
+        reach = crown_radius * (0.9 * (1.0 - t) ** 0.85 + 0.14 * (1.0 - t) ** 0.25 + 0.03) * rng.uniform(0.82, 1.08)
         branches = 6 + round(6 * (1.0 - t))
         start = whorl * GOLDEN_ANGLE
         centre = np.append(lean * (base / height) ** 2, base)
