@@ -46,10 +46,6 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"esh-scatter: {message}; see {self.prog} --help\n")
 
 
-class _Interrupted(Exception):
-    """Ctrl-C was pressed."""
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit status.
 
@@ -69,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError:
         _complain("this machine's memory does not suffice; lower the counts, or use smaller density images")
         return BAD_INPUT
-    except (_Interrupted, KeyboardInterrupt) as interruption:
+    except KeyboardInterrupt as interruption:
         _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
         return INTERRUPTED
     except BrokenPipeError:
@@ -129,21 +125,21 @@ class _whole:
 
 def _solve(options: argparse.Namespace) -> int:
     _check_outputs(options)
-    with _interruption() as interrupted:
-        from ..engine.placement_files import placement_writer, write_files
-        from ..engine.recipe import read_recipe, recipe_densities
+    from ..engine.placement_files import placement_writer, write_files
+    from ..engine.recipe import read_recipe, recipe_densities
 
-        problem = read_recipe(options.recipe, seed=options.seed)
-        _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
-        placement = _run(problem, options, interrupted)
-        writers = {path: placement_writer(path, placement) for path in options.output}
-        if options.report is not None:
-            writers[options.report] = lambda file: _write_report(file, placement)
-        if options.plot is not None:
-            from ..engine.plan_plot import draw_plan
+    problem = read_recipe(options.recipe, seed=options.seed)
+    _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
+    placement = _run(problem, options)
+    writers = {path: placement_writer(path, placement) for path in options.output}
+    if options.report is not None:
+        writers[options.report] = lambda file: _write_report(file, placement)
+    if options.plot is not None:
+        from ..engine.plan_plot import draw_plan
 
-            writers[options.plot] = lambda file: draw_plan(placement, file)
-        # From here on an interruption waits: the files are all but there.
+        writers[options.plot] = lambda file: draw_plan(placement, file)
+    # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
+    with _on_interruption(signal.SIG_IGN):
         write_files(writers)
     if not options.quiet:
         print(placement.report)
@@ -151,7 +147,7 @@ def _solve(options: argparse.Namespace) -> int:
     return 0
 
 
-def _run(problem: Problem, options: argparse.Namespace, interrupted: list[bool]) -> Placement:
+def _run(problem: Problem, options: argparse.Namespace) -> Placement:
     import warp
 
     from ..engine.native_output import muted
@@ -161,44 +157,43 @@ def _run(problem: Problem, options: argparse.Namespace, interrupted: list[bool])
     warp.config.log_level = warp.LOG_ERROR
     with muted():
         warp.init()
-
     show_bar = sys.stderr.isatty() and not options.quiet
-    last: list[Progress] = []
-    with _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar:
+    pressed: list[bool] = []
+    reached = ""
+
+    def press(number: int, frame: object) -> NoReturn:
+        pressed.append(True)
+        raise KeyboardInterrupt(reached)
+
+    with _on_interruption(press), _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar:
 
         def on_progress(progress: Progress) -> bool:
-            last[:] = [progress]
+            nonlocal reached
+            reached = f" after {progress.step} of {progress.steps} steps"
             if bar is not None:
                 bar(progress)
-            return not interrupted
+            # Where Python cannot raise (in a destructor, say), the press would be lost.
+            return not pressed
 
-        if interrupted:
-            raise _Interrupted
         try:
             placement = solve(problem, device=options.device, max_steps=options.max_steps, progress=on_progress)
         except ProblemError as error:
             raise ProblemError(f"{options.recipe}: {error}") from None
-    if interrupted:
-        raise _Interrupted(f" after {last[0].step} of {last[0].steps} steps" if last else "")
+    if pressed:
+        raise KeyboardInterrupt(reached)
     return placement
 
 
 @contextlib.contextmanager
-def _interruption() -> Iterator[list[bool]]:
-    """Let the first Ctrl-C fill the list that is handed out, and the second one end the program at once."""
-    pressed: list[bool] = []
-
-    def press(number: int, frame: Any) -> None:
-        pressed.append(True)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
+def _on_interruption(handler: Any) -> Iterator[None]:
+    """Handle Ctrl-C in this way for a while."""
     try:
-        before = signal.signal(signal.SIGINT, press)
+        before = signal.signal(signal.SIGINT, handler)
     except ValueError:  # called from another thread than the main one, where Ctrl-C does not arrive
-        yield pressed
+        yield
         return
     try:
-        yield pressed
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
 
