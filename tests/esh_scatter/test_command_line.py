@@ -248,8 +248,9 @@ def test_an_interruption_between_steps(folder, capfd, monkeypatch):
 
     def interrupted(problem, *, progress, **options):
         def press(step):
+            answer = progress(step)
             os.kill(os.getpid(), signal.SIGINT)
-            return progress(step)
+            return answer
 
         return honest(problem, progress=press, **options)
 
