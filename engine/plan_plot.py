@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from .errors import EshError
+from .placement_files import write_files
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -74,7 +75,8 @@ def draw_plan(
             ``[height, width, 3]``, values 0..1, row 0 its top; shown faintly.
 
     Raises:
-        EshError: Fewer colours than classes, a colour that is none, or a background of another shape.
+        EshError: Fewer colours than classes, a colour that is none, a background of another shape, or a file that cannot
+            be written.
     """
     problem = placement.problem
     class_color = _class_colors(colors, len(problem.classes))
@@ -89,7 +91,11 @@ def draw_plan(
 
     canvas_width = max(plan_width + 2 * MARGIN, 900)
     lines = _legend_lines(placement, scale, class_color, size_color, canvas_width - 2 * MARGIN)
-    _compose(plan, (plan_width, plan_height), canvas_width, lines, placement).save(path, format="PNG", optimize=False)
+    sheet = _compose(plan, (plan_width, plan_height), canvas_width, lines, placement)
+    if isinstance(path, (str, Path)):
+        write_files({Path(path): lambda file: sheet.save(file, format="PNG")})
+    else:
+        sheet.save(path, format="PNG")
 
 
 def _draw_bodies(

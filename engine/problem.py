@@ -273,7 +273,7 @@ def check_density(value: object, key: str) -> np.ndarray:
     if largest <= 0:
         raise ProblemError(f"{key} must be above 0 somewhere; it is 0 everywhere")
     # Only ratios matter: values that float32, or a sum of them, cannot hold are brought into its range.
-    if not 1e-20 < largest < 1e20:
+    if not 1e-20 < float(largest) < 1e20:
         given = given.astype(np.longdouble) / largest.astype(np.longdouble)
     return given.astype(np.float32, order="C")
 

@@ -110,6 +110,12 @@ def test_any_domain_and_any_footprint_can_be_drawn(size, tmp_path):
         assert max(picture.size) < 4000
 
 
+def test_a_plan_that_cannot_be_written(tmp_path):
+    placement = place(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 1)])], [[0.5, 0.5]])
+    with pytest.raises(EshError, match=r"plan\.png cannot be written: there is no folder"):
+        draw_plan(placement, tmp_path / "absent" / "plan.png")
+
+
 def test_colours_and_backgrounds_without_meaning():
     placement = place(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 1)])], [[0.5, 0.5]])
     with pytest.raises(EshError, match="`colors` must hold one colour per class, 1; got 0"):
