@@ -197,7 +197,7 @@ def set_render(scene: bpy.types.Scene, width: int, samples: int) -> None:
         cycles.use_denoising = False
     scene.view_settings.view_transform = "AgX"
     scene.view_settings.look = "AgX - Punchy"
-    scene.view_settings.exposure = 0.8
+    scene.view_settings.exposure = 0.95
     scene.render.image_settings.file_format = "PNG"
 
 
@@ -379,7 +379,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("output"), help="folder for the pictures and the .blend")
     parser.add_argument("--width", type=int, default=1280, help="width of the picture in pixels (16:9)")
-    parser.add_argument("--samples", type=int, default=32, help="Cycles samples per pixel")
+    parser.add_argument("--samples", type=int, default=24, help="Cycles samples per pixel")
     parser.add_argument("--max-steps", type=int, default=150, help="steps of the sampler at most")
     options = parser.parse_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)

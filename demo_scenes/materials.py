@@ -10,7 +10,7 @@ __all__ = ["bark", "foliage", "grass", "ground", "set_sky"]
 
 Color = tuple[float, float, float]
 # Air: the distance over which two thirds of the light of a thing is lost [m], and the colour that takes its place.
-VISIBILITY = 1300.0
+VISIBILITY = 1500.0
 HAZE: Color = (0.64, 0.58, 0.53)
 HAZE_STRENGTH = 0.6
 
@@ -222,7 +222,7 @@ def _clouds(tree: bpy.types.NodeTree, sky: bpy.types.NodeSocket) -> bpy.types.No
     noise.inputs["Detail"].default_value = 7.0
     noise.inputs["Distortion"].default_value = 0.35
     tree.links.new(plane.outputs[0], noise.inputs["Vector"])
-    cover = _ramp(tree, noise.outputs[0], [(0.42, (0.0,) * 3), (0.62, (0.9,) * 3)])
+    cover = _ramp(tree, noise.outputs[0], [(0.45, (0.0,) * 3), (0.68, (0.9,) * 3)])
     bright = _mix(tree, 1.0, sky, (1.7, 1.45, 1.25), "MULTIPLY")
     return _mix(tree, cover, sky, _mix(tree, 0.55, bright, (5.6, 4.9, 4.2)))
 
