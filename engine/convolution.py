@@ -10,17 +10,22 @@ import numpy as np
 import warp as wp
 
 from . import kernels_fft
+from .convolution_gpu import GpuTransforms
 from .device import Launcher
 
 __all__ = ["Convolution", "good_length"]
 
 
-def good_length(least: float) -> int:
-    """Return the smallest length >= ``least`` that is a power of two, or three times one; at least 16."""
-    power = 16
+def good_length(least: float, *, power_of_two: bool = False) -> int:
+    """Return the smallest length >= ``least`` that is a power of two, or else three times one; at least 64.
+
+    GPUs want ``power_of_two``.
+    """
+    power = 64
     while power < least:
         power *= 2
-    return power * 3 // 4 if power * 3 // 4 >= max(least, 16) else power
+    three = power * 3 // 4
+    return three if three >= max(least, 64) and not power_of_two else power
 
 
 class Convolution:
@@ -38,10 +43,8 @@ class Convolution:
         self.padded = padded
         device = launcher.device
         self._spectrum = [wp.empty(shape[0] * padded[1], dtype=float, device=device) for _ in range(2)]
-        self._gpu = None
+        self._gpu: GpuTransforms | None = None
         if device.is_cuda:
-            from .convolution_gpu import GpuTransforms
-
             self._gpu = GpuTransforms(device, shape, padded)
             return
         self._twiddles = {length: wp.array(_twiddle(length), dtype=float, device=device) for length in set(padded)}

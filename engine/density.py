@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["box_integrals", "sample_density", "spline_deposit"]
+__all__ = ["box_integrals", "sample_density", "settle_on_full_pixels", "spline_deposit"]
 
 
 def box_integrals(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -62,6 +62,26 @@ def sample_density(image: np.ndarray, position: np.ndarray, size: tuple[float, f
     column = np.clip((position[:, 0] / size[0] * width).astype(np.int64), 0, width - 1)
     row = np.clip(((1.0 - position[:, 1] / size[1]) * height).astype(np.int64), 0, height - 1)
     return image[row, column]
+
+
+def settle_on_full_pixels(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+    """Return positions (shape ``[n, 2]``) of which those on zero density moved to the nearest pixel above zero nearby.
+
+    They end just inside that pixel, so that rounding cannot put them out again. Of pixels beyond the eight neighbours the
+    one whose centre is nearest is taken.
+    """
+    result = np.array(position, dtype=np.float64)
+    height, width = image.shape
+    pixel = np.array([size[0] / width, size[1] / height])
+    full = np.argwhere(image > 0.0)
+    low = np.stack([full[:, 1], height - 1 - full[:, 0]], axis=1) * pixel
+    for body in np.flatnonzero(sample_density(image, result, size) <= 0.0):
+        outside = np.abs(low + 0.5 * pixel - result[body]) / pixel
+        near = np.flatnonzero((outside <= 1.51).all(axis=1))
+        candidates = near if len(near) else np.array([np.argmin((outside * pixel).max(axis=1))])
+        inside = np.clip(result[body], low[candidates] + 1e-3 * pixel, low[candidates] + (1.0 - 1e-3) * pixel)
+        result[body] = inside[np.argmin(((inside - result[body]) ** 2).sum(axis=1))]
+    return result
 
 
 def _apply(rows: np.ndarray, image: np.ndarray, columns: np.ndarray) -> np.ndarray:

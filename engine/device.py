@@ -7,6 +7,7 @@ range's first element as its first argument. On a GPU there is one range.
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -31,7 +32,8 @@ def resolve_device(name: str = "auto") -> wp.Device:
     Raises:
         DeviceError: An unknown name, or a GPU that this machine lacks.
     """
-    wp.config.quiet = True
+    # Warp announces its version and every module it loads; a library keeps quiet.
+    wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
     wp.init()
     gpu_names = [device.alias for device in wp.get_cuda_devices()]
     if name == "auto":
@@ -48,6 +50,13 @@ def resolve_device(name: str = "auto") -> wp.Device:
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
 
 
+def core_count() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 class Launcher:
     """Launches kernels on one device, on all cores when it is the CPU.
 
@@ -57,11 +66,7 @@ class Launcher:
 
     def __init__(self, device: wp.Device) -> None:
         self.device = device
-        self.thread_count = (
-            1
-            if device.is_cuda
-            else max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
-        )
+        self.thread_count = 1 if device.is_cuda else core_count()
         self._pool = ThreadPoolExecutor(self.thread_count) if self.thread_count > 1 else None
 
     def close(self) -> None:
@@ -75,7 +80,7 @@ class Launcher:
             self.launch_ranges(kernel, [(0, count)], inputs, outputs)
             return
         cuts = [count * part // self.thread_count for part in range(self.thread_count + 1)]
-        self.launch_ranges(kernel, list(zip(cuts[:-1], cuts[1:], strict=True)), inputs, outputs)
+        self.launch_ranges(kernel, list(itertools.pairwise(cuts)), inputs, outputs)
 
     def launch_ranges(
         self,

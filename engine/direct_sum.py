@@ -45,9 +45,7 @@ def direct_field(
         Field, shape ``[n, 2]``, float64.
     """
     # Whole cells per pixel, so that every cell has one density and its charge lies at its middle.
-    rows, columns = (
-        int(np.lcm.reduce([t.image.shape[axis] for t in targets])) for axis in (0, 1)
-    )
+    rows, columns = (int(np.lcm.reduce([t.image.shape[axis] for t in targets])) for axis in (0, 1))
     rows *= max(1, int(np.ceil(2.0 * size[1] / blur / rows)))
     columns *= max(1, int(np.ceil(2.0 * size[0] / blur / columns)))
     y = (np.arange(rows) + 0.5) / rows * size[1]

@@ -9,6 +9,7 @@ Units: the solver's length unit makes the mean number density 1, and its charge 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import warp as wp
 
 from . import kernels_cells, kernels_field, kernels_mesh
 from .convolution import Convolution, good_length
+from .convolution_gpu import LONGEST_ROW
 from .density import spline_deposit
 from .device import Launcher
 
@@ -28,13 +30,14 @@ __all__ = ["Field", "FieldTarget"]
 SPLIT_OVER_MESH = 1.9
 SPLIT_OVER_SPACING = 0.95
 CUTOFF_OVER_SPLIT = 3.5
-MESH_OVER_SPACING = 0.52
-# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and two
-# spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
+MESH_OVER_SPACING = 0.46
+# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
+# two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
 BLUR_OVER_SPACING = 0.37
-BLUR_OVER_MESH = 0.75
+BLUR_OVER_MESH = 0.85
 SMALLEST_MESH = 48
-LARGEST_MESH = 16384
+CROWDING_RESOLVED = 4.0
+LARGEST_MESH = 65536
 # Open meshes have nodes beyond the domain, so that the splines of bodies on its edge find theirs.
 OPEN_MARGIN = 2
 # Nodes between the farthest pair and the wrap of an open mesh: the kernel has a kink there, and the optimal influence
@@ -131,31 +134,39 @@ class Field:
         self._correction = self._sharp_target()
 
     def _choose_mesh(self, spacing: float) -> None:
-        wanted = spacing * MESH_OVER_SPACING
+        on_gpu = self.launcher.device.is_cuda
+        longest_row = LONGEST_ROW if on_gpu else LARGEST_MESH
+
+        def length_for(least: float) -> int:
+            return min(good_length(least, power_of_two=on_gpu), longest_row)
+
+        # Where bodies crowd on a small part of the domain, a mesh that resolves them there would have far more nodes than
+        # there are bodies; a coarser one shifts work to the near field. The crowding is 1 for a uniform density.
+        crowding = spacing**-2
+        coarsening = max(1.0, crowding / CROWDING_RESOLVED) ** 0.375
+        wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
+        widest_split = math.inf
         if self.periodic:
-            padded = [min(good_length(max(length / wanted, SMALLEST_MESH)), LARGEST_MESH) for length in self.size]
-            self.mesh_spacing = (self.size[0] / padded[0], self.size[1] / padded[1])
+            # Neighbours are looked for in three cells along each axis, which must not be the same cell twice.
+            widest_split = min(self.size) / (3.0 * CUTOFF_OVER_SPLIT)
+            wanted = min(wanted, widest_split / SPLIT_OVER_MESH)
+            columns, rows = (length_for(length / wanted) for length in self.size)
+            self.mesh_spacing = (self.size[0] / columns, self.size[1] / rows)
             self.margin = 0
-            self.shape = (padded[1], padded[0])
-            self.padded = self.shape
+            self.shape = self.padded = (rows, columns)
         else:
-            # One spacing for both axes, as small as the padded lengths allow.
+            # One spacing for both axes, as small as the padded length of the longer one allows.
             extra = 2 * OPEN_MARGIN + 1 + WRAP_GUARD
-            longest, shortest = max(self.size), min(self.size)
-            wanted = min(wanted, longest / SMALLEST_MESH)
-            padded_long = min(good_length(2.0 * (longest / wanted + extra)), LARGEST_MESH)
-            step = longest / (padded_long / 2 - extra)
-            padded_short = good_length(2.0 * (shortest / step + extra))
-            long_first = self.size[0] >= self.size[1]
-            padded = (padded_short, padded_long) if long_first else (padded_long, padded_short)
+            step = max(self.size) / (length_for(2.0 * (max(self.size) / wanted + extra)) / 2 - extra)
             self.mesh_spacing = (step, step)
             self.margin = OPEN_MARGIN
-            nodes = [math.ceil(length / step - 1e-9) + 2 * OPEN_MARGIN + 1 for length in self.size]
-            self.shape = (nodes[1], nodes[0])
-            self.padded = padded
-        self.split = max(SPLIT_OVER_MESH * max(self.mesh_spacing), SPLIT_OVER_SPACING * spacing)
+            columns, rows = (math.ceil(length / step - 1e-9) + 2 * OPEN_MARGIN + 1 for length in self.size)
+            self.shape = (rows, columns)
+            self.padded = (length_for(2 * (rows + WRAP_GUARD)), length_for(2 * (columns + WRAP_GUARD)))
+        coarsest = max(self.mesh_spacing)
+        self.split = max(SPLIT_OVER_MESH * coarsest, min(SPLIT_OVER_SPACING * spacing, widest_split))
         self.cutoff = CUTOFF_OVER_SPLIT * self.split
-        self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * max(self.mesh_spacing))
+        self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * coarsest)
 
     def _choose_cells(self) -> None:
         counts = [max(1, int(length / self.cutoff)) for length in self.size]
@@ -285,7 +296,7 @@ class Field:
         band_count = max(1, min(2 * self.launcher.thread_count, self.cells.count_y // 2))
         edges = [self.cells.count_y * b // band_count for b in range(band_count + 1)]
         starts = self._cell_start.numpy()[[edge * self.cells.count_x for edge in edges]]
-        bands = list(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True))
+        bands = list(itertools.pairwise(starts.tolist()))
         # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
         rounds = [bands[0::2], bands[1::2]]
         if self.periodic and band_count % 2 == 1 and band_count > 1:
@@ -323,7 +334,7 @@ def _far_kernel(squared_distance: np.ndarray, split: float) -> np.ndarray:
 
 
 def _log_plus_e1(z: float) -> float:
-    """log z + E1(z), finite at 0: its power series where that converges well, E1's continued fraction elsewhere."""
+    """Return log z + E1(z), finite at 0: its power series where that converges well, E1's continued fraction elsewhere."""
     if z < 2.0:
         total, term = -0.5772156649015329, -1.0
         for k in range(1, 40):

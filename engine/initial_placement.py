@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .density import box_integrals, sample_density
+from .density import box_integrals, sample_density, settle_on_full_pixels
 from .problem import Problem
 
 __all__ = ["initial_placement"]
@@ -53,23 +53,14 @@ def initial_placement(problem: Problem) -> np.ndarray:
 def _off_empty_pixels(
     position: np.ndarray, corner: np.ndarray, cells: int, image: np.ndarray, size: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw again within the cell, then settle for the nearest full pixel, where a body fell on zero density."""
+    """Draw again within the cell where a body fell on zero density, then settle on a full pixel nearby."""
     extent = (float(size[0]), float(size[1]))
     for _ in range(REDRAWS):
         empty = np.flatnonzero(sample_density(image, position, extent) <= 0.0)
         if len(empty) == 0:
             return position
         position[empty] = (corner[empty] + rng.random((len(empty), 2))) / cells * size
-    empty = np.flatnonzero(sample_density(image, position, extent) <= 0.0)
-    if len(empty) == 0:
-        return position
-    row, column = np.nonzero(image > 0.0)
-    scale = size / (image.shape[1], image.shape[0])
-    centre = np.stack([column + 0.5, image.shape[0] - row - 0.5], axis=1) * scale
-    for body in empty:
-        nearest = np.argmin(((centre - position[body]) ** 2).sum(axis=1))
-        position[body] = centre[nearest] + (rng.random(2) - 0.5) * 0.98 * scale
-    return position
+    return settle_on_full_pixels(image, position, extent)
 
 
 def _hilbert_curve(order: int) -> tuple[np.ndarray, np.ndarray]:

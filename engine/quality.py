@@ -45,8 +45,8 @@ def coverage_error(
     cell = max(domain.size) / COVERAGE_CELLS
     columns, rows = (max(1, round(length / cell)) for length in domain.size)
     parts = image if isinstance(image, list) else [(image, 1.0)]
-    target = sum(weight * box_integrals(part, (rows, columns)) for part, weight in parts)
-    target = target * (charge.sum() / target.sum())
+    target = np.sum([weight * box_integrals(part, (rows, columns)) for part, weight in parts], axis=0)
+    target *= charge.sum() / target.sum()
     difference = _cloud_in_cell(position, charge, domain, rows, columns) - target
     sigma = k * math.sqrt(domain.area / len(position))
     blurred = _blur(difference, sigma * columns / domain.size[0], sigma * rows / domain.size[1], domain.periodic)

@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from . import kernels_update
-from .density import box_integrals, sample_density, spline_deposit
+from .density import box_integrals, sample_density, settle_on_full_pixels, spline_deposit
 from .device import Launcher, resolve_device
 from .errors import ProblemError
 from .field import Field, FieldTarget
@@ -91,7 +91,7 @@ def solve(
         check_memory(problem)
         relaxation = _Relaxation(problem, launcher)
         steps, converged = relaxation.run(max_steps, progress)
-        position = relaxation.position_in_metres()
+        position = _settled(problem, relaxation.position_in_metres())
         return _placement(problem, position, launcher, steps, converged, start_time)
     finally:
         launcher.close()
@@ -215,6 +215,15 @@ def body_indices(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
+def _settled(problem: Problem, position: np.ndarray) -> np.ndarray:
+    """Undo what rounding to float32 did to bodies on the very edge of a full pixel."""
+    class_index, _ = body_indices(problem)
+    for k, body_class in enumerate(problem.classes):
+        own = class_index == k
+        position[own] = settle_on_full_pixels(body_class.density_image, position[own], problem.domain.size)
+    return position
+
+
 def _total(values: wp.array) -> float:
     return float(values.numpy().sum(dtype=np.float64))
 
@@ -223,7 +232,7 @@ def _survey(problem: Problem) -> np.ndarray:
     """Asked number of bodies in every cell of a coarse grid, shape ``[rows, columns]``."""
     size = problem.domain.size
     rows, columns = (max(1, round(SURVEY_CELLS * length / max(size))) for length in size[::-1])
-    return sum(c.count * box_integrals(c.density_image, (rows, columns)) for c in problem.classes)
+    return np.sum([c.count * box_integrals(c.density_image, (rows, columns)) for c in problem.classes], axis=0)
 
 
 def _typical_spacing(problem: Problem) -> float:
