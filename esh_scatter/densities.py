@@ -1,0 +1,144 @@
+"""What the density of a class can be in Blender, and how it is read at points of a target's surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import bpy
+import numpy as np
+
+from ..engine.errors import ProblemError
+from ..engine.problem import check_density, show
+
+if TYPE_CHECKING:
+    from .chart import SurfacePoints
+
+__all__ = ["AttributeDensity", "Density", "ImageDensity", "VertexGroupDensity", "density_at", "image_luminance"]
+
+# Rec. 709, the primaries of Blender's default colour space.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+@dataclass(frozen=True)
+class ImageDensity:
+    """An image: white = many, black = none.
+
+    Attributes:
+        image: Its stored values are used (what an 8-bit file holds over 255, without any conversion of colour spaces);
+            colours count by their luminance, alpha is not looked at.
+        mapping: ``"POSITION"`` stretches the image over the target's bounding rectangle seen from above, its top towards
+            larger y; ``"UV"`` reads it through a UV map and repeats it outside 0..1.
+        uv_map: Name of the UV map; empty means the active one.
+        invert: White = none.
+    """
+
+    image: bpy.types.Image
+    mapping: Literal["POSITION", "UV"] = "POSITION"
+    uv_map: str = ""
+    invert: bool = False
+
+
+@dataclass(frozen=True)
+class VertexGroupDensity:
+    """The weights of a vertex group of the target, interpolated within each face."""
+
+    name: str
+    invert: bool = False
+
+
+@dataclass(frozen=True)
+class AttributeDensity:
+    """An attribute of the target's mesh, on points, faces or face corners: a number, a truth value or a colour."""
+
+    name: str
+    invert: bool = False
+
+
+Density = ImageDensity | VertexGroupDensity | AttributeDensity | bpy.types.Image | np.ndarray | float
+
+
+def density_at(density: Density, points: SurfacePoints, key: str) -> np.ndarray:
+    """Return the density at points of a surface, per unit of its area.
+
+    Args:
+        density: What the class was given.
+        points: Where, ``n`` of them.
+        key: How sentences name it, e.g. ``density of class "pine"``.
+
+    Returns:
+        Values >= 0, shape ``[n]``, float32.
+
+    Raises:
+        ProblemError: What is asked for is missing or has no meaning as a density.
+    """
+    if isinstance(density, bpy.types.Image):
+        density = ImageDensity(density)
+    invert = False
+    if isinstance(density, ImageDensity):
+        values = _image_at(density, points, key)
+    elif isinstance(density, VertexGroupDensity):
+        values, invert = points.vertex_group(density.name, key), density.invert
+    elif isinstance(density, AttributeDensity):
+        values, invert = points.attribute(density.name, key), density.invert
+    else:
+        values = _sample(check_density(density, key), points.rectangle_coordinates(), repeat=False)
+    values = np.asarray(values, np.float32)
+    if not np.isfinite(values).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity on {points.target_name}")
+    if invert:
+        values = 1.0 - np.clip(values, 0.0, 1.0)
+    if values.min() < 0:
+        raise ProblemError(f"{key} must be 0 or more everywhere; its smallest value is {values.min():g}")
+    if not values.any():
+        raise ProblemError(f"{key} must be above 0 somewhere on {points.target_name}; it is 0 everywhere")
+    return values
+
+
+def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
+    """Return the stored values of an image as one channel, shape ``[height, width]``, float32, row 0 at the top.
+
+    Raises:
+        ProblemError: The image has no pixels, because its file is missing or is no image.
+    """
+    width, height = image.size
+    channels = image.channels
+    if width * height * channels == 0 or len(image.pixels) != width * height * channels:
+        path = bpy.path.abspath(image.filepath, library=image.library) if image.filepath else ""
+        where = f"its file {path} is missing or cannot be read" if path else "it holds none"
+        raise ProblemError(f'{key}: image "{image.name}" must have pixels; {where}')
+    pixels = np.empty(width * height * channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(height, width, channels)[::-1]
+    return np.ascontiguousarray(pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0])
+
+
+def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndarray:
+    if not isinstance(density.image, bpy.types.Image):
+        raise ProblemError(f"{key} must be an image of Blender; got {show(density.image)}")
+    if density.mapping not in ("POSITION", "UV"):
+        raise ProblemError(f'{key}: `mapping` must be "POSITION" or "UV"; got {show(density.mapping)}')
+    name = f'{key}, image "{density.image.name}",'
+    coordinates = points.uv(density.uv_map, key) if density.mapping == "UV" else points.rectangle_coordinates()
+    image = image_luminance(density.image, key)
+    # Inverted before it is interpolated, so that white pixels stay empty to their very edge. NaN stays NaN.
+    image = check_density(1.0 - np.clip(image, 0.0, 1.0) if density.invert else image, name)
+    return _sample(image, coordinates, repeat=density.mapping == "UV")
+
+
+def _sample(image: np.ndarray, coordinates: np.ndarray, repeat: bool) -> np.ndarray:
+    """Interpolate ``image`` at ``coordinates`` ``[n, 2]`` (0..1, y up); a black pixel stays black to its edge."""
+    height, width = image.shape
+    u, v = coordinates[:, 0].astype(np.float64), coordinates[:, 1].astype(np.float64)
+    if repeat:
+        # 1 itself is the image's right or upper edge, not the start of its next copy.
+        u, v = (np.where((x >= 0) & (x <= 1), x, x - np.floor(x)) for x in (u, v))
+    x, y = u * width - 0.5, (1.0 - v) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    fx, fy = (x - left).astype(np.float32), (y - top).astype(np.float32)
+    columns = [np.clip(left + step, 0, width - 1) for step in (0, 1)]
+    rows = [np.clip(top + step, 0, height - 1) for step in (0, 1)]
+    upper = image[rows[0], columns[0]] * (1 - fx) + image[rows[0], columns[1]] * fx
+    lower = image[rows[1], columns[0]] * (1 - fx) + image[rows[1], columns[1]] * fx
+    nearest = image[np.where(fy < 0.5, rows[0], rows[1]), np.where(fx < 0.5, columns[0], columns[1])]
+    return np.where(nearest > 0, upper * (1 - fy) + lower * fy, 0.0).astype(np.float32)

@@ -1,0 +1,119 @@
+"""The result in Blender: one object, a mesh of points with attributes, and the modifier that instances objects on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import bpy
+import numpy as np
+
+from .node_group import build_node_group
+from .target import RESULT_TAG
+
+__all__ = ["body_rotations", "find_result", "write_result"]
+
+# Custom properties of a result: what made it.
+TARGET = "esh_scatter_target"
+NAME = "esh_scatter_name"
+
+_WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color"}
+
+
+def body_rotations(normal: np.ndarray, align: float, turn: np.ndarray) -> np.ndarray:
+    """Return quaternions (w, x, y, z) that lean bodies from upright towards a normal and turn them about their own axis.
+
+    Args:
+        normal: Unit vectors, shape ``[n, 3]``.
+        align: 0 leaves bodies upright, 1 sets them along the normal; in between, that share of the angle.
+        turn: Turn about the body's own axis [rad], shape ``[n]``.
+
+    Returns:
+        Shape ``[n, 4]``, float64.
+    """
+    # The rotation from z to the normal is about (-ny, nx, 0).
+    sine = np.hypot(normal[:, 0], normal[:, 1])
+    half = 0.5 * align * np.arctan2(sine, normal[:, 2])
+    along = np.sin(half) / np.maximum(sine, 1e-12)
+    w, x, y = np.cos(half), -normal[:, 1] * along, normal[:, 0] * along
+    c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
+    # The product with (c, 0, 0, s): first the turn, then the lean.
+    return np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=1)
+
+
+def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
+    """Return the object of ``scene`` that an earlier run with this name made on this target, whatever it is called now."""
+    for item in scene.objects:
+        if item.get(RESULT_TAG) and item.get(TARGET) == target and item.get(NAME) == name:
+            return item
+    return None
+
+
+def write_result(
+    scene: bpy.types.Scene,
+    replaced: bpy.types.Object | None,
+    target: bpy.types.Object,
+    name: str,
+    sources: Sequence[bpy.types.Object],
+    position: np.ndarray,
+    attributes: Mapping[str, tuple[str, np.ndarray]],
+) -> bpy.types.Object:
+    """Make the result object, or give ``replaced`` new points and a new node group; both old ones are removed if unused.
+
+    Args:
+        scene: Where a new object is linked.
+        replaced: Result of an earlier run; its name, transform, collections and other modifiers stay.
+        target: Remembered on the object, to find it again.
+        name: Of a new object; also remembered.
+        sources: What ``instance_index`` counts.
+        position: Points in the world [m], shape ``[n, 3]``.
+        attributes: Name -> (Blender's type, values of shape ``[n]`` or ``[n, k]``), one value for each point.
+    """
+    mesh = _point_mesh(name, position, attributes)
+    group = build_node_group(name, sources)
+    if replaced is None:
+        item = bpy.data.objects.new(name, mesh)
+        scene.collection.objects.link(item)
+    else:
+        item = replaced
+        _swap_mesh(item, mesh)
+    modifier = next((m for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)), None)
+    if modifier is None:
+        modifier = item.modifiers.new("ESH Scatter", "NODES")
+    old = modifier.node_group
+    modifier.node_group = group
+    if old is not None and old != group and old.users == 0:
+        old_name = old.name
+        bpy.data.node_groups.remove(old)
+        group.name = old_name
+    item[RESULT_TAG] = True
+    item[TARGET] = target
+    item[NAME] = name
+    return item
+
+
+def _is_ours(group: bpy.types.NodeTree | None) -> bool:
+    return group is not None and bool(group.get(RESULT_TAG))
+
+
+def _swap_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    old = item.data
+    for material in old.materials:
+        mesh.materials.append(material)
+    item.data = mesh
+    if old.users == 0 and old.get(RESULT_TAG):
+        old_name = old.name
+        bpy.data.meshes.remove(old)
+        mesh.name = old_name
+
+
+def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bpy.types.Mesh:
+    mesh = bpy.data.meshes.new(name)
+    mesh[RESULT_TAG] = True
+    mesh.vertices.add(len(position))
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(position, np.float32).ravel())
+    for attribute_name, (kind, values) in attributes.items():
+        dtype = np.int32 if kind == "INT" else np.float32
+        attribute = mesh.attributes.new(attribute_name, kind, "POINT")
+        attribute.data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
+    mesh.update()
+    return mesh

@@ -1,0 +1,167 @@
+"""Reading meshes from Blender: every modifier applied, in world space, as triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..engine.errors import ProblemError
+from ..engine.problem import show
+
+__all__ = ["RESULT_TAG", "TriangleMesh", "check_target", "read_target", "read_triangles", "world_matrix"]
+
+# Custom property that marks the object, mesh and node group of a result; names mean nothing.
+RESULT_TAG = "esh_scatter"
+
+_WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
+_READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
+_DOMAINS = ("POINT", "FACE", "CORNER")
+
+
+@dataclass
+class TriangleMesh:
+    """A mesh as triangles, with what can be interpolated over it.
+
+    Attributes:
+        name: How sentences name it.
+        position: Vertices in the world [m], shape ``[v, 3]``, float64.
+        triangle: Vertex indices, shape ``[t, 3]``.
+        corner: Face-corner indices, shape ``[t, 3]``.
+        face: Face that each triangle is part of, shape ``[t]``.
+        corner_normal: Shading normals of the face corners in the world, shape ``[c, 3]``; empty when not read.
+        uv_map: Name -> coordinates of the face corners, shape ``[c, 2]``.
+        active_uv_map: Name of the active one; empty when there is none.
+        vertex_group: Name -> weights, shape ``[v]``.
+        attribute: Name -> (domain, values of shape ``[n]`` or colours of shape ``[n, 4]``).
+        unusable_attribute: Name -> why it is no density.
+    """
+
+    name: str
+    position: np.ndarray
+    triangle: np.ndarray
+    corner: np.ndarray
+    face: np.ndarray
+    corner_normal: np.ndarray
+    uv_map: dict[str, np.ndarray] = field(default_factory=dict)
+    active_uv_map: str = ""
+    vertex_group: dict[str, np.ndarray] = field(default_factory=dict)
+    attribute: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+    unusable_attribute: dict[str, str] = field(default_factory=dict)
+
+
+def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object:
+    """Return ``target``; raise ProblemError unless it is a mesh object of the view layer and no result."""
+    if not isinstance(target, bpy.types.Object):
+        raise ProblemError(f"`target` must be a mesh object; got {show(target)}")
+    name = f'target "{target.name}"'
+    if target.type != "MESH":
+        raise ProblemError(f"{name} must be a mesh object; it is of type {target.type}")
+    if target.get(RESULT_TAG):
+        raise ProblemError(f"{name} is the result of a scatter; choose the mesh that it stands on, or another one")
+    layer = context.view_layer
+    if layer is None or layer.objects.get(target.name) != target:
+        where = f'"{layer.name}" of scene "{context.scene.name}"' if layer else "of the scene"
+        raise ProblemError(f"{name} must be in the view layer {where}; link it to a collection that is not excluded")
+    return target
+
+
+def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set[str]) -> TriangleMesh:
+    """Read the target with its modifiers, and of its vertex groups and attributes those in ``names``.
+
+    Raises:
+        ProblemError: It has no faces, positions that are not finite, or it is hidden.
+    """
+    name = f'target "{target.name}"'
+    evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
+    if not evaluated.is_evaluated:
+        raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
+    mesh = evaluated.to_mesh()
+    try:
+        if mesh is None or not len(mesh.polygons):
+            why = "its modifiers leave none" if len(target.data.polygons) else "its mesh has none"
+            raise ProblemError(f"{name} must have faces; {why}")
+        read = read_triangles(mesh, np.array(evaluated.matrix_world), name)
+        read.corner_normal = _corner_normals(mesh, np.array(evaluated.matrix_world))
+        for layer in mesh.uv_layers:
+            values = np.empty(2 * len(mesh.loops), np.float32)
+            layer.uv.foreach_get("vector", values)
+            read.uv_map[layer.name] = values.reshape(-1, 2)
+        read.active_uv_map = mesh.uv_layers.active.name if mesh.uv_layers.active else ""
+        for group in target.vertex_groups:
+            wanted = group.name in names
+            read.vertex_group[group.name] = _weights(mesh, group.index) if wanted else np.empty(0, np.float32)
+        for attribute in mesh.attributes:
+            _read_attribute(read, attribute, attribute.name in names)
+    finally:
+        evaluated.to_mesh_clear()
+    if not np.isfinite(read.position).all():
+        raise ProblemError(f"{name} must have finite vertex positions; some are NaN or infinite")
+    return read
+
+
+def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> TriangleMesh:
+    """Read positions and triangles of ``mesh``, transformed by ``matrix`` ``[4, 4]``."""
+    position = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", position)
+    position = position.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    triangle, corner, face = np.empty(3 * count, np.int32), np.empty(3 * count, np.int32), np.empty(count, np.int32)
+    mesh.loop_triangles.foreach_get("vertices", triangle)
+    mesh.loop_triangles.foreach_get("loops", corner)
+    mesh.loop_triangles.foreach_get("polygon_index", face)
+    return TriangleMesh(name, position, triangle.reshape(-1, 3), corner.reshape(-1, 3), face, np.empty((0, 3)))
+
+
+def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarray:
+    """Return the object's matrix ``[4, 4]``, also where Blender does not keep it up to date (outside the view layer)."""
+    if context.view_layer.objects.get(item.name) == item:
+        evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+        if evaluated.is_evaluated:
+            return np.array(evaluated.matrix_world)
+    matrix = np.array(item.matrix_basis)
+    if item.parent is not None:
+        return world_matrix(item.parent, context) @ np.array(item.matrix_parent_inverse) @ matrix
+    return matrix
+
+
+def _corner_normals(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
+    normal = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normal)
+    linear = Matrix(matrix[:3, :3].tolist())
+    # The adjugate is the inverse transpose times the determinant: it needs no division, and a flat scale has one too.
+    turned = normal.reshape(-1, 3).astype(np.float64) @ np.array(linear.adjugated())
+    return turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
+
+
+def _weights(mesh: bpy.types.Mesh, index: int) -> np.ndarray:
+    weight = np.zeros(len(mesh.vertices), np.float32)
+    for vertex in mesh.vertices:
+        for element in vertex.groups:
+            if element.group == index:
+                weight[vertex.index] = element.weight
+    return weight
+
+
+def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: bool) -> None:
+    if attribute.name.startswith("."):
+        return
+    width = _WIDTH.get(attribute.data_type)
+    if width is None:
+        read.unusable_attribute[attribute.name] = (
+            f"must be a number, a truth value or a colour; it is of type {attribute.data_type}"
+        )
+    elif attribute.domain not in _DOMAINS:
+        read.unusable_attribute[attribute.name] = (
+            f"must be stored on points, faces or face corners; it is stored on {attribute.domain}"
+        )
+    elif wanted:
+        values = np.empty(width * len(attribute.data), _READ_AS.get(attribute.data_type, np.float32))
+        attribute.data.foreach_get("color" if width == 4 else "value", values)
+        values = values.astype(np.float32)
+        read.attribute[attribute.name] = (attribute.domain, values.reshape(-1, 4) if width == 4 else values)
+    else:
+        read.attribute[attribute.name] = (attribute.domain, np.empty(0, np.float32))
