@@ -222,6 +222,8 @@ def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terra
     backdrop.data.materials.append(materials.ground("Distant forest", low, high, wooded=True))
     for item in (ground, backdrop):
         scene.collection.objects.link(item)
+    # What was just linked is in the view layer only from now on.
+    bpy.context.view_layer.update()
 
     textures = land.density_textures(terrain, keep_clear=CLEARINGS)
     images = save_textures(textures, output)
