@@ -43,12 +43,15 @@ class ESH_UL_sizes(bpy.types.UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index=0):
         """Draw one size."""
-        row = layout.row(align=True)
-        row.prop(item, "name", text="", emboss=False)
+        split = layout.split(factor=0.36, align=True)
+        split.prop(item, "name", text="", emboss=False)
         source = item.source
         icon = "OBJECT_DATA" if item.source_kind == "OBJECT" else "OUTLINER_COLLECTION"
-        row.label(text=source.name if source else "choose", icon=icon if source else "ERROR")
-        row.prop(item, "count", text="", emboss=False)
+        row = split.row(align=True)
+        row.label(text=source.name if source else "none yet", icon=icon if source else "ERROR")
+        count = row.row()
+        count.alignment = "RIGHT"
+        count.label(text=f"{item.count:,}")
 
 
 CLASSES = (ESH_UL_scatters, ESH_UL_classes, ESH_UL_sizes)

@@ -1,7 +1,7 @@
 """Buttons of the sidebar. They translate between Blender and the API, and turn its errors into sentences."""
 
 # Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
-# ruff: noqa: D400, D415
+# ruff: noqa: D415
 
 import random
 
@@ -20,7 +20,7 @@ _MOVES = (("UP", "Up", "Towards the top of the list"), ("DOWN", "Down", "Towards
 class _Edit(bpy.types.Operator):
     """Base of the small edits of the settings."""
 
-    bl_options = {"REGISTER", "UNDO", "INTERNAL"}  # noqa: RUF012 - Blender wants a set
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     @classmethod
     def poll(cls, context):
@@ -43,7 +43,7 @@ class ESH_OT_scatter(bpy.types.Operator):
 
     bl_idname = "esh.scatter"
     bl_label = "Scatter"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -149,7 +149,7 @@ class ESH_OT_stop(bpy.types.Operator):
 
     bl_idname = "esh.stop"
     bl_label = "Stop"
-    bl_options = {"INTERNAL"}  # noqa: RUF012
+    bl_options = {"INTERNAL"}
 
     @classmethod
     def poll(cls, _context):

@@ -68,7 +68,7 @@ class ESH_PT_classes(_SubPanel, bpy.types.Panel):
         column = self._column()
         scatter = active_scatter(context)
         if scatter.classes:
-            _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=4, move=True)
+            _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=3, move=True)
             return
         _write_text(context, column, "A class is one kind of thing, e.g. pines, with a density of its own.")
         column.separator()
@@ -134,18 +134,18 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
             column.separator()
             column.operator("esh.size_add", text="Add a Size", icon="ADD")
             return
-        _draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=3, move=True)
+        _draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=2, move=True)
         size = body_class.active_size
         if size is None:
             return
         column.separator()
-        column.row().prop(size, "source_kind", expand=True)
+        column.prop(size, "source_kind")
         source = column.row()
         source.alert = size.source is None
         source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
         column.prop(size, "count")
         column.separator()
-        column.row().prop(size, "area_kind", expand=True)
+        column.prop(size, "area_kind")
         if size.area_kind == "VALUE":
             column.prop(size, "area")
 
@@ -154,7 +154,7 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
     """How the aims are weighed."""
 
     bl_label = "Balance"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender wants a set
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         """Draw the balance."""
@@ -168,7 +168,7 @@ class ESH_PT_placement(_SubPanel, bpy.types.Panel):
     """How each one stands."""
 
     bl_label = "Placement"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         """Draw how each one stands."""
@@ -235,9 +235,12 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         facts = layout.column(align=True)
         spacing = report["smallest_spacing"]
         overlaps = report["overlaps"]
-        _draw_fact(facts, "Overlaps", f"{overlaps:,}" if overlaps else "none", "ERROR" if overlaps else "CHECKMARK")
+        _draw_fact(facts, "Overlaps", f"{overlaps:,}" if overlaps else "none", "ERROR" if overlaps else "NONE")
         _draw_fact(facts, "Coverage error", f"{report['coverage_error']:.4f}")
-        _draw_fact(facts, "Smallest spacing", "-" if spacing is None else f"{spacing:.2f} of a perfect lattice")
+        if len(report["classes"]) > 1:
+            for entry in report["classes"]:
+                _draw_fact(facts, entry["name"], f"{entry['coverage_error']:.4f} by itself")
+        _draw_fact(facts, "Least spacing", "-" if spacing is None else f"{spacing:.2f} of a lattice's")
         _draw_fact(facts, "Space covered", f"{report['covered']:.0%}")
         converged = "" if report["converged"] else ", not converged"
         _draw_fact(facts, "Steps", f"{report['steps']}{converged}", "NONE" if report["converged"] else "ERROR")
@@ -247,12 +250,14 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
 def _draw_list(
     layout, list_class: str, owner, items: str, index: str, noun: str, *, rows: int, move: bool = False
 ) -> None:
+    movable = move and len(getattr(owner, items)) > 1
     row = layout.row()
-    row.template_list(list_class, "", owner, items, owner, index, rows=rows)
+    # The buttons beside a list that can be reordered are four rows high.
+    row.template_list(list_class, "", owner, items, owner, index, rows=4 if movable else rows)
     side = row.column(align=True)
     side.operator(f"esh.{noun}_add", text="", icon="ADD")
     side.operator(f"esh.{noun}_remove", text="", icon="REMOVE")
-    if move and len(getattr(owner, items)) > 1:
+    if movable:
         side.separator()
         side.operator(f"esh.{noun}_move", text="", icon="TRIA_UP").direction = "UP"
         side.operator(f"esh.{noun}_move", text="", icon="TRIA_DOWN").direction = "DOWN"
@@ -275,30 +280,25 @@ def _draw_progress(context, layout) -> None:
 
 
 def _draw_counts(layout, report: dict) -> None:
-    """Draw a table: a row per class and size, with what was asked, placed, and the class's coverage error."""
-    split = layout.split(factor=0.46)
-    names, numbers = split.column(align=True), split.row().column_flow(columns=3, align=True)
-    rows = [("", "Asked", "Placed", "Error")]
+    """Draw a table with a row per class and size: what was asked, and what was placed."""
+    rows = [("", "Asked", "Placed")]
     for entry in report["classes"]:
-        sizes = entry["sizes"]
-        for number, size in enumerate(sizes):
-            name = entry["name"] if len(sizes) == 1 else f"{entry['name']}, {size['name']}"
-            error = "" if number else f"{entry['coverage_error']:.4f}"
-            rows.append((name, f"{size['asked']:,}", f"{size['placed']:,}", error))
-    for number, row in enumerate(rows):
-        line = names.row()
-        line.active = number > 0
-        line.label(text=row[0])
-    for column in (1, 2, 3):
-        for number, row in enumerate(rows):
-            cell = numbers.row()
-            cell.active = number > 0
+        for size in entry["sizes"]:
+            name = entry["name"] if len(entry["sizes"]) == 1 else f"{entry['name']}, {size['name']}"
+            rows.append((name, f"{size['asked']:,}", f"{size['placed']:,}"))
+    column = layout.column(align=True)
+    for number, (name, *counts) in enumerate(rows):
+        split = column.split(factor=0.5)
+        split.active = number > 0
+        split.label(text=name)
+        for count in counts:
+            cell = split.row()
             cell.alignment = "RIGHT"
-            cell.label(text=row[column])
+            cell.label(text=count)
 
 
 def _draw_fact(layout, label: str, value: str, icon: str = "NONE") -> None:
-    split = layout.split(factor=0.4)
+    split = layout.split(factor=0.42)
     name = split.row()
     name.alignment = "RIGHT"
     name.active = False

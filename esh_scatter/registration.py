@@ -1,5 +1,7 @@
 """Registering and unregistering every class of the add-on, in order."""
 
+import atexit
+
 import bpy
 
 from . import lists, operators, panels, properties, running
@@ -15,10 +17,13 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     properties.attach()
+    # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
+    atexit.register(unregister)
 
 
 def unregister() -> None:
     """Stop a run that is under way and take everything away again."""
+    atexit.unregister(unregister)
     running.end(wait=True)
     properties.detach()
     for module in reversed(_MODULES):

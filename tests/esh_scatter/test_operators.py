@@ -1,0 +1,297 @@
+"""Every button: what it does, why it is grey, and that it does what the API does."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import background_run, operators, registration, running  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+def new_object(name: str, size: float = 1.0) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    corners = [(0, 0, 0), (size, 0, 0), (size, size, 0), (0, size, 0)]
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+@pytest.fixture
+def scatter():
+    ground, tree = new_object("Ground", 20.0), new_object("Tree")
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    for name, count in (("Pine", 30), ("Beech", 50)):
+        body_class = made.add_class()
+        body_class.name = name
+        size = body_class.sizes[0]
+        size.source_object, size.count, size.area_kind, size.area = tree, count, "VALUE", 0.5
+    made.device, made.max_steps = "CPU", 5
+    return made
+
+
+def positions(item: bpy.types.Object) -> bytes:
+    values = np.empty(3 * len(item.data.vertices), np.float32)
+    item.data.vertices.foreach_get("co", values)
+    return values.tobytes()
+
+
+def attributes(item: bpy.types.Object) -> dict[str, bytes]:
+    """Return the bytes of every attribute of the points."""
+    found = {}
+    for attribute in item.data.attributes:
+        if attribute.domain == "POINT" and attribute.data_type in {"FLOAT", "INT", "FLOAT_VECTOR", "QUATERNION"}:
+            width = {"FLOAT": 1, "INT": 1, "FLOAT_VECTOR": 3, "QUATERNION": 4}[attribute.data_type]
+            values = np.empty(width * len(attribute.data), np.int32 if attribute.data_type == "INT" else np.float32)
+            attribute.data.foreach_get("vector" if width == 3 else "value", values)
+            found[attribute.name] = values.tobytes()
+    return found
+
+
+def test_operator_and_api_give_the_same_result(scatter):
+    from esh.esh_scatter import api
+
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    by_button = scatter.result
+    assert len(by_button.data.vertices) == 80
+    (target, classes), named = scatter.arguments(bpy.context.scene)
+    by_script = api.scatter(target, classes, **named | {"result": None, "name": "By script"}).object
+    assert by_script != by_button
+    assert positions(by_script) == positions(by_button)
+    assert attributes(by_script) == attributes(by_button)
+
+
+def test_the_report_is_kept_and_running_again_replaces_the_result(scatter):
+    before = set(bpy.context.scene.objects)
+    bpy.ops.esh.scatter()
+    asked = [size["asked"] for entry in scatter.report["classes"] for size in entry["sizes"]]
+    placed = [size["placed"] for entry in scatter.report["classes"] for size in entry["sizes"]]
+    assert asked == placed == [30, 50] and not scatter.outdated
+    first = positions(scatter.result)
+    scatter.seed = 3
+    assert scatter.outdated
+    bpy.ops.esh.scatter()
+    assert positions(scatter.result) != first
+    assert set(bpy.context.scene.objects) - before == {scatter.result}
+    scatter.seed = 0
+    bpy.ops.esh.scatter()
+    assert positions(scatter.result) == first
+
+
+def test_two_scatters_keep_apart(scatter):
+    bpy.ops.esh.scatter()
+    first = scatter.result
+    bpy.context.view_layer.objects.active = bpy.data.objects["Ground"]
+    bpy.ops.esh.scatter_add()
+    bpy.ops.esh.class_add()
+    second = bpy.context.scene.esh_scatter.active
+    second.classes[0].sizes[0].source_object = bpy.data.objects["Tree"]
+    second.classes[0].sizes[0].count = 12
+    second.max_steps = 5
+    bpy.ops.esh.scatter()
+    assert second.result != first and len(second.result.data.vertices) == 12
+    assert len(first.data.vertices) == 80 and bpy.context.scene.objects.get(first.name) == first
+
+
+def test_a_deleted_result_is_made_anew(scatter):
+    bpy.ops.esh.scatter()
+    bpy.context.scene.collection.objects.unlink(scatter.result)
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert bpy.context.scene.objects.get(scatter.result.name) == scatter.result
+
+
+def test_undo_brings_back_what_was_there(scatter):
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.esh.scatter()
+    bpy.ops.ed.undo_push(message="first run")
+    name, first = scatter.result.name, positions(scatter.result)
+    scatter.seed = 9
+    bpy.ops.esh.scatter()
+    bpy.ops.ed.undo_push(message="second run")
+    bpy.ops.ed.undo()
+    restored = bpy.context.scene.esh_scatter.active
+    assert positions(restored.result) == first and restored.seed == 0 and not restored.outdated
+    bpy.ops.ed.undo()
+    restored = bpy.context.scene.esh_scatter.active
+    assert restored.result is None and restored.report is None and name not in bpy.context.scene.objects
+
+
+def test_what_the_engine_refuses_is_one_sentence_and_changes_nothing(scatter):
+    scatter.device = "CUDA"
+    import warp as wp
+
+    if wp.is_cuda_available():
+        pytest.skip("this machine has the device that the test asks for in vain")
+    before = set(bpy.data.objects)
+    with pytest.raises(RuntimeError) as refused:
+        bpy.ops.esh.scatter()
+    message = str(refused.value)
+    assert message.startswith("Error: ") and len(message.strip().splitlines()) == 1 and "Traceback" not in message
+    assert set(bpy.data.objects) == before and scatter.result is None and not scatter.report_json
+
+
+def test_the_button_is_grey_with_a_reason(scatter):
+    assert bpy.ops.esh.scatter.poll()
+    scatter.target = None
+    assert not bpy.ops.esh.scatter.poll()
+    with pytest.raises(RuntimeError, match="Choose a target"):
+        bpy.ops.esh.scatter()
+
+
+def test_nothing_can_be_edited_or_started_during_a_run(scatter, monkeypatch):
+    monkeypatch.setattr(running, "session", SimpleNamespace())
+    for cls in operators.CLASSES:
+        name = cls.bl_idname.split(".")[1]
+        assert getattr(bpy.ops.esh, name).poll() == (name == "stop"), name
+    monkeypatch.undo()
+    assert not bpy.ops.esh.stop.poll()
+
+
+def test_a_stopped_thread_that_is_still_busy_keeps_the_button_grey(scatter, monkeypatch):
+    monkeypatch.setattr(running, "_stopping", SimpleNamespace(running=True, join=lambda _seconds: None))
+    with pytest.raises(RuntimeError, match="coming to its end"):
+        bpy.ops.esh.scatter()
+
+
+class Window:
+    """Drives the modal operator as a window would, one event at a time."""
+
+    def __init__(self, monkeypatch, job) -> None:
+        self.timers, self.reports = [], []
+        manager = SimpleNamespace(
+            event_timer_add=lambda *_a, **_k: self.timers.append("timer") or "timer",
+            event_timer_remove=self.timers.remove,
+            windows=[],
+        )
+        scene = bpy.context.scene
+        self.context = SimpleNamespace(
+            window_manager=manager, scene=scene, window="window", screen=None, workspace=None
+        )
+        monkeypatch.setattr(running.bpy, "context", self.context)
+        running.start(self.context, job, scene.esh_scatter.active)
+        operator = SimpleNamespace(report=lambda kind, text: self.reports.append((*kind, text)))
+        for name in ("_stopped", "_write", "_finish"):
+            setattr(operator, name, getattr(operators.ESH_OT_scatter, name).__get__(operator))
+        self.operator = operator
+
+    def send(self, kind: str, value: str = "PRESS") -> set[str]:
+        event = SimpleNamespace(type=kind, value=value, mouse_x=0, mouse_y=0)
+        return operators.ESH_OT_scatter.modal(self.operator, self.context, event)
+
+    def run_to_end(self) -> set[str]:
+        running.session.run.join(120)
+        return self.send("TIMER", "NOTHING")
+
+
+def test_the_modal_run_gives_what_the_script_gives(scatter, monkeypatch):
+    from esh.esh_scatter import api
+
+    bpy.ops.esh.scatter()
+    expected = positions(scatter.result)
+    positional, named = scatter.arguments(bpy.context.scene)
+    job = api.ScatterJob(*positional, **named | {"result": None, "name": "Modal"})
+    real_context = bpy.context
+    window = Window(monkeypatch, job)
+    job_write = job.write
+    monkeypatch.setattr(job, "write", lambda _context: job_write(real_context), raising=False)
+    assert window.send("A") == {"RUNNING_MODAL"}, "what would change the scene is held back"
+    assert window.send("MIDDLEMOUSE") == {"PASS_THROUGH"}, "looking around is not"
+    assert window.run_to_end() == {"FINISHED"}
+    assert positions(scatter.result) == expected
+    assert window.timers == [] and running.session is None
+    assert [kind for kind, _ in window.reports] in (["INFO"], ["WARNING"])
+
+
+class Job:
+    """A job that takes until it is stopped."""
+
+    def __init__(self) -> None:
+        self.written = False
+
+    def solve(self, progress):
+        while progress(SimpleNamespace(step=1, steps=5)):
+            pass
+
+    def write(self, _context):
+        self.written = True
+
+
+@pytest.mark.parametrize("how", ["ESC", "undo", "stop button"])
+def test_a_stopped_run_leaves_what_was_there(scatter, monkeypatch, how):
+    job = Job()
+    window = Window(monkeypatch, job)
+    run = running.session.run
+    if how == "undo":
+        assert running._interrupt in bpy.app.handlers.undo_pre
+        running._interrupt(bpy.context.scene)
+    elif how == "stop button":
+        running.stop("Stopped; nothing was changed")
+    assert window.send("ESC" if how == "ESC" else "TIMER") == {"CANCELLED"}
+    run.join(30)
+    assert not run.running and not job.written and window.timers == [] and running.session is None
+    assert not any(running._interrupt in handlers for handlers in running._interrupting())
+    assert [kind for kind, _ in window.reports] == ["WARNING"]
+
+
+def test_errors_of_the_thread_reach_the_user_as_a_sentence(scatter, monkeypatch):
+    from esh.engine.errors import ProblemError
+
+    job = Job()
+    job.solve = lambda _progress: (_ for _ in ()).throw(ProblemError("`count` is too large"))
+    window = Window(monkeypatch, job)
+    assert window.run_to_end() == {"CANCELLED"}
+    assert window.reports == [("ERROR", "Count is too large")] and not job.written and window.timers == []
+
+
+def test_unregistering_ends_a_run(scatter, monkeypatch):
+    window = Window(monkeypatch, Job())
+    run = running.session.run
+    running.end(wait=True)
+    assert not run.running and window.timers == [] and running.session is None
+    assert isinstance(run, background_run.BackgroundRun)
+
+
+def test_lists_are_edited_by_their_buttons(scatter):
+    def names():
+        return [c.name for c in scatter.classes]
+
+    bpy.ops.esh.class_add()
+    assert len(names()) == 3 and scatter.class_index == 2
+    bpy.ops.esh.class_move(direction="UP")
+    assert names() == ["Pine", "Class", "Beech"] and scatter.class_index == 1
+    bpy.ops.esh.class_move(direction="DOWN")
+    bpy.ops.esh.class_move(direction="DOWN")
+    assert names() == ["Pine", "Beech", "Class"] and scatter.class_index == 2
+    bpy.ops.esh.class_remove()
+    assert names() == ["Pine", "Beech"] and scatter.class_index == 1
+    bpy.ops.esh.size_add()
+    sizes = scatter.active_class.sizes
+    assert len(sizes) == 2 and scatter.active_class.size_index == 1
+    second = sizes[1].name
+    bpy.ops.esh.size_move(direction="UP")
+    assert sizes[0].name == second and scatter.active_class.size_index == 0
+    bpy.ops.esh.size_remove()
+    bpy.ops.esh.size_remove()
+    assert len(sizes) == 0 and not bpy.ops.esh.size_remove.poll() and bpy.ops.esh.size_add.poll()
+    bpy.ops.esh.class_remove()
+    bpy.ops.esh.class_remove()
+    assert not bpy.ops.esh.class_remove.poll() and not bpy.ops.esh.size_add.poll()
+    bpy.ops.esh.scatter_remove()
+    assert not bpy.ops.esh.class_add.poll() and bpy.ops.esh.scatter_add.poll()
+
+
+def test_the_dice_always_give_another_seed(scatter):
+    for _ in range(20):
+        before = scatter.seed
+        bpy.ops.esh.seed_roll()
+        assert scatter.seed != before and scatter.seed >= 0

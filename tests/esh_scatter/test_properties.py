@@ -1,0 +1,185 @@
+"""Settings on the scene: saved, undone, pointing at data rather than naming it, and sensible when data goes away."""
+
+import json
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import properties, registration  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+def new_object(name: str) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+@pytest.fixture
+def scatter():
+    made = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
+    tree = new_object("Tree")
+    for name in ("Pine", "Beech"):
+        body_class = made.add_class()
+        body_class.name = name
+        body_class.sizes[0].source_object = tree
+    return made
+
+
+def test_names_in_a_list_differ(scatter):
+    scatter.classes[1].name = "Pine"
+    assert [c.name for c in scatter.classes] == ["Pine", "Pine.001"]
+    scatter.classes[1].name = "   "
+    assert scatter.classes[1].name == "Class"
+    scatter.classes[1].name = "Beech"
+    assert scatter.classes[1].name == "Beech"
+    first, second = scatter.classes[0].sizes[0], scatter.classes[0].add_size()
+    assert scatter.classes[0].sizes[0].name != second.name
+    second.name = scatter.classes[0].sizes[0].name
+    assert len({size.name for size in scatter.classes[0].sizes}) == 2
+    assert first.name not in {"", second.name}
+
+
+@pytest.mark.parametrize(
+    ("name", "taken", "expected"),
+    [
+        ("a", set(), "a"),
+        ("a", {"a"}, "a.001"),
+        ("a.001", {"a.001"}, "a.002"),
+        ("a", {"a", "a.001"}, "a.002"),
+        ("v1.b", {"v1.b"}, "v1.b.001"),
+    ],
+)
+def test_unused_names_count_as_blender_does(name, taken, expected):
+    assert (
+        properties.unused_name(name, taken) == expected
+        if name != "a.001"
+        else properties.unused_name(name, taken) not in taken
+    )
+
+
+def test_new_classes_get_colours_of_their_own(scatter):
+    for _ in range(len(properties.CLASS_COLORS) - 2):
+        scatter.add_class()
+    colours = {tuple(round(v, 3) for v in c.color) for c in scatter.classes}
+    assert len(colours) == len(properties.CLASS_COLORS)
+
+
+def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
+    scene = bpy.context.scene
+    assert scatter.obstacle(scene) is None
+    pine = scatter.classes[0]
+    for kind, word in (("IMAGE", "image"), ("VERTEX_GROUP", "vertex group"), ("ATTRIBUTE", "attribute")):
+        pine.density_kind = kind
+        assert word in scatter.obstacle(scene) and '"Pine"' in scatter.obstacle(scene)
+    pine.vertex_group, pine.density_kind = "trees", "VERTEX_GROUP"
+    scatter.target.vertex_groups.new(name="trees")
+    assert scatter.obstacle(scene) is None
+    pine.image, pine.density_kind = bpy.data.images.new("where", 4, 4), "IMAGE"
+    assert scatter.obstacle(scene) is None
+    pine.mapping = "UV"
+    assert "UV map" in scatter.obstacle(scene)
+    scatter.target.data.uv_layers.new(name="layout")
+    assert scatter.obstacle(scene) is None
+    pine.uv_map = "gone"
+    assert '"gone"' in scatter.obstacle(scene)
+    pine.density_kind = "UNIFORM"
+    pine.sizes[0].source_kind = "COLLECTION"
+    assert "choose a collection" in scatter.obstacle(scene)
+    pine.sizes[0].source_kind, pine.sizes[0].source_object = "OBJECT", scatter.target
+    assert "target" in scatter.obstacle(scene)
+    pine.sizes.clear()
+    assert "add a size" in scatter.obstacle(scene)
+    scatter.classes.clear()
+    assert "Add a class" in scatter.obstacle(scene)
+
+
+def test_renamed_data_is_followed_and_deleted_data_leaves_an_empty_field(scatter):
+    scatter.target.name = "Meadow"
+    assert scatter.target.name == "Meadow" and scatter.obstacle(bpy.context.scene) is None
+    bpy.data.objects.remove(scatter.classes[0].sizes[0].source_object)
+    assert scatter.classes[0].sizes[0].source is None
+    assert "choose an object" in scatter.obstacle(bpy.context.scene)
+    bpy.data.objects.remove(scatter.target)
+    assert scatter.target is None and "Choose a target" in scatter.obstacle(bpy.context.scene)
+
+
+def test_a_target_deleted_in_the_viewport_counts_as_gone(scatter):
+    """Blender keeps such an object alive, because the settings still point to it."""
+    bpy.context.scene.collection.objects.unlink(scatter.target)
+    assert "no longer in this scene" in scatter.obstacle(bpy.context.scene)
+
+
+def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter):
+    scatter.remember(new_object("Result"), {"steps": 3})
+    assert scatter.report == {"steps": 3} and not scatter.outdated
+    size = scatter.classes[0].sizes[0]
+    changes = [
+        (scatter, "seed", 5), (scatter, "class_separation", 0.25), (scatter, "size_emphasis", 3.0),
+        (scatter, "align_to_normal", 0.5), (scatter, "random_turn", 1.0), (scatter, "scale_jitter", 0.2),
+        (scatter, "max_steps", 20), (scatter, "device", "CPU"), (scatter, "target", new_object("Other")),
+        (scatter.classes[0], "density_kind", "IMAGE"), (scatter.classes[0], "invert", True),
+        (size, "count", 7), (size, "area", 3.0), (size, "area_kind", "VALUE"), (size, "source_object", new_object("Bush")),
+    ]  # fmt: skip
+    for group, name, value in changes:
+        before = getattr(group, name)
+        setattr(group, name, value)
+        assert scatter.outdated, name
+        setattr(group, name, before)
+        assert not scatter.outdated, name
+    scatter.classes[0].name = "Fir"
+    scatter.classes[0].color = (1, 0, 0)
+    assert not scatter.outdated, "neither a name nor a colour moves anything"
+    scatter.target.location.x += 1
+    bpy.context.view_layer.update()
+    assert scatter.outdated
+
+
+def test_a_broken_report_counts_as_none(scatter):
+    scatter.report_json = "{"
+    assert scatter.report is None
+
+
+def test_settings_of_two_scenes_are_saved_and_read_back(scatter, tmp_path):
+    scatter.seed = 11
+    scatter.classes[1].sizes[0].count = 77
+    scatter.remember(new_object("Result"), {"steps": 3})
+    other = bpy.data.scenes.new("Second")
+    other.esh_scatter.add_scatter(scatter.target).seed = 22
+    first_name = bpy.context.scene.name
+    path = str(tmp_path / "settings.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    loaded = bpy.data.scenes[first_name].esh_scatter.active
+    assert (loaded.seed, loaded.classes[1].sizes[0].count, loaded.target.name) == (11, 77, "Ground")
+    assert loaded.report == {"steps": 3} and not loaded.outdated and loaded.result.name == "Result"
+    assert bpy.data.scenes["Second"].esh_scatter.active.seed == 22
+
+
+def test_arguments_are_those_of_the_api(scatter):
+    image = bpy.data.images.new("where", 4, 4)
+    pine = scatter.classes[0]
+    pine.density_kind, pine.image, pine.mapping, pine.invert = "IMAGE", image, "UV", True
+    small = pine.add_size()
+    small.count, small.area_kind, small.area = 9, "VALUE", 0.25
+    small.source_kind, small.source_collection = "COLLECTION", bpy.data.collections.new("Bushes")
+    scatter.device = "CUDA"
+    (target, classes), named = scatter.arguments(bpy.context.scene)
+    assert target == scatter.target and [c.name for c in classes] == ["Pine", "Beech"]
+    assert (classes[0].density.image, classes[0].density.mapping, classes[0].density.invert) == (image, "UV", True)
+    assert classes[1].density == 1.0
+    assert [(s.count, s.area) for s in classes[0].sizes] == [(100, None), (9, 0.25)]
+    assert classes[0].sizes[1].source == bpy.data.collections["Bushes"]
+    assert named["device"] == "cuda:0" and named["result"] is None and named["name"] == scatter.name
+    assert json.dumps({key: value for key, value in named.items() if key != "result"})

@@ -1,0 +1,99 @@
+"""Registering adds the sidebar and nothing heavy; unregistering leaves nothing behind."""
+
+import subprocess
+import sys
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import lists, operators, panels, properties, registration  # noqa: E402
+
+MODULES = (properties, lists, operators, panels)
+PREFIX = "ESH_"
+
+
+def everything_registered() -> set[str]:
+    """Return what the add-on can leave in Blender: types, properties, operators, timers and handlers."""
+    kinds = (bpy.types.PropertyGroup, bpy.types.UIList, bpy.types.Operator, bpy.types.Panel, bpy.types.Menu)
+    found = {
+        cls.__name__
+        for kind in kinds
+        for cls in kind.__subclasses__()
+        if cls.__name__.startswith(PREFIX) and cls.is_registered
+    }
+    found |= {name for name in dir(bpy.types) if name.startswith(PREFIX)}
+    found |= {f"{name}.esh" for name in ("Scene", "Object", "Mesh") if hasattr(getattr(bpy.types, name), "esh_scatter")}
+    found |= {f"esh.{name}" for name in dir(bpy.ops.esh)}
+    for name in dir(bpy.app.handlers):
+        handlers = getattr(bpy.app.handlers, name)
+        if isinstance(handlers, list):
+            found |= {f"{name}:{h.__name__}" for h in handlers if "esh_scatter" in getattr(h, "__module__", "")}
+    return found
+
+
+def test_unregistering_removes_everything_however_often_it_is_done():
+    assert everything_registered() == set()
+    for _ in range(3):
+        registration.register()
+        registered = everything_registered()
+        assert {cls.__name__ for module in MODULES for cls in module.CLASSES} <= registered
+        assert {"Scene.esh", "esh.scatter"} <= registered
+        assert not any(":" in name for name in registered), "no handler may be installed while nothing runs"
+        registration.unregister()
+        assert everything_registered() == set()
+
+
+def test_every_class_is_listed_once_and_named_as_blender_wants():
+    listed = [cls for module in MODULES for cls in module.CLASSES]
+    assert len(listed) == len(set(listed))
+    for module, infix in zip(MODULES, ("_PG_", "_UL_", "_OT_", "_PT_"), strict=True):
+        assert module.CLASSES
+        defined = {
+            c
+            for c in vars(module).values()
+            if isinstance(c, type) and c.__name__.startswith(PREFIX) and c.__module__ == module.__name__
+        }
+        assert set(module.CLASSES) == defined
+        assert all(cls.__name__.startswith(f"ESH{infix}") for cls in module.CLASSES)
+
+
+def test_everything_a_user_sees_has_a_tooltip():
+    registration.register()
+    try:
+        for cls in properties.CLASSES:
+            for prop in cls.bl_rna.properties:
+                if prop.identifier in {"rna_type", "name"} or prop.is_hidden or prop.type == "COLLECTION":
+                    continue
+                assert prop.description, f"{cls.__name__}.{prop.identifier}"
+                assert not prop.description.endswith("."), f"{cls.__name__}.{prop.identifier}: Blender adds the period"
+                for item in getattr(prop, "enum_items", ()):
+                    assert item.description, f"{cls.__name__}.{prop.identifier}: {item.identifier}"
+        for cls in operators.CLASSES:
+            assert cls.bl_idname.startswith("esh.")
+            assert cls.__doc__ and not cls.__doc__.endswith("."), cls.__name__
+    finally:
+        registration.unregister()
+
+
+def test_registering_imports_neither_warp_nor_trimesh_nor_scipy():
+    code = (
+        "import sys, bpy, esh\n"
+        "esh.register()\n"
+        "bpy.ops.esh.scatter_add(); bpy.ops.esh.class_add(); bpy.ops.esh.scatter.poll()\n"
+        "print([name for name in ('warp', 'trimesh', 'scipy') if name in sys.modules])"
+    )
+    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stdout.splitlines()[-1] == "[]"
+
+
+def test_leaving_python_while_a_solve_is_under_way_does_not_hang():
+    code = (
+        "import time\n"
+        "from esh.esh_scatter.background_run import BackgroundRun\n"
+        "run = BackgroundRun(lambda progress: time.sleep(300))\n"
+        "print(run.running)"
+    )
+    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (outcome.returncode, outcome.stdout.strip()) == (0, "True")
