@@ -62,6 +62,9 @@ def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object
     if target.get(RESULT_TAG):
         raise ProblemError(f"{name} is the result of a scatter; choose the mesh that it stands on, or another one")
     layer = context.view_layer
+    if layer is not None:
+        # What was linked since the last update is in the layer's list only after the next.
+        layer.update()
     if layer is None or layer.objects.get(target.name) != target:
         where = f'"{layer.name}" of scene "{context.scene.name}"' if layer else "of the scene"
         raise ProblemError(f"{name} must be in the view layer {where}; link it to a collection that is not excluded")
