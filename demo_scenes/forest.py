@@ -134,6 +134,8 @@ def save_textures(textures: dict[str, np.ndarray], folder: Path) -> dict[str, bp
         Image.fromarray(np.round(255.0 * texture).astype(np.uint8)).save(path)
         image = bpy.data.images.load(str(path.resolve()))
         image.colorspace_settings.name = "Non-Color"
+        # Nothing in the scene shows it: without this it would not be saved.
+        image.use_fake_user = True
         loaded[name] = image
     return loaded
 
@@ -309,9 +311,9 @@ def test_final(
             assert size.asked == size.placed == asked, f"{entry.name} {size.name}: {asked} asked, {size.placed} placed"
 
     bpy.ops.wm.open_mainfile(filepath=str(blend.resolve()))
-    for image in bpy.data.images:
-        if image.source == "FILE" and image.filepath:
-            assert image.packed_file and image.filepath.startswith("//"), f"{image.name} is not in the file"
+    for kind in textures:
+        image = bpy.data.images.get(f"forest-{kind}.png")
+        assert image and image.packed_file and image.filepath.startswith("//"), f"forest-{kind}.png is not in the file"
     found = placed_trees(bpy.data.objects[name])
     place, radius, trunk, kinds = [], [], [], []
     for kind, sizes in TREES.items():
