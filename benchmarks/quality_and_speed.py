@@ -13,14 +13,13 @@ import statistics
 import time
 
 import numpy as np
-from skimage import data
-from skimage.transform import resize
-
 from esh.engine.device import resolve_device
 from esh.engine.placement import Placement
 from esh.engine.problem import Balance, BodyClass, Domain, Problem, Size
 from esh.engine.quality import HEXAGONAL_SPACING, coverage_error
 from esh.engine.relaxation import solve
+from skimage import data
+from skimage.transform import resize
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))

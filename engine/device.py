@@ -19,6 +19,8 @@ from .errors import DeviceError
 
 __all__ = ["Launcher", "resolve_device"]
 
+# Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
+BLOCK_DIM = 256
 # Below this many elements a second thread costs more than it saves.
 SMALLEST_RANGE = 2048
 
@@ -99,11 +101,18 @@ class Launcher:
 
         def run(part: tuple[int, int, Sequence[Any]]) -> None:
             first, end, inputs = part
-            wp.launch(kernel, dim=end - first, inputs=[first, *inputs], outputs=list(outputs), device=self.device)
+            wp.launch(
+                kernel,
+                dim=end - first,
+                inputs=[first, *inputs],
+                outputs=list(outputs),
+                device=self.device,
+                block_dim=BLOCK_DIM,
+            )
 
         parts = [part for part in parts if part[1] > part[0]]
         # Two threads that meet an unloaded module would both compile it.
-        kernel.module.load(self.device)
+        kernel.module.load(self.device, BLOCK_DIM if self.device.is_cuda else 1)
         if self._pool is None or len(parts) == 1:
             for part in parts:
                 run(part)
