@@ -1,0 +1,203 @@
+"""esh.scatter: counts, on the surface, replacing its result and nothing else, and a sentence for every bad input."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import esh  # noqa: E402
+import trimesh  # noqa: E402
+from esh.esh_scatter.api import (  # noqa: E402
+    AttributeDensity,
+    ImageDensity,
+    ScatterClass,
+    ScatterJob,
+    ScatterSize,
+    VertexGroupDensity,
+    scatter,
+)
+
+OPTIONS = {"device": "cpu", "max_steps": 5}
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def new_object(name, corners, faces):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(corners, [], faces)
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def quad(name="Ground", size=20.0):
+    return new_object(name, [(0, 0, 0), (size, 0, 0), (size, size, 0), (0, size, 0)], [(0, 1, 2, 3)])
+
+
+def hills(side=40):
+    x, y = np.meshgrid(np.linspace(-10, 10, side), np.linspace(-10, 10, side))
+    corners = np.stack([x, y, 1.5 * np.sin(x) * np.cos(0.7 * y)], axis=-1).reshape(-1, 3)
+    index = np.arange(side * side).reshape(side, side)
+    faces = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
+    return new_object("Hills", corners.tolist(), faces.tolist())
+
+
+def image(name, values):
+    height, width = values.shape
+    made = bpy.data.images.new(name, width, height, float_buffer=True)
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = values[::-1, :, None]
+    made.pixels.foreach_set(pixels.ravel())
+    return made
+
+
+def points(item):
+    values = np.empty(3 * len(item.data.vertices), np.float32)
+    item.data.vertices.foreach_get("co", values)
+    return values.reshape(-1, 3)
+
+
+def instances(item):
+    found = Counter()
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.is_instance and instance.parent.original == item:
+            found[instance.object.original.name] += 1
+    return found
+
+
+def one_class(source, count=50, **named):
+    return [ScatterClass("tree", [ScatterSize("large", count, source, area=0.5)], **named)]
+
+
+def test_counts_and_instances_are_exact_and_survive_saving(tmp_path):
+    tree, stone = quad("Tree", 0.5), quad("Stone", 0.3)
+    stone.hide_viewport = True
+    classes = [*one_class(tree), ScatterClass("stone", [ScatterSize("small", 70, stone)])]
+    result = scatter(hills(), classes, **OPTIONS)
+    assert instances(result.object) == {"Tree": 50, "Stone": 70}
+    assert len(points(result.object)) == result.placement.problem.body_count == 120
+    name, objects = result.object.name, len(bpy.data.objects)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert instances(bpy.data.objects[name]) == {"Tree": 50, "Stone": 70}
+    assert len(bpy.data.objects) == objects == 4
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, -1, 0.5)])
+def test_points_are_on_the_surface_of_a_turned_target(scale):
+    ground = hills()
+    ground.location, ground.rotation_euler, ground.scale = (30, -7, 4), (0.2, -0.3, 1.1), scale
+    result = scatter(ground, one_class(quad("Tree"), 200), **OPTIONS)
+    bpy.context.view_layer.update()
+    ground.data.calc_loop_triangles()
+    faces = [list(t.vertices) for t in ground.data.loop_triangles]
+    corners = np.array([ground.matrix_world @ v.co for v in ground.data.vertices])
+    _, distance, _ = trimesh.proximity.closest_point_naive(trimesh.Trimesh(corners, faces), points(result.object))
+    assert distance.max() < 1e-4 * np.ptp(corners, axis=0).max()
+
+
+def test_density_is_read_within_one_quad():
+    """Half of the texture is black: nothing stands there, although the mesh has four vertices."""
+    values = np.zeros((64, 64), np.float32)
+    values[:32, :] = 1.0
+    ground, tree = quad(), quad("Tree")
+    up = points(scatter(ground, one_class(tree, density=ImageDensity(image("half", values))), **OPTIONS).object)
+    assert up[:, 1].min() >= 10 - 20 / 1024
+    inverted = ImageDensity(bpy.data.images["half"], invert=True)
+    down = points(scatter(ground, one_class(tree, density=inverted), **OPTIONS).object)
+    assert down[:, 1].max() <= 10 + 20 / 1024
+    layer = ground.data.uv_layers.new(name="Sideways")
+    layer.uv.foreach_set("vector", [0, 0, 0, 1, 1, 1, 1, 0])
+    by_uv = ImageDensity(bpy.data.images["half"], mapping="UV")
+    right = points(scatter(ground, one_class(tree, density=by_uv), **OPTIONS).object)
+    assert right[:, 0].min() >= 10 - 20 / 1024
+
+
+def test_vertex_group_and_attribute():
+    ground, tree = quad(), quad("Tree")
+    ground.vertex_groups.new(name="right").add([1, 2], 1.0, "REPLACE")
+    ground.data.attributes.new("rightness", "FLOAT", "POINT").data.foreach_set("value", [0, 1, 1, 0])
+    for density in (VertexGroupDensity("right"), AttributeDensity("rightness")):
+        x = points(scatter(ground, one_class(tree, 300, density=density), **OPTIONS).object)[:, 0]
+        # The mean of a density that rises linearly from 0 to 20.
+        assert abs(x.mean() - 20 * 2 / 3) < 0.3
+
+
+def test_steeper_ground_gets_more_of_it():
+    ground = new_object(
+        "Roof", [(0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 10, 0), (20, 0, 17.32), (20, 10, 17.32)],
+        [(0, 1, 2, 3), (1, 4, 5, 2)],
+    )  # fmt: skip
+    x = points(scatter(ground, one_class(quad("Tree"), 300), **OPTIONS).object)[:, 0]
+    assert abs((x > 10).mean() - 2 / 3) < 0.02
+
+
+def test_running_again_replaces_and_leaves_nothing_behind():
+    ground, tree = hills(), quad("Tree")
+    theirs = quad("ESH Scatter")
+    first = scatter(ground, one_class(tree), **OPTIONS).object
+    before = (len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.node_groups))
+    earlier = points(first)
+    for seed in (1, 2, 0):
+        again = scatter(ground, one_class(tree), seed=seed, **OPTIONS).object
+        assert again == first
+        assert (points(again) == earlier).all() == (seed == 0), "the same seed, the same points"
+    assert before == (len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.node_groups))
+    assert bpy.data.objects["ESH Scatter"] == theirs and len(theirs.data.polygons) == 1
+
+
+def test_members_of_a_collection_are_variants():
+    library = bpy.data.collections.new("Library")
+    bpy.context.scene.collection.children.link(library)
+    for name in ("A", "B", "C"):
+        member = quad(name)
+        bpy.context.scene.collection.objects.unlink(member)
+        library.objects.link(member)
+    bpy.context.view_layer.layer_collection.children["Library"].exclude = True
+    found = instances(scatter(hills(), one_class(library, 90), **OPTIONS).object)
+    assert set(found) == {"A", "B", "C"} and sum(found.values()) == 90
+
+
+BAD = {
+    "no target": (lambda g, t: scatter(None, one_class(t)), "`target`"),
+    "no class": (lambda g, t: scatter(g, []), "`classes`"),
+    "itself": (lambda g, t: scatter(g, one_class(g)), "Ground"),
+    "no source": (lambda g, t: scatter(g, one_class(None)), "`source`"),
+    "no uv": (
+        lambda g, t: scatter(g, one_class(t, density=ImageDensity(image("i", np.ones((2, 2))), "UV"))), "UV map"),
+    "no group": (lambda g, t: scatter(g, one_class(t, density=VertexGroupDensity("x"))), '"x"'),
+    "no attribute": (lambda g, t: scatter(g, one_class(t, density=AttributeDensity("x"))), '"x"'),
+    "wrong attribute": (lambda g, t: scatter(g, one_class(t, density=AttributeDensity("position"))), "FLOAT_VECTOR"),
+    "black image": (lambda g, t: scatter(g, one_class(t, density=image("i", np.zeros((2, 2))))), '"i"'),
+    "infinite turn": (lambda g, t: scatter(g, one_class(t), random_turn=np.inf), "`random_turn`"),
+    "align": (lambda g, t: scatter(g, one_class(t), align_to_normal=2), "`align_to_normal`"),
+    "foreign result": (lambda g, t: scatter(g, one_class(t), result=t), "Tree"),
+    "unlinked": (lambda g, t: (bpy.context.scene.collection.objects.unlink(g), scatter(g, one_class(t))), "Ground"),
+    "no faces": (lambda g, t: (g.data.clear_geometry(), scatter(g, one_class(t))), "faces"),
+    "flat": (lambda g, t: (setattr(g, "scale", (1, 0, 1)), scatter(g, one_class(t))), "extent"),
+    "edge-on": (lambda g, t: (setattr(g, "rotation_euler", (np.pi / 2, 0, 0.7)), scatter(g, one_class(t))), "above"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_sentence_and_changes_nothing(case):
+    ground, tree = quad(), quad("Tree")
+    run, words = BAD[case]
+    before = set(bpy.data.objects), set(bpy.data.meshes), len(bpy.data.node_groups)
+    with pytest.raises(esh.EshError) as caught:
+        run(ground, tree)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+    assert before == (set(bpy.data.objects), set(bpy.data.meshes), len(bpy.data.node_groups))
+
+
+def test_a_result_is_neither_target_nor_source():
+    ground, tree = quad(), quad("Tree")
+    made = scatter(ground, one_class(tree), **OPTIONS).object
+    for target, source in ((made, tree), (ground, made)):
+        with pytest.raises(esh.EshError, match="result of a scatter"):
+            ScatterJob(target, one_class(source))
