@@ -22,7 +22,7 @@ def box_integrals(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
         Share of the image's integral in every cell, shape ``shape``, float64, sum 1; row 0 at the bottom.
     """
     upright = np.asarray(image, dtype=np.float64)[::-1]
-    result = _apply(_overlap_matrix(shape[0], upright.shape[0]), upright, _overlap_matrix(shape[1], upright.shape[1]))
+    result = _apply([_overlap_band(cells, pixels) for cells, pixels in zip(shape, upright.shape, strict=True)], upright)
     return result / result.sum()
 
 
@@ -48,11 +48,17 @@ def spline_deposit(
         Share of the image's integral at every node, shape ``shape``, float64, sum 1; row 0 at the bottom.
     """
     upright = np.asarray(image, dtype=np.float64)[::-1]
-    weights = []
-    for nodes, pixels, length, step in zip(shape, upright.shape, size[::-1], spacing[::-1], strict=True):
-        edges = np.linspace(0.0, length, pixels + 1) / step + margin
-        weights.append(_spline_matrix(nodes, edges, periodic) * (step * pixels / length))
-    result = _apply(weights[0], upright, weights[1])
+    # A periodic mesh gets three nodes more at either end, which are then folded onto the nodes that they stand for.
+    fold = 3 if periodic else 0
+    bands = [
+        _spline_band(np.arange(-fold, nodes + fold) - margin, length / pixels / step, pixels)
+        for nodes, pixels, length, step in zip(shape, upright.shape, size[::-1], spacing[::-1], strict=True)
+    ]
+    result = _apply(bands, upright)
+    if periodic:
+        for axis in (0, 1):
+            result = _fold(np.moveaxis(result, axis, 0), fold)
+            result = np.moveaxis(result, 0, axis)
     return result / result.sum()
 
 
@@ -84,27 +90,47 @@ def settle_on_full_pixels(image: np.ndarray, position: np.ndarray, size: tuple[f
     return result
 
 
-def _apply(rows: np.ndarray, image: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    return rows @ image @ columns.T
+# Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
+# the weights of it and the following ones, shape [cells, reach].
+Band = tuple[np.ndarray, np.ndarray]
 
 
-def _overlap_matrix(cells: int, pixels: int) -> np.ndarray:
-    """Length of the overlap of every cell with every pixel, both dividing the unit interval; shape [cells, pixels]."""
-    low = np.maximum(np.arange(cells)[:, None] / cells, np.arange(pixels) / pixels)
-    high = np.minimum(np.arange(1, cells + 1)[:, None] / cells, np.arange(1, pixels + 1) / pixels)
-    return np.maximum(high - low, 0.0) * pixels
+def _apply(bands: list[Band], image: np.ndarray) -> np.ndarray:
+    """Sum an image with one band per axis."""
+    for first, weights in bands:
+        rows = np.zeros((len(first), image.shape[1]))
+        for k in range(weights.shape[1]):
+            rows += weights[:, k, None] * image[np.clip(first + k, 0, image.shape[0] - 1)]
+        # The second turn brings the axes back into their order.
+        image = np.ascontiguousarray(rows.T)
+    return image
 
 
-def _spline_matrix(nodes: int, edges: np.ndarray, periodic: bool) -> np.ndarray:
-    """Mean of every node's cubic B-spline over every pixel with these edges (in mesh units); shape [nodes, pixels]."""
-    node = np.arange(-3, nodes + 3) if periodic else np.arange(nodes)
-    integral = _spline_integral(edges[None, :] - node[:, None])
-    weights = np.diff(integral, axis=1)
-    if periodic:
-        wrapped = np.zeros((nodes, weights.shape[1]))
-        np.add.at(wrapped, node % nodes, weights)
-        return wrapped
-    return weights
+def _fold(values: np.ndarray, fold: int) -> np.ndarray:
+    """Add the first and last ``fold`` rows to those one period further on."""
+    count = len(values) - 2 * fold
+    result = values[fold:-fold].copy()
+    result[np.arange(-fold, 0) % count] += values[:fold]
+    result[np.arange(fold) % count] += values[-fold:]
+    return result
+
+
+def _overlap_band(cells: int, pixels: int) -> Band:
+    """Overlap of every cell with its pixels, both dividing the same interval."""
+    cell = np.arange(cells)[:, None]
+    first = np.arange(cells) * pixels // cells
+    pixel = first[:, None] + np.arange(-(-pixels // cells) + 1)
+    low = np.maximum(cell / cells, pixel / pixels)
+    high = np.minimum((cell + 1) / cells, (pixel + 1) / pixels)
+    return first, np.where(pixel < pixels, np.maximum(high - low, 0.0) * pixels, 0.0)
+
+
+def _spline_band(node: np.ndarray, width: float, pixels: int) -> Band:
+    """Mean of the cubic B-spline at each of ``node`` over its pixels, which are ``width`` wide and begin at 0."""
+    first = np.floor((node - 2.0) / width).astype(np.int64)
+    pixel = first[:, None] + np.arange(int(np.ceil(4.0 / width)) + 2)
+    weights = _spline_integral((pixel + 1) * width - node[:, None]) - _spline_integral(pixel * width - node[:, None])
+    return first, np.where((pixel >= 0) & (pixel < pixels), weights / width, 0.0)
 
 
 def _spline_integral(x: np.ndarray) -> np.ndarray:
