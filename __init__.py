@@ -29,7 +29,7 @@ _PUBLIC = {
     "solve": ".engine.relaxation",
 }
 
-__all__ = ["__version__", "register", "unregister", *_PUBLIC]  # noqa: PLE0604
+__all__ = ["__version__", "register", "unregister", *_PUBLIC]
 
 
 def __getattr__(name: str) -> object:
