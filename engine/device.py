@@ -11,11 +11,13 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import warp as wp
 
 from .errors import DeviceError
+from .native_output import muted
 
 __all__ = ["Launcher", "resolve_device"]
 
@@ -36,7 +38,7 @@ def resolve_device(name: str = "auto") -> wp.Device:
     """
     # Warp announces its version and every module it loads; a library keeps quiet.
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
-    wp.init()
+    _start_warp()
     gpu_names = [device.alias for device in wp.get_cuda_devices()]
     if name == "auto":
         name = gpu_names[0] if gpu_names else "cpu"
@@ -50,6 +52,13 @@ def resolve_device(name: str = "auto") -> wp.Device:
         why = "this machine has no such NVIDIA GPU, or no driver for it"
         raise DeviceError(f"`device` {name!r} is not there: {why}; use one of {accepted}")
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
+
+
+@cache
+def _start_warp() -> None:
+    """Start Warp without its native remark that a machine has no GPU; who asks for one gets a DeviceError."""
+    with muted():
+        wp.init()
 
 
 def core_count() -> int:
