@@ -44,6 +44,4 @@ class Placement:
     @property
     def area(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[n]``, float64."""
-        areas = [np.array([size.area for size in body_class.sizes]) for body_class in self.problem.classes]
-        first = np.concatenate([[0], np.cumsum([len(a) for a in areas])])
-        return np.concatenate(areas)[first[self.class_index] + self.size_index]
+        return self.problem.body_areas()

@@ -179,6 +179,17 @@ class Problem:
         """Number of bodies of all classes and sizes."""
         return sum(body_class.count for body_class in self.classes)
 
+    def body_indices(self) -> tuple[np.ndarray, np.ndarray]:
+        """Class and size index of every body, shapes ``[body_count]``, int32, in class, then size order."""
+        groups = [(c, s, size.count) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
+        class_index, size_index, count = np.array(groups, dtype=np.int64).T
+        return np.repeat(class_index, count).astype(np.int32), np.repeat(size_index, count).astype(np.int32)
+
+    def body_areas(self) -> np.ndarray:
+        """Footprint of every body [m²], shape ``[body_count]``, float64, in the same order."""
+        sizes = [size for body_class in self.classes for size in body_class.sizes]
+        return np.repeat([size.area for size in sizes], [size.count for size in sizes])
+
 
 # The checks below are one per kind of value. Each takes the name that the value has for whoever wrote it (a field here,
 # a key of a recipe there), so that every front end names the value in its own words and none repeats the rules.

@@ -10,23 +10,22 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
 
 from . import kernels_update
-from .density import box_integrals, sample_density, settle_on_full_pixels, spline_deposit
+from .density import settle_on_full_pixels, spline_deposit
 from .device import Launcher, resolve_device
 from .errors import ProblemError
 from .field import Field, FieldTarget
 from .initial_placement import initial_placement
 from .interaction import interaction_matrix
+from .measurement import measure, survey
 from .memory import check_memory
 from .placement import Placement
 from .problem import Problem
-from .quality import coverage_error, overlap_count, smallest_spacing
-from .report import ClassReport, Report, SizeReport
 
 __all__ = ["Progress", "solve"]
 
@@ -38,8 +37,6 @@ STEP_LIMIT = 0.5
 SMALLEST_DENSITY = 2e-3
 # RMS displacement over local spacing at which a run has converged: later steps change no figure of the report.
 TOLERANCE = 1e-3
-# Cells along the longer side on which the typical spacing and the space that bodies may use are measured.
-SURVEY_CELLS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +89,12 @@ def solve(
         relaxation = _Relaxation(problem, launcher)
         steps, converged = relaxation.run(max_steps, progress)
         position = _settled(problem, relaxation.position_in_metres())
-        return _placement(problem, position, launcher, steps, converged, start_time)
+        report = measure(problem, position, launcher)
+        seconds = time.perf_counter() - start_time
+        report = replace(report, steps=steps, converged=converged, seconds=seconds)
+        class_index, size_index = problem.body_indices()
+        dots = np.zeros(len(position))
+        return Placement(problem, position, class_index, size_index, dots, dots.copy(), report)
     finally:
         launcher.close()
 
@@ -107,7 +109,7 @@ class _Relaxation:
         n = problem.body_count
         self.unit = math.sqrt(domain.area / n)
         self.size = (domain.size[0] / self.unit, domain.size[1] / self.unit)
-        class_index, size_index = body_indices(problem)
+        class_index, size_index = problem.body_indices()
         first_group = np.concatenate([[0], np.cumsum([len(c.sizes) for c in problem.classes])])
         group = first_group[class_index] + size_index
         area = np.array([s.area for c in problem.classes for s in c.sizes])
@@ -205,19 +207,9 @@ class _Relaxation:
         return np.clip(position, 0.0, self.problem.domain.size)
 
 
-def body_indices(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Class and size index of every body, shapes ``[n]``, int32, in class, then size order."""
-    pairs = [(c, s, z.count) for c, k in enumerate(problem.classes) for s, z in enumerate(k.sizes)]
-    counts = [count for _, _, count in pairs]
-    return (
-        np.repeat(np.array([c for c, _, _ in pairs], np.int32), counts),
-        np.repeat(np.array([s for _, s, _ in pairs], np.int32), counts),
-    )
-
-
 def _settled(problem: Problem, position: np.ndarray) -> np.ndarray:
     """Undo what rounding to float32 did to bodies on the very edge of a full pixel."""
-    class_index, _ = body_indices(problem)
+    class_index, _ = problem.body_indices()
     for k, body_class in enumerate(problem.classes):
         own = class_index == k
         position[own] = settle_on_full_pixels(body_class.density_image, position[own], problem.domain.size)
@@ -228,16 +220,9 @@ def _total(values: wp.array) -> float:
     return float(values.numpy().sum(dtype=np.float64))
 
 
-def _survey(problem: Problem) -> np.ndarray:
-    """Asked number of bodies in every cell of a coarse grid, shape ``[rows, columns]``."""
-    size = problem.domain.size
-    rows, columns = (max(1, round(SURVEY_CELLS * length / max(size))) for length in size[::-1])
-    return np.sum([c.count * box_integrals(c.density_image, (rows, columns)) for c in problem.classes], axis=0)
-
-
 def _typical_spacing(problem: Problem) -> float:
     """Spacing [m] at the number density that the average body sees."""
-    number = _survey(problem)
+    number = survey(problem)
     cell_area = problem.domain.area / number.size
     return math.sqrt(cell_area * number.sum() / (number**2).sum())
 
@@ -251,51 +236,3 @@ def _images_on_device(problem: Problem, device: wp.Device) -> kernels_update.Ima
     result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
     result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)
     return result
-
-
-def _placement(
-    problem: Problem, position: np.ndarray, launcher: Launcher, steps: int, converged: bool, start_time: float
-) -> Placement:
-    class_index, size_index = body_indices(problem)
-    domain = problem.domain
-    areas = [np.array([s.area for s in c.sizes]) for c in problem.classes]
-    area = np.concatenate([a[size_index[class_index == c]] for c, a in enumerate(areas)])
-    number_density = np.zeros(len(position))
-    for c in problem.classes:
-        image = c.density_image
-        mean = float(image.mean(dtype=np.float64))
-        number_density += c.count / domain.area * sample_density(image, position, domain.size) / mean
-    targets = [(c.density_image, sum(s.count * s.area for s in c.sizes)) for c in problem.classes]
-    usable = domain.area * float(np.mean(_survey(problem) > 0.0))
-    covered = float(area.sum()) / usable
-    notes = []
-    if covered > 1.0:
-        notes.append(
-            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
-            "lower the counts or the areas"
-        )
-    report = Report(
-        steps=steps,
-        converged=converged,
-        seconds=0.0,
-        device=str(launcher.device.alias),
-        coverage_error=coverage_error(position, area, targets, domain),
-        smallest_spacing=smallest_spacing(position, number_density, domain, launcher),
-        overlaps=overlap_count(position, area, domain, launcher),
-        covered=covered,
-        classes=tuple(
-            ClassReport(
-                c.name,
-                coverage_error(position[class_index == i], area[class_index == i], c.density_image, domain),
-                tuple(
-                    SizeReport(s.name, s.area, s.count, int(((class_index == i) & (size_index == j)).sum()))
-                    for j, s in enumerate(c.sizes)
-                ),
-            )
-            for i, c in enumerate(problem.classes)
-        ),
-        notes=tuple(notes),
-    )
-    object.__setattr__(report, "seconds", time.perf_counter() - start_time)
-    n = len(position)
-    return Placement(problem, position, class_index, size_index, np.zeros(n), np.zeros(n), report)

@@ -1,4 +1,4 @@
-"""The zip in a real window: installed, its panel drawn, its button pressed. Needs ``BLENDER=…``, a Blender with a display."""
+"""The zip in a real window: installed, its panel drawn, its button pressed. Needs ``BLENDER=…``, which has a display."""
 
 import json
 import os
