@@ -92,13 +92,13 @@ def print_quality(device: str) -> None:
 
 
 def speed_problem(count: int, groups: int) -> Problem:
-    """One group; or classes with two sizes each."""
+    """One group; or classes with two sizes each. A third of the space is covered."""
+    area = SQUARE.area / count / 3.0
     if groups == 1:
-        return Problem(SQUARE, [BodyClass("a", [Size("s", 1.0, count)])])
+        return Problem(SQUARE, [BodyClass("a", [Size("s", area, count)])])
     each = count // groups
-    return Problem(
-        SQUARE, [BodyClass(f"class {c}", [Size("s", 1.0, each), Size("l", 3.0, each)]) for c in range(groups // 2)]
-    )
+    sizes = [Size("s", 0.5 * area, each), Size("l", 1.5 * area, each)]
+    return Problem(SQUARE, [BodyClass(f"class {c}", sizes) for c in range(groups // 2)])
 
 
 def print_speed(device: str, counts: list[int], repeat: int) -> None:

@@ -20,11 +20,15 @@ def compare_neighbours(
     cell_start: wp.array(dtype=wp.int32),
     grid: CellGrid,
     touch: float,
+    most: int,
     # outputs
     touching: wp.array(dtype=wp.int32),
     nearest: wp.array(dtype=float),
 ):
-    """Count the discs that overlap each disc, and find each body's nearest neighbour in units of its own spacing."""
+    """Count the discs that overlap each disc, and find each body's nearest neighbour in units of its own spacing.
+
+    A body is left as soon as ``most`` discs overlap it.
+    """
     i = first + wp.tid()
     p = position[i]
     cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
@@ -45,7 +49,7 @@ def compare_neighbours(
                 column = cx + a
                 if grid.periodic != 0:
                     column = wrap(column, grid.count_x)
-                if column >= 0 and column < grid.count_x:
+                if column >= 0 and column < grid.count_x and count < most:
                     cell = row * grid.count_x + column
                     for s in range(cell_start[cell], cell_start[cell + 1]):
                         j = order[s]
@@ -59,6 +63,8 @@ def compare_neighbours(
                             distance = wp.length(d)
                             if distance < (radius[i] + radius[j]) * touch:
                                 count += 1
+                                if count >= most:
+                                    break
                             closest = wp.min(closest, distance * inverse_spacing[i])
     touching[i] = count
     nearest[i] = closest

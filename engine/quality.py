@@ -20,6 +20,8 @@ COVERAGE_CELLS = 512
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
 # Discs that touch do not overlap: rounding of float32 positions is not an overlap.
 TOUCH_TOLERANCE = 1e-4
+# No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
+MOST_OVERLAPS_PER_BODY = 200
 
 
 def coverage_error(
@@ -54,7 +56,10 @@ def coverage_error(
 
 
 def overlap_count(position: np.ndarray, area: np.ndarray, domain: Domain, launcher: Launcher) -> int:
-    """Number of pairs of bodies whose discs (of their footprint area) overlap by more than 1e-4 of their distance."""
+    """Number of pairs of bodies whose discs (of their footprint area) overlap by more than 1e-4 of their distance.
+
+    A lower bound where a body overlaps more than 200 others.
+    """
     radius = np.sqrt(area / math.pi)
     return (
         int(_neighbour_pass(position, radius, np.ones(len(position)), domain, 2.0 * radius.max(), launcher)[0].sum())
@@ -125,6 +130,7 @@ def _neighbour_pass(
             cell_start,
             grid,
             1.0 - TOUCH_TOLERANCE,
+            MOST_OVERLAPS_PER_BODY,
         ],
         [touching, nearest],
     )

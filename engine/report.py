@@ -41,7 +41,8 @@ class Report:
         coverage_error: Coverage error of all bodies together, k = 1.
         smallest_spacing: Smallest distance between two bodies' centres, over the hexagonal spacing of as many bodies
             of the same mean density at that place; 1 is a perfect lattice. None with fewer than two bodies.
-        overlaps: Number of pairs of bodies whose footprints (discs of their area) overlap.
+        overlaps: Number of pairs of bodies whose footprints (discs of their area) overlap; at least so many, where a body
+            overlaps more than 200 others.
         covered: Sum of the footprints over the area where bodies may be (density above zero).
         classes: One entry per class.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.

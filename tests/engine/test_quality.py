@@ -66,3 +66,10 @@ def test_spacing_of_a_hexagonal_lattice_is_one(launcher):
     density = np.full(len(position), len(position) / domain.area)
     assert smallest_spacing(position, density, domain, launcher) == pytest.approx(1.0, abs=1e-4)
     assert smallest_spacing(position[:1], density[:1], domain, launcher) is None
+
+
+def test_footprints_far_too_large_are_counted_without_looking_at_every_pair(launcher):
+    """Every one of 30,000 discs overlaps every other: half a thousand million pairs, of which 200 a body are counted."""
+    domain = Domain((1.0, 1.0))
+    position = np.random.default_rng(2).random((30_000, 2))
+    assert overlap_count(position, np.full(30_000, 10.0), domain, launcher) == 30_000 * 200 // 2
