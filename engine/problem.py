@@ -27,6 +27,12 @@ Kind = TypeVar("Kind")
 BOUNDARIES: tuple[str, ...] = ("open", "periodic")
 
 
+# Beyond these, squares and ratios of lengths leave the range of float32.
+SMALLEST_LENGTH = 1e-9
+LARGEST_LENGTH = 1e12
+MOST_ELONGATED = 10_000
+
+
 @dataclass(frozen=True)
 class Domain:
     """The rectangle in which bodies are placed.
@@ -196,15 +202,19 @@ class Problem:
 
 
 def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
-    """Return the two lengths [m]; raise ProblemError unless both and their product are above 0 and finite."""
+    """Return the two lengths [m]; raise ProblemError unless both are usable and less than 10,000 times each other."""
     entries = (
         tuple(value) if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0) else ()
     )
     if len(entries) != 2:
         raise ProblemError(f"{key} must be two lengths in metres, x and y; got {show(value)}")
     width, height = (_positive(entry, key, " in metres") for entry in entries)
-    if not 0.0 < width * height < math.inf:
-        raise ProblemError(f"{key} must span an area that is above 0 and finite; got {show(value)}")
+    if not all(SMALLEST_LENGTH <= length <= LARGEST_LENGTH for length in (width, height)):
+        raise ProblemError(
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres; got {show(value)}"
+        )
+    if max(width, height) > MOST_ELONGATED * min(width, height):
+        raise ProblemError(f"{key} must not be more than {MOST_ELONGATED:,} times longer than wide; got {show(value)}")
     return width, height
 
 
@@ -244,8 +254,13 @@ def check_name(value: object, key: str) -> str:
 
 
 def check_area(value: object, key: str) -> float:
-    """Return the footprint [m²]; raise ProblemError unless it is above 0 and finite."""
-    return _positive(value, key, " in m²")
+    """Return the footprint [m²]; raise ProblemError unless it is above 0 and no larger than any domain."""
+    area = _positive(value, key, " in m²")
+    if not SMALLEST_LENGTH**2 <= area <= LARGEST_LENGTH**2:
+        raise ProblemError(
+            f"{key} must be a number in m² between {SMALLEST_LENGTH**2:g} and {LARGEST_LENGTH**2:g}; got {show(value)}"
+        )
+    return area
 
 
 def check_count(value: object, key: str) -> int:

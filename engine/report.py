@@ -35,7 +35,7 @@ class Report:
 
     Attributes:
         steps: Relaxation steps taken.
-        converged: Whether the residual fell below the tolerance, or all steps were taken; False after a stop.
+        converged: Whether the last steps were small; False after a stop, or where the steps ran out before.
         seconds: Wall-clock time [s].
         device: Device the run was made on, e.g. ``"cpu"`` or ``"cuda:0"``.
         coverage_error: Coverage error of all bodies together, k = 1.

@@ -183,7 +183,7 @@ class ESH_PG_class(PropertyGroup):
         name="Vertex Group", description="Vertex group of the target whose weights are followed"
     )
     attribute: StringProperty(
-        name="Attribute", description="Attribute of the target that is followed; values below 0 count as 0"
+        name="Attribute", description="Attribute of the target that is followed; values must be 0 or more"
     )
     invert: BoolProperty(name="Invert", description="Swap many and none", default=False)
     sizes: CollectionProperty(type=ESH_PG_size)
@@ -477,7 +477,9 @@ def attach() -> None:
 
 def detach() -> None:
     """Take the settings' definition away again; what a file holds stays in it."""
-    del bpy.types.Scene.esh_scatter
+    # On leaving Python, Blender may have taken it away itself.
+    if hasattr(bpy.types.Scene, "esh_scatter"):
+        del bpy.types.Scene.esh_scatter
 
 
 CLASSES = (ESH_PG_size, ESH_PG_class, ESH_PG_scatter, ESH_PG_scene)
