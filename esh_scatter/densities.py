@@ -26,7 +26,7 @@ class ImageDensity:
 
     Attributes:
         image: Its stored values are used (what an 8-bit file holds over 255, without any conversion of colour spaces);
-            colours count by their luminance, alpha is not looked at.
+            colours count by their luminance, transparent pixels hold nothing.
         mapping: ``"POSITION"`` stretches the image over the target's bounding rectangle seen from above, its top towards
             larger y; ``"UV"`` reads it through a UV map and repeats it outside 0..1.
         uv_map: Name of the UV map; empty means the active one.
@@ -110,7 +110,8 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
     pixels = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(height, width, channels)[::-1]
-    return np.ascontiguousarray(pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0])
+    grey = pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0]
+    return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
 
 
 def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndarray:

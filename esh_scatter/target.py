@@ -68,6 +68,9 @@ def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object
     if layer is None or layer.objects.get(target.name) != target:
         where = f'"{layer.name}" of scene "{context.scene.name}"' if layer else "of the scene"
         raise ProblemError(f"{name} must be in the view layer {where}; link it to a collection that is not excluded")
+    if not target.visible_get(view_layer=layer):
+        # Hidden, it is not evaluated: it may stand where it was when it was last seen.
+        raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
     return target
 
 

@@ -1,0 +1,156 @@
+"""Densities as the chart reads them, seen in where bodies are placed."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.engine.errors import EshError  # noqa: E402
+from esh.esh_scatter.api import (  # noqa: E402
+    AttributeDensity,
+    ImageDensity,
+    ScatterClass,
+    ScatterSize,
+    VertexGroupDensity,
+    scatter,
+)
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def new_object(name, vertices, faces):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+@pytest.fixture
+def ground():
+    """One face, 10 m wide: whatever is read, is read per point."""
+    item = new_object("Ground", [(0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 10, 0)], [(0, 1, 2, 3)])
+    uv = item.data.uv_layers.new(name="Turned")
+    # u runs along y: the map is not the position.
+    for corner, value in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
+        uv.data[corner].uv = value
+    return item
+
+
+@pytest.fixture
+def stone():
+    return new_object("Stone", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+
+
+def new_image(values, alpha=1.0):
+    """``values``: grey, row 0 at the top."""
+    image = bpy.data.images.new("density", values.shape[1], values.shape[0], alpha=True, float_buffer=True)
+    pixels = np.repeat(values[::-1, :, None], 4, axis=2).astype(np.float32)
+    pixels[..., 3] = np.asarray(alpha, np.float32)
+    image.pixels.foreach_set(pixels.ravel())
+    return image
+
+
+def placed(ground, stone, density, count=150):
+    classes = [ScatterClass("stone", [ScatterSize("s", count, stone, area=0.01)], density)]
+    item = scatter(ground, classes, device="cpu", max_steps=20).object
+    position = np.empty(3 * len(item.data.vertices), np.float32)
+    item.data.vertices.foreach_get("co", position)
+    assert len(position) == 3 * count
+    return position.reshape(-1, 3)
+
+
+STRIPE = np.zeros((64, 64))
+STRIPE[:, 16:20] = 1.0
+
+
+def test_a_sharp_stripe_on_one_face_holds_every_body(ground, stone):
+    x, _, _ = placed(ground, stone, new_image(STRIPE)).T
+    assert (x >= 2.5 - 1e-4).all() and (x <= 3.125 + 1e-4).all()
+
+
+def test_a_uv_map_turns_the_stripe(ground, stone):
+    _, y, _ = placed(ground, stone, ImageDensity(new_image(STRIPE), mapping="UV", uv_map="Turned")).T
+    assert (y >= 2.5 - 0.05).all() and (y <= 3.125 + 0.05).all()
+
+
+def test_inverted_it_holds_none(ground, stone):
+    x, _, _ = placed(ground, stone, ImageDensity(new_image(STRIPE), invert=True)).T
+    assert ((x <= 2.5 + 1e-4) | (x >= 3.125 - 1e-4)).all()
+
+
+def test_the_top_row_is_at_the_largest_y(ground, stone):
+    image = np.zeros((8, 8))
+    image[0] = 1.0
+    _, y, _ = placed(ground, stone, new_image(image)).T
+    assert (y >= 8.75 - 1e-4).all()
+
+
+def test_transparent_pixels_hold_nothing(ground, stone):
+    x, _, _ = placed(ground, stone, new_image(np.ones((64, 64)), alpha=STRIPE)).T
+    assert (x >= 2.5 - 1e-4).all() and (x <= 3.125 + 1e-4).all()
+
+
+def test_a_vertex_group_is_followed_between_its_vertices(ground, stone):
+    group = ground.vertex_groups.new(name="right")
+    group.add([1, 2], 1.0, "REPLACE")
+    x, _, _ = placed(ground, stone, VertexGroupDensity("right"), count=600).T
+    # The density grows linearly from 0 at the left: its mean lies at two thirds.
+    assert np.mean(x) == pytest.approx(20.0 / 3.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("domain", "values"), [("POINT", [0, 1, 1, 0]), ("CORNER", [0, 1, 1, 0]), ("FACE", [1])])
+def test_attributes_are_followed(ground, stone, domain, values):
+    attribute = ground.data.attributes.new("wanted", "FLOAT", domain)
+    attribute.data.foreach_set("value", np.array(values, np.float32))
+    x, _, _ = placed(ground, stone, AttributeDensity("wanted"), count=600).T
+    assert np.mean(x) == pytest.approx(5.0 if domain == "FACE" else 20.0 / 3.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("density", "words"),
+    [
+        (VertexGroupDensity("nowhere"), ["stone", "nowhere", "Ground"]),
+        (AttributeDensity("nowhere"), ["stone", "nowhere", "Ground"]),
+        ("white", ["stone", "white"]),
+        (-1.0, ["stone", "-1"]),
+        (float("nan"), ["stone"]),
+        (np.zeros((4, 4)), ["stone", "0"]),
+    ],
+)
+def test_what_is_no_density_is_named(ground, stone, density, words):
+    before = set(bpy.data.objects)
+    with pytest.raises(EshError) as caught:
+        placed(ground, stone, density)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+    assert set(bpy.data.objects) == before
+
+
+def test_a_missing_file_and_a_missing_uv_map_are_named(ground, stone):
+    missing = bpy.data.images.new("gone", 4, 4)
+    missing.source = "FILE"
+    missing.filepath = "//nowhere.png"
+    with pytest.raises(EshError, match="gone"):
+        placed(ground, stone, missing)
+    with pytest.raises(EshError, match="Ground"):
+        placed(ground, stone, ImageDensity(new_image(STRIPE), mapping="UV", uv_map="nowhere"))
+
+
+def test_density_counts_per_area_of_surface(stone):
+    """A flat half and one that rises by 60 degrees, of equal width seen from above: the steep one has twice the surface."""
+    roof = new_object(
+        "Roof",
+        [(0, 0, 0), (5, 0, 0), (5, 10, 0), (0, 10, 0), (10, 0, 5 * 3**0.5), (10, 10, 5 * 3**0.5)],
+        [(0, 1, 2, 3), (1, 4, 5, 2)],
+    )
+    x, _, _ = placed(roof, stone, 1.0, count=900).T
+    assert np.mean(x > 5.0) == pytest.approx(2.0 / 3.0, abs=0.02)
+
+
+def test_a_hidden_target_is_refused(ground, stone):
+    ground.hide_viewport = True
+    with pytest.raises(EshError, match=r"Ground.*visible"):
+        placed(ground, stone, 1.0)
