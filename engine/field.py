@@ -18,31 +18,21 @@ import numpy as np
 import warp as wp
 
 from . import kernels_cells, kernels_field, kernels_mesh
-from .convolution import Convolution, good_length
-from .convolution_gpu import LONGEST_ROW
+from .convolution import Convolution
 from .density import spline_deposit
 from .device import Launcher
+from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from .target_correction import TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
 
-# Split width over mesh spacing, cut-off over split width, and mesh spacing over the spacing of the bodies; the force error
-# that they give is 1e-3 to 3e-3 of the local force scale (benchmarks/force_accuracy.py prints it for others).
-SPLIT_OVER_MESH = 1.9
-SPLIT_OVER_SPACING = 0.95
+# Split width over mesh spacing, and cut-off over split width; the force error that they give is 1e-3 to 3e-3 of the local force
+# scale.
+SPLIT_OVER_MESH = 2.0
 CUTOFF_OVER_SPLIT = 3.5
-MESH_OVER_SPACING = 0.46
-# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
-# two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
-BLUR_OVER_SPACING = 0.37
-BLUR_OVER_MESH = 0.85
+# Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
+MESH_OVER_SPACING = 0.48
 SMALLEST_MESH = 48
-CROWDING_RESOLVED = 4.0
-LARGEST_MESH = 65536
-# Open meshes have nodes beyond the domain, so that the splines of bodies on its edge find theirs.
-OPEN_MARGIN = 2
-# Nodes between the farthest pair and the wrap of an open mesh: the kernel has a kink there, and the optimal influence
-# function spreads it over a few nodes.
-WRAP_GUARD = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +57,10 @@ class Field:
         charge_group: Its group, shape ``[n]``.
 
     Attributes:
+        layout: The charges' mesh.
+        mesh: The same as kernels take it.
+        split: Standard deviation of the Gaussian that splits the kernel.
+        cutoff: Distance beyond which the near part is left out.
         blur: Standard deviation of the Gaussian by which the targets are smoothed.
         attraction: Sum over h of M[g, h] u_h as charge per node, shape ``[group_count, rows, columns]``.
     """
@@ -89,20 +83,14 @@ class Field:
         self.group_count = len(targets)
         self.charge_count = len(charge)
         device = launcher.device
-        self._choose_mesh(spacing)
-        rows, columns = self.shape
-        self.node_count = rows * columns
-        self._convolution = Convolution(launcher, self.shape, self.padded)
+        self.layout = self._choose_mesh(spacing)
+        self.cutoff = CUTOFF_OVER_SPLIT * self.split
+        self.mesh = self.layout.for_kernels()
+        self.node_count = node_count = self.layout.node_count
+        self._convolution = Convolution(launcher, self.layout.shape, self.layout.padded)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
         self._charge = wp.array(charge, dtype=float, device=device)
         self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
-
-        mesh = kernels_mesh.Mesh()
-        mesh.count_x, mesh.count_y = columns, rows
-        mesh.inverse_spacing = wp.vec2(1.0 / self.mesh_spacing[0], 1.0 / self.mesh_spacing[1])
-        mesh.margin = self.margin
-        mesh.periodic = int(periodic)
-        self.mesh = mesh
         self._choose_cells()
 
         n = self.charge_count
@@ -111,62 +99,55 @@ class Field:
         self._cell_start = wp.empty(self.cells.count_x * self.cells.count_y + 1, dtype=wp.int32, device=device)
         self._sorted = [wp.empty(n, dtype=float, device=device) for _ in range(3)]
         self._sorted_group = wp.empty(n, dtype=wp.int32, device=device)
-        self._node_charge = wp.zeros(self.group_count * self.node_count, dtype=wp.int64, device=device)
-        self._mixed = [wp.empty(self.node_count, dtype=float, device=device) for _ in range(2)]
-        self._spare = wp.empty(self.node_count, dtype=float, device=device)
-        self._potential = wp.empty(self.group_count * self.node_count, dtype=float, device=device)
+        self._node_charge = wp.zeros(self.group_count * node_count, dtype=wp.int64, device=device)
+        self._mixed = [wp.empty(node_count, dtype=float, device=device) for _ in range(2)]
+        self._spare = wp.empty(node_count, dtype=float, device=device)
+        self._potential = wp.empty(self.group_count * node_count, dtype=float, device=device)
         self._potentials = [
-            wp.array(
-                ptr=self._potential.ptr + 4 * g * self.node_count, shape=(self.node_count,), dtype=float, device=device
-            )
+            wp.array(ptr=self._potential.ptr + 4 * g * node_count, shape=(node_count,), dtype=float, device=device)
             for g in range(self.group_count)
         ]
 
-        deposited = np.stack(
-            [
-                target.charge * spline_deposit(target.image, size, self.shape, self.mesh_spacing, self.margin, periodic)
-                for target in targets
-            ]
-        )
-        self.attraction = np.tensordot(interaction, deposited, axes=1)
+        images, charge_of_image = _distinct_images(targets)
+        attracting = interaction @ charge_of_image
+        layout = self.layout
+        deposited = [
+            spline_deposit(image, size, layout.shape, layout.spacing, layout.margin, periodic) for image in images
+        ]
+        self.attraction = np.tensordot(attracting, np.stack(deposited), axes=1)
         self._target = wp.array(self.attraction.astype(np.float32).ravel(), dtype=float, device=device)
         self._influence = self._convolution.influence_array(self._far_influence())
-        self._correction = self._sharp_target()
+        self._correction = TargetCorrection(
+            launcher,
+            size=size,
+            periodic=periodic,
+            images=images,
+            attraction=attracting,
+            spacing=spacing,
+            charge_count=n,
+            split=self.split,
+        )
+        self.blur = self._correction.blur
+        self._fine_mesh = self._correction.layout.for_kernels()
 
-    def _choose_mesh(self, spacing: float) -> None:
+    def _choose_mesh(self, spacing: float) -> MeshLayout:
+        """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
+
+        The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
+        a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
+        """
         on_gpu = self.launcher.device.is_cuda
-        longest_row = LONGEST_ROW if on_gpu else LARGEST_MESH
-
-        def length_for(least: float) -> int:
-            return min(good_length(least, power_of_two=on_gpu), longest_row)
-
-        # Where bodies crowd on a small part of the domain, a mesh that resolves them there would have far more nodes than
-        # there are bodies; a coarser one shifts work to the near field. The crowding is 1 for a uniform density.
-        crowding = spacing**-2
-        coarsening = max(1.0, crowding / CROWDING_RESOLVED) ** 0.375
+        crowding = max(1.0, self.size[0] * self.size[1] / (self.charge_count * spacing**2))
+        coarsening = (self.group_count * crowding) ** 0.25
         wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
-        widest_split = math.inf
         if self.periodic:
             # Neighbours are looked for in three cells along each axis, which must not be the same cell twice.
-            widest_split = min(self.size) / (3.0 * CUTOFF_OVER_SPLIT)
-            wanted = min(wanted, widest_split / SPLIT_OVER_MESH)
-            columns, rows = (length_for(length / wanted) for length in self.size)
-            self.mesh_spacing = (self.size[0] / columns, self.size[1] / rows)
-            self.margin = 0
-            self.shape = self.padded = (rows, columns)
+            wanted = min(wanted, min(self.size) / (3.0 * CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH))
+            layout = periodic_mesh(self.size, wanted, on_gpu=on_gpu)
         else:
-            # One spacing for both axes, as small as the padded length of the longer one allows.
-            extra = 2 * OPEN_MARGIN + 1 + WRAP_GUARD
-            step = max(self.size) / (length_for(2.0 * (max(self.size) / wanted + extra)) / 2 - extra)
-            self.mesh_spacing = (step, step)
-            self.margin = OPEN_MARGIN
-            columns, rows = (math.ceil(length / step - 1e-9) + 2 * OPEN_MARGIN + 1 for length in self.size)
-            self.shape = (rows, columns)
-            self.padded = (length_for(2 * (rows + WRAP_GUARD)), length_for(2 * (columns + WRAP_GUARD)))
-        coarsest = max(self.mesh_spacing)
-        self.split = max(SPLIT_OVER_MESH * coarsest, min(SPLIT_OVER_SPACING * spacing, widest_split))
-        self.cutoff = CUTOFF_OVER_SPLIT * self.split
-        self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * coarsest)
+            layout = open_mesh(self.size, wanted, on_gpu=on_gpu)
+        self.split = SPLIT_OVER_MESH * max(layout.spacing)
+        return layout
 
     def _choose_cells(self) -> None:
         counts = [max(1, int(length / self.cutoff)) for length in self.size]
@@ -177,67 +158,24 @@ class Field:
         cells.periodic = int(self.periodic)
         self.cells = cells
 
-    def _wave_numbers(self) -> tuple[np.ndarray, np.ndarray]:
-        rows, columns = self.padded
-        ky = 2.0 * np.pi * np.arange(rows // 2 + 1) / rows / self.mesh_spacing[1]
-        kx = 2.0 * np.pi * np.abs(np.fft.fftfreq(columns)) / self.mesh_spacing[0]
-        return kx[None, :], ky[:, None]
-
-    def _window(self) -> np.ndarray:
-        """What turns a smooth kernel's transform into the optimal influence function for depositing and interpolating.
-
-        W² / (sum of W² over all aliases)², W = sinc⁴ per axis being the transform of the cubic B-spline (Hockney and
-        Eastwood, equation 8-22, where the kernel itself has no aliases). Divided by the number of elements, so that the
-        pair of transforms is normalised.
-        """
-        kx, ky = self._wave_numbers()
-        factors = []
-        for k, step in ((kx, self.mesh_spacing[0]), (ky, self.mesh_spacing[1])):
-            theta = k * step
-            squared = np.sinc(theta / (2.0 * np.pi)) ** 8
-            aliases = (
-                2416.0 + 2382.0 * np.cos(theta) + 240.0 * np.cos(2.0 * theta) + 2.0 * np.cos(3.0 * theta)
-            ) / 5040.0
-            factors.append(squared / aliases**2)
-        return factors[0] * factors[1] / (self.padded[0] * self.padded[1])
-
     def _far_influence(self) -> np.ndarray:
-        kx, ky = self._wave_numbers()
+        kx, ky = self.layout.wave_numbers()
         if self.periodic:
             k2 = kx**2 + ky**2
             k2[0, 0] = 1.0
             kernel = 2.0 * np.pi / k2 * np.exp(-0.5 * self.split**2 * k2)
             # The mean potential has no force.
             kernel[0, 0] = 0.0
-            return kernel * self._window() / (self.mesh_spacing[0] * self.mesh_spacing[1])
+            return kernel * self.layout.window() / self.layout.node_area
         # In the plane the kernel has no transform of its own; that of its samples on the padded mesh, which no pair of
         # nodes of the unpadded one reaches around, convolves exactly.
-        rows, columns = self.padded
-        step = self.mesh_spacing[0]
+        rows, columns = self.layout.padded
+        step = self.layout.spacing[0]
         y = np.minimum(np.arange(rows), rows - np.arange(rows))[:, None] * step
         x = np.minimum(np.arange(columns), columns - np.arange(columns))[None, :] * step
         kernel = np.fft.rfft2(_far_kernel(x**2 + y**2, self.split)).real
         full = np.concatenate([kernel, kernel[:, 1 : columns - columns // 2][:, ::-1]], axis=1)
-        return full[: rows // 2 + 1] * self._window()
-
-    def _sharp_target(self) -> wp.array:
-        """Potential of the part of the targets that the split's Gaussian smooths away, per group; it never changes."""
-        kx, ky = self._wave_numbers()
-        k2 = kx**2 + ky**2
-        safe = np.where(k2 > 0.0, k2, 1.0)
-        kernel = 2.0 * np.pi / safe * (np.exp(-0.5 * self.blur**2 * k2) - np.exp(-0.5 * self.split**2 * k2))
-        kernel = np.where(k2 > 0.0, kernel, np.pi * (self.split**2 - self.blur**2))
-        influence = self._convolution.influence_array(
-            kernel * self._window() / (self.mesh_spacing[0] * self.mesh_spacing[1])
-        )
-        device = self.launcher.device
-        result = np.empty((self.group_count, self.node_count), dtype=np.float32)
-        for g in range(self.group_count):
-            field = wp.array(self.attraction[g].astype(np.float32).ravel(), dtype=float, device=device)
-            zero = wp.zeros_like(field)
-            self._convolution.apply(influence, (field, zero), (field, zero))
-            result[g] = field.numpy()
-        return wp.array(result.ravel(), dtype=float, device=device)
+        return full[: rows // 2 + 1] * self.layout.window()
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -264,6 +202,10 @@ class Field:
                 self.group_count,
                 self.mesh,
                 self._potential,
+                self._fine_mesh,
+                self._correction.potential,
+                self._correction.row,
+                self._correction.scale,
             ],
             [field],
         )
@@ -315,9 +257,20 @@ class Field:
             )
             second = self._potentials[g + 1] if g + 1 < self.group_count else self._spare
             self._convolution.apply(self._influence, tuple(self._mixed), (self._potentials[g], second))
-        self.launcher.launch(
-            kernels_mesh.subtract, self.group_count * self.node_count, [self._correction], [self._potential]
-        )
+
+
+def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
+    """The images that groups follow, each once, and the charge of each group by image, shape ``[groups, images]``."""
+    images: list[np.ndarray] = []
+    index = []
+    for target in targets:
+        found = [i for i, image in enumerate(images) if image is target.image]
+        if not found:
+            images.append(target.image)
+        index.append(found[0] if found else len(images) - 1)
+    charge = np.zeros((len(targets), len(images)))
+    charge[np.arange(len(targets)), index] = [target.charge for target in targets]
+    return images, charge
 
 
 def _far_kernel(squared_distance: np.ndarray, split: float) -> np.ndarray:

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .checks import check_density
 from .errors import InputFileError, ProblemError
 from .native_output import muted
-from .problem import check_density
 
 if TYPE_CHECKING:
     from PIL import Image, ImageFile

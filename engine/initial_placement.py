@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .density import box_integrals, sample_density, settle_on_full_pixels
+from .interaction import Groups
 from .problem import Problem
 
 __all__ = ["initial_placement"]
@@ -22,32 +23,39 @@ REDRAWS = 12
 GOLDEN = 0.6180339887498949
 
 
-def initial_placement(problem: Problem) -> np.ndarray:
+def initial_placement(problem: Problem, groups: Groups) -> np.ndarray:
     """Return positions [m], shape ``[body_count, 2]``, float64, in class, then size order; seeded by ``problem.seed``.
+
+    Every group is spread by itself, so that each starts even.
 
     Every body stands inside the domain on a pixel whose density is above zero.
     """
     rng = np.random.default_rng(problem.seed)
     size = np.array(problem.domain.size)
-    result = []
+    result = np.empty((problem.body_count, 2))
+    # Bodies of every group, group after group.
+    by_group = np.argsort(groups.body_group, kind="stable")
+    count = np.bincount(groups.body_group, minlength=groups.count)
+    first = np.concatenate([[0], np.cumsum(count)])
     shift = rng.random()
-    for body_class in problem.classes:
+    for c, body_class in enumerate(problem.classes):
         image = body_class.density_image
-        most = max(s.count for s in body_class.sizes)
-        order = int(np.clip(np.ceil(np.log2(np.sqrt(CELLS_PER_BODY * most) + 1)), 3, LARGEST_ORDER))
+        of_class = np.flatnonzero(groups.class_index == c)
+        order = int(np.clip(np.ceil(np.log2(np.sqrt(CELLS_PER_BODY * count[of_class].max()) + 1)), 3, LARGEST_ORDER))
         cells = 2**order
         column, row = _hilbert_curve(order)
         running = np.cumsum(box_integrals(image, (cells, cells))[row, column])
-        for body_size in body_class.sizes:
+        for g in of_class:
             shift = (shift + GOLDEN) % 1.0
-            n = body_size.count
+            n = int(count[g])
             # Half a step of jitter: enough to hide the curve, little enough to stay even.
             step = (np.arange(n) + (shift + 0.5 * rng.random(n)) % 1.0) / n
             chosen = np.minimum(np.searchsorted(running, step * running[-1], side="right"), cells * cells - 1)
             corner = np.stack([column[chosen], row[chosen]], axis=1)
             position = (corner + rng.random((n, 2))) / cells * size
-            result.append(_off_empty_pixels(position, corner, cells, image, size, rng))
-    return np.concatenate(result)
+            bodies = by_group[first[g] : first[g + 1]]
+            result[bodies] = _off_empty_pixels(position, corner, cells, image, size, rng)
+    return result
 
 
 def _off_empty_pixels(

@@ -85,6 +85,10 @@ def evaluate_field(
     group_count: int,
     mesh: Mesh,
     potential: wp.array(dtype=float),
+    fine_mesh: Mesh,
+    correction: wp.array(dtype=float),
+    correction_row: wp.array(dtype=wp.int32),
+    correction_scale: wp.array(dtype=float),
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
@@ -97,6 +101,9 @@ def evaluate_field(
     cx = wp.clamp(int(x * grid.inverse_size[0]), 0, grid.count_x - 1)
     cy = wp.clamp(int(y * grid.inverse_size[1]), 0, grid.count_y - 1)
     total = -potential_gradient(wp.vec2(x, y), group * mesh.count_x * mesh.count_y, mesh, potential)
+    # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
+    base = correction_row[group] * fine_mesh.count_x * fine_mesh.count_y
+    total += correction_scale[group] * potential_gradient(wp.vec2(x, y), base, fine_mesh, correction)
     for b in range(3):
         row = cy + b - 1
         shifted_y = y

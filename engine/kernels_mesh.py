@@ -115,17 +115,6 @@ def mix_groups(
     imaginary[i] = sum_imaginary
 
 
-@wp.kernel
-def subtract(
-    first: int,
-    subtrahend: wp.array(dtype=float),
-    # outputs
-    values: wp.array(dtype=float),
-):
-    i = first + wp.tid()
-    values[i] = values[i] - subtrahend[i]
-
-
 @wp.func
 def potential_gradient(position: wp.vec2, base: int, mesh: Mesh, potential: wp.array(dtype=float)):
     """Gradient of the mesh potential that starts at element ``base``."""

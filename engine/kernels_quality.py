@@ -1,4 +1,4 @@
-"""The kernel that compares every body with its neighbours."""
+"""The kernel that finds every body's nearest neighbour."""
 
 from __future__ import annotations
 
@@ -11,29 +11,21 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
-def compare_neighbours(
+def find_nearest(
     first: int,
     position: wp.array(dtype=wp.vec2),
-    radius: wp.array(dtype=float),
     inverse_spacing: wp.array(dtype=float),
     order: wp.array(dtype=wp.int32),
     cell_start: wp.array(dtype=wp.int32),
     grid: CellGrid,
-    touch: float,
-    most: int,
     # outputs
-    touching: wp.array(dtype=wp.int32),
     nearest: wp.array(dtype=float),
 ):
-    """Count the discs that overlap each disc, and find each body's nearest neighbour in units of its own spacing.
-
-    A body is left as soon as ``most`` discs overlap it.
-    """
+    """Find each body's nearest neighbour in units of its own spacing."""
     i = first + wp.tid()
     p = position[i]
     cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
     cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
-    count = int(0)
     closest = float(1.0e6)
     # Fewer than three cells along a periodic axis would be visited twice.
     low_x = wp.where(grid.periodic != 0 and grid.count_x < 3, -cx, -1)
@@ -49,7 +41,7 @@ def compare_neighbours(
                 column = cx + a
                 if grid.periodic != 0:
                     column = wrap(column, grid.count_x)
-                if column >= 0 and column < grid.count_x and count < most:
+                if column >= 0 and column < grid.count_x:
                     cell = row * grid.count_x + column
                     for s in range(cell_start[cell], cell_start[cell + 1]):
                         j = order[s]
@@ -61,10 +53,5 @@ def compare_neighbours(
                                     d[1] - grid.domain[1] * wp.round(d[1] / grid.domain[1]),
                                 )
                             distance = wp.length(d)
-                            if distance < (radius[i] + radius[j]) * touch:
-                                count += 1
-                                if count >= most:
-                                    break
                             closest = wp.min(closest, distance * inverse_spacing[i])
-    touching[i] = count
     nearest[i] = closest

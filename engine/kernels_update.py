@@ -1,4 +1,7 @@
-"""Kernels that move the bodies."""
+"""Kernels that move the bodies.
+
+A body's pose is (x, y, angle, length of its axis); a dot has angle and length 0.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,72 @@ from .kernels_mesh import Mesh, nearest_node
 
 wp.set_module_options({"enable_backward": False})
 
+# Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads wait for
+# each other; the unit is 2^-24.
+SLOTS = wp.constant(1024)
+SUM_SCALE = wp.constant(16777216.0)
+LARGEST_SUMMAND = wp.constant(1.0e8)
+# What is summed: the work against the field (positive: the momentum points the wrong way), the squared displacement over the
+# squared local spacing, and then for every kind of line the length over the desired one.
+UPHILL = wp.constant(0)
+MOVED = wp.constant(1)
+LENGTHS = wp.constant(2)
+# Times that a line is pushed back from empty pixels before its move is given up.
+PUSHES = wp.constant(3)
+SHORTEST_LINE = wp.constant(0.01)
+LONGEST_LINE = wp.constant(2.0)
+LARGEST_TURN = wp.constant(0.5)
+
 
 @wp.struct
 class Images:
-    """Density images of all classes in one array, row 0 at the top: where each starts, its height and width."""
+    """Density images of all classes in one array, row 0 at the top: where each starts, its height and width.
+
+    ``way`` leads from an empty pixel's centre to that of a full one.
+    """
 
     pixel: wp.array(dtype=float)
+    way: wp.array(dtype=wp.vec2)
     start: wp.array(dtype=wp.int32)
     height: wp.array(dtype=wp.int32)
     width: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Bodies:
+    """What bodies are: class, group and kind of line (-1: a dot) of each, and its charges."""
+
+    class_index: wp.array(dtype=wp.int32)
+    group: wp.array(dtype=wp.int32)
+    line: wp.array(dtype=wp.int32)
+    first_charge: wp.array(dtype=wp.int32)
+    place: wp.array(dtype=float)
+    charge: wp.array(dtype=float)
+
+
+@wp.struct
+class Lines:
+    """Rules of every kind of line.
+
+    Weights of forces and wishes in turns and stretches, the share of a bend that is taken back (below 0: no bends), the factor on the
+    desired length that makes up for the pressure of the charges; and images of the desired direction, (cos 2a, sin 2a) times its
+    weight, and length.
+    """
+
+    turn_by_force: wp.array(dtype=float)
+    turn_by_wish: wp.array(dtype=float)
+    stretch_by_force: wp.array(dtype=float)
+    stretch_by_wish: wp.array(dtype=float)
+    straightness: wp.array(dtype=float)
+    length_factor: wp.array(dtype=float)
+    direction: wp.array(dtype=wp.vec2)
+    direction_start: wp.array(dtype=wp.int32)
+    direction_height: wp.array(dtype=wp.int32)
+    direction_width: wp.array(dtype=wp.int32)
+    length: wp.array(dtype=float)
+    length_start: wp.array(dtype=wp.int32)
+    length_height: wp.array(dtype=wp.int32)
+    length_width: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -36,13 +96,23 @@ def stay_inside(position: wp.vec2, domain: wp.vec2, periodic: int):
 
 
 @wp.func
-def is_full(position: wp.vec2, class_index: int, images: Images, domain: wp.vec2):
-    """Whether the class's density is above zero at ``position``."""
-    height = images.height[class_index]
-    width = images.width[class_index]
+def pixel_at(position: wp.vec2, start: int, height: int, width: int, domain: wp.vec2):
+    """Index of the pixel that covers ``position``."""
     column = wp.clamp(int(position[0] / domain[0] * float(width)), 0, width - 1)
     row = wp.clamp(int((1.0 - position[1] / domain[1]) * float(height)), 0, height - 1)
-    return images.pixel[images.start[class_index] + row * width + column] > 0.0
+    return start + row * width + column
+
+
+@wp.func
+def density_pixel(position: wp.vec2, k: int, images: Images, domain: wp.vec2):
+    """Index of the pixel of class ``k`` that covers ``position``."""
+    return pixel_at(position, images.start[k], images.height[k], images.width[k], domain)
+
+
+@wp.func
+def is_full(position: wp.vec2, k: int, images: Images, domain: wp.vec2):
+    """Whether the density of class ``k`` is above zero at ``position``."""
+    return images.pixel[density_pixel(position, k, images, domain)] > 0.0
 
 
 @wp.func
@@ -56,14 +126,158 @@ def shortest(difference: wp.vec2, domain: wp.vec2, periodic: int):
     return difference
 
 
+@wp.func
+def charge_at(pose: wp.vec4, place: float, bend: float):
+    """Position of a charge at ``place`` along a body's axis and ``bend`` beside it."""
+    c = wp.cos(pose[2])
+    s = wp.sin(pose[2])
+    along = 0.5 * pose[3] * place
+    return wp.vec2(pose[0] + along * c - bend * s, pose[1] + along * s + bend * c)
+
+
+@wp.func
+def nearest_vector(
+    position: wp.vec2, vectors: wp.array(dtype=wp.vec2), start: int, height: int, width: int, domain: wp.vec2
+):
+    """Image of vectors, interpolated bilinearly between the centres of its pixels."""
+    u = wp.clamp(position[0] / domain[0] * float(width) - 0.5, 0.0, float(width - 1))
+    v = wp.clamp((1.0 - position[1] / domain[1]) * float(height) - 0.5, 0.0, float(height - 1))
+    left = wp.min(int(u), width - 1)
+    top = wp.min(int(v), height - 1)
+    right = wp.min(left + 1, width - 1)
+    bottom = wp.min(top + 1, height - 1)
+    fu = u - float(left)
+    fv = v - float(top)
+    upper = (1.0 - fu) * vectors[start + top * width + left] + fu * vectors[start + top * width + right]
+    lower = (1.0 - fu) * vectors[start + bottom * width + left] + fu * vectors[start + bottom * width + right]
+    return (1.0 - fv) * upper + fv * lower
+
+
+@wp.func
+def slide(old: wp.vec2, wanted: wp.vec2, k: int, images: Images, domain: wp.vec2, periodic: int):
+    """Where a dot ends that moves from ``old`` to ``wanted``: it never enters an empty pixel, but slides along its edge."""
+    new = stay_inside(wanted, domain, periodic)
+    if not is_full(new, k, images, domain):
+        along_x = stay_inside(wp.vec2(wanted[0], old[1]), domain, periodic)
+        along_y = stay_inside(wp.vec2(old[0], wanted[1]), domain, periodic)
+        new = old
+        if is_full(along_x, k, images, domain):
+            new = along_x
+        elif is_full(along_y, k, images, domain):
+            new = along_y
+    return new
+
+
+@wp.func
+def way_back(
+    pose: wp.vec4,
+    begin: int,
+    end: int,
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    k: int,
+    images: Images,
+    domain: wp.vec2,
+    periodic: int,
+):
+    """(x, y, 1) by which a line must move so that its farthest charge outside stands on a full pixel; (0, 0, 0) if all do."""
+    # How far charges reach over the edges of an open domain.
+    low = wp.vec2(0.0, 0.0)
+    high = wp.vec2(0.0, 0.0)
+    farthest = wp.vec2(0.0, 0.0)
+    away = float(0.0)
+    outside = float(0.0)
+    for j in range(begin, end):
+        p = charge_at(pose, bodies.place[j], bend[j])
+        inside = stay_inside(p, domain, periodic)
+        if periodic == 0:
+            low = wp.max(low, -p)
+            high = wp.max(high, p - domain)
+        pixel = density_pixel(inside, k, images, domain)
+        if images.pixel[pixel] <= 0.0:
+            outside = 1.0
+            way = images.way[pixel]
+            if wp.length_sq(way) > away:
+                away = wp.length_sq(way)
+                farthest = way
+    over = low - high
+    if wp.length_sq(over) > 0.0:
+        outside = 1.0
+    return wp.vec3(farthest[0] + over[0], farthest[1] + over[1], outside)
+
+
+@wp.func
+def confine(
+    old: wp.vec4,
+    wanted: wp.vec4,
+    begin: int,
+    end: int,
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    k: int,
+    images: Images,
+    domain: wp.vec2,
+    periodic: int,
+):
+    """Where a line ends that moves from ``old``, where it stands on full pixels alone, to ``wanted``: on such again."""
+    new = wanted
+    for _attempt in range(PUSHES):
+        way = way_back(new, begin, end, bodies, bend, k, images, domain, periodic)
+        if way[2] == 0.0:
+            return new
+        new = wp.vec4(new[0] + way[0], new[1] + way[1], new[2], new[3])
+    if way_back(new, begin, end, bodies, bend, k, images, domain, periodic)[2] == 0.0:
+        return new
+    # A shift without the turn, then a turn without the shift.
+    new = wp.vec4(wanted[0], wanted[1], old[2], old[3])
+    if way_back(new, begin, end, bodies, bend, k, images, domain, periodic)[2] == 0.0:
+        return new
+    new = wp.vec4(old[0], old[1], wanted[2], wanted[3])
+    if way_back(new, begin, end, bodies, bend, k, images, domain, periodic)[2] == 0.0:
+        return new
+    return old
+
+
 @wp.kernel
-def take_step(
+def place_charges(
     first: int,
-    ahead: wp.array(dtype=wp.vec2),
+    ahead: wp.array(dtype=wp.vec4),
+    charge_body: wp.array(dtype=wp.int32),
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    domain: wp.vec2,
+    periodic: int,
+    # outputs
+    charge_position: wp.array(dtype=wp.vec2),
+):
+    j = first + wp.tid()
+    p = charge_at(ahead[charge_body[j]], bodies.place[j], bend[j])
+    charge_position[j] = stay_inside(p, domain, periodic)
+
+
+@wp.func
+def add(sums: wp.array(dtype=wp.int64), kind: int, i: int, value: float):
+    """Add ``value`` to one of the sums over all bodies."""
+    amount = wp.int64(wp.clamp(value, -LARGEST_SUMMAND, LARGEST_SUMMAND) * SUM_SCALE)
+    wp.atomic_add(sums, kind * SLOTS + i % SLOTS, amount)
+
+
+@wp.func
+def limited(move: wp.vec2, limit: float):
+    length = wp.length(move)
+    if length > limit:
+        return move * (limit / length)
+    return move
+
+
+@wp.kernel
+def move_bodies(
+    first: int,
+    ahead: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
-    body_group: wp.array(dtype=wp.int32),
-    body_class: wp.array(dtype=wp.int32),
-    body_charge: wp.array(dtype=float),
+    bodies: Bodies,
+    lines: Lines,
     step_length: wp.array(dtype=float),
     step_limit: wp.array(dtype=float),
     relaxation: float,
@@ -71,55 +285,138 @@ def take_step(
     images: Images,
     domain: wp.vec2,
     # outputs
-    position: wp.array(dtype=wp.vec2),
-    displacement: wp.array(dtype=wp.vec2),
-    uphill: wp.array(dtype=float),
-    moved: wp.array(dtype=float),
+    pose: wp.array(dtype=wp.vec4),
+    bend: wp.array(dtype=float),
+    displacement: wp.array(dtype=wp.vec4),
+    sums: wp.array(dtype=wp.int64),
 ):
-    """Move every body from the extrapolated point ``ahead`` along the field; bodies never enter empty pixels.
+    """Move every body from the extrapolated pose ``ahead`` along the field; its charges never enter empty pixels.
 
-    ``displacement`` is the way from the last position, ``uphill`` its work against the field (positive: the momentum points
-    the wrong way), ``moved`` the squared displacement over the squared local spacing.
+    ``displacement`` is the way from the last pose.
     """
     i = first + wp.tid()
     start = ahead[i]
-    old = position[i]
-    node = nearest_node(start, mesh)
-    group_node = body_group[i] * mesh.count_x * mesh.count_y + node
-    limit = step_limit[node]
-    move = field[i] * (relaxation * step_length[group_node])
-    length = wp.length(move)
-    if length > limit:
-        move = move * (limit / length)
-    k = body_class[i]
-    new = stay_inside(start + move, domain, mesh.periodic)
-    if not is_full(new, k, images, domain):
-        # Slide along the edge of the full region as far as its pixels allow.
-        along_x = stay_inside(wp.vec2(start[0] + move[0], old[1]), domain, mesh.periodic)
-        along_y = stay_inside(wp.vec2(old[0], start[1] + move[1]), domain, mesh.periodic)
-        new = old
-        if is_full(along_x, k, images, domain):
-            new = along_x
-        elif is_full(along_y, k, images, domain):
-            new = along_y
-    way = shortest(new - old, domain, mesh.periodic)
-    position[i] = new
-    displacement[i] = way
-    uphill[i] = -body_charge[i] * wp.dot(field[i], way)
-    moved[i] = wp.length_sq(way) / (4.0 * limit * limit)
+    old = pose[i]
+    k = bodies.class_index[i]
+    kind = bodies.line[i]
+    begin = bodies.first_charge[i]
+    end = bodies.first_charge[i + 1]
+    group_base = bodies.group[i] * mesh.count_x * mesh.count_y
+    centre = stay_inside(wp.vec2(start[0], start[1]), domain, mesh.periodic)
+    limit = step_limit[nearest_node(centre, mesh)]
+    if kind < 0:
+        node = nearest_node(charge_position[begin], mesh)
+        move = limited(field[begin] * (relaxation * step_length[group_base + node]), limit)
+        new = slide(wp.vec2(old[0], old[1]), centre + move, k, images, domain, mesh.periodic)
+        way = shortest(new - wp.vec2(old[0], old[1]), domain, mesh.periodic)
+        pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
+        displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
+        add(sums, UPHILL, i, -bodies.charge[begin] * wp.dot(field[begin], way))
+        add(sums, MOVED, i, wp.length_sq(way) / (4.0 * limit * limit))
+        return
+
+    # Figure 9 (a): the charges' moves as one shift, one turn about the middle and one stretch, which fit them best.
+    along = wp.vec2(wp.cos(start[2]), wp.sin(start[2]))
+    across = wp.vec2(-along[1], along[0])
+    total = float(0.0)
+    inertia = float(0.0)
+    shift = wp.vec2(0.0, 0.0)
+    turn = float(0.0)
+    stretch = float(0.0)
+    force = wp.vec2(0.0, 0.0)
+    torque = float(0.0)
+    tension = float(0.0)
+    for j in range(begin, end):
+        node = nearest_node(charge_position[j], mesh)
+        move = limited(field[j] * (relaxation * step_length[group_base + node]), step_limit[node])
+        q = bodies.charge[j]
+        s = bodies.place[j]
+        total += q
+        inertia += q * s * s
+        shift += q * move
+        turn += q * s * wp.dot(move, across)
+        stretch += q * s * wp.dot(move, along)
+        force += q * field[j]
+        torque += q * s * wp.dot(field[j], across)
+        tension += q * s * wp.dot(field[j], along)
+    shift = shift / total
+    half = 0.5 * start[3]
+    desired_length = lines.length[
+        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], domain)
+    ]
+    wish = nearest_vector(
+        centre,
+        lines.direction,
+        lines.direction_start[kind],
+        lines.direction_height[kind],
+        lines.direction_width[kind],
+        domain,
+    )
+    weight = wp.length(wish)
+    turn = lines.turn_by_force[kind] * turn / (inertia * wp.max(half, 0.05 * desired_length))
+    # Difference of the doubled angles, since a line has no front.
+    c2 = along[0] * along[0] - along[1] * along[1]
+    s2 = 2.0 * along[0] * along[1]
+    if weight > 0.0:
+        turn += (
+            lines.turn_by_wish[kind] * weight * 0.5 * wp.atan2(c2 * wish[1] - s2 * wish[0], c2 * wish[0] + s2 * wish[1])
+        )
+    turn = wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
+    wanted_length = desired_length * lines.length_factor[kind]
+    growth = lines.stretch_by_force[kind] * 2.0 * stretch / inertia
+    growth += lines.stretch_by_wish[kind] * (wanted_length - start[3])
+    length = wp.clamp(start[3] + growth, SHORTEST_LINE * desired_length, LONGEST_LINE * desired_length)
+
+    shift = limited(shift, limit)
+    wanted = wp.vec4(centre[0] + shift[0], centre[1] + shift[1], start[2] + turn, length)
+    straightness = lines.straightness[kind]
+    if straightness >= 0.0:
+        # What the shift and the turn leave of the moves across the axis bends it; part of every bend is taken back.
+        spin = turn * half
+        for j in range(begin, end):
+            node = nearest_node(charge_position[j], mesh)
+            move = limited(field[j] * (relaxation * step_length[group_base + node]), step_limit[node])
+            rest = wp.dot(move - shift, across) - spin * bodies.place[j]
+            bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -0.25 * length, 0.25 * length)
+        # Whatever of the bends is a shift or a turn belongs to the pose.
+        mean = float(0.0)
+        slope = float(0.0)
+        for j in range(begin, end):
+            mean += bodies.charge[j] * bend[j] / total
+            slope += bodies.charge[j] * bodies.place[j] * bend[j] / inertia
+        for j in range(begin, end):
+            bend[j] = bend[j] - mean - slope * bodies.place[j]
+    line = confine(old, wanted, begin, end, bodies, bend, k, images, domain, mesh.periodic)
+    if straightness >= 0.0 and way_back(line, begin, end, bodies, bend, k, images, domain, mesh.periodic)[2] != 0.0:
+        # The old pose with a new bend: straight, a line always fits where it stood.
+        for j in range(begin, end):
+            bend[j] = 0.0
+    new_centre = stay_inside(wp.vec2(line[0], line[1]), domain, mesh.periodic)
+    way = shortest(new_centre - wp.vec2(old[0], old[1]), domain, mesh.periodic)
+    turned = line[2] - old[2]
+    grown = line[3] - old[3]
+    pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
+    displacement[i] = wp.vec4(way[0], way[1], turned, grown)
+    work = wp.dot(force, way) + torque * half * turned + 0.5 * tension * grown
+    squared = wp.length_sq(way) + half * half * turned * turned + 0.25 * grown * grown
+    add(sums, UPHILL, i, -work)
+    add(sums, MOVED, i, squared / (4.0 * limit * limit))
+    add(sums, LENGTHS + kind, i, line[3] / desired_length)
 
 
 @wp.kernel
 def look_ahead(
     first: int,
-    position: wp.array(dtype=wp.vec2),
-    displacement: wp.array(dtype=wp.vec2),
+    pose: wp.array(dtype=wp.vec4),
+    displacement: wp.array(dtype=wp.vec4),
     momentum: float,
     domain: wp.vec2,
     periodic: int,
     # outputs
-    ahead: wp.array(dtype=wp.vec2),
+    ahead: wp.array(dtype=wp.vec4),
 ):
     """Extrapolate along the last displacement (Nesterov's momentum)."""
     i = first + wp.tid()
-    ahead[i] = stay_inside(position[i] + momentum * displacement[i], domain, periodic)
+    p = pose[i] + momentum * displacement[i]
+    inside = stay_inside(wp.vec2(p[0], p[1]), domain, periodic)
+    ahead[i] = wp.vec4(inside[0], inside[1], p[2], wp.max(p[3], 0.0))

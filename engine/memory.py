@@ -8,8 +8,10 @@ import os
 import sys
 from pathlib import Path
 
+from .checks import show
 from .errors import ProblemError
-from .problem import Problem, show
+from .interaction import LEVELS
+from .problem import Problem
 
 __all__ = ["check_memory", "machine_memory", "required_memory"]
 
@@ -32,7 +34,7 @@ def required_memory(problem: Problem) -> int:
 
 
 def _bytes_per_body(problem: Problem) -> int:
-    groups = sum(len(body_class.sizes) for body_class in problem.classes)
+    groups = sum(LEVELS if size.is_range else 1 for body_class in problem.classes for size in body_class.sizes)
     return BYTES_PER_BODY + BYTES_PER_BODY_AND_GROUP * groups
 
 
@@ -47,7 +49,9 @@ def check_memory(problem: Problem) -> None:
     fits = available is None or required <= available
     if fits and problem.body_count <= MOST_BODIES:
         return
-    body_class, size = max(((k, size) for k in problem.classes for size in k.sizes), key=lambda pair: pair[1].count)
+    body_class, size = max(
+        ((k, size) for k in problem.classes for size in k.sizes), key=lambda pair: pair[1].count or 0
+    )
     sentence = (
         f'`count` of size "{size.name}" of class "{body_class.name}" is too large ({show(size.count)}): '
         f"{show(problem.body_count)} bodies in all would take about {format_bytes(required)} of memory"

@@ -24,8 +24,11 @@ class Placement:
         class_index: Index into ``problem.classes``, shape ``[n]``, int32.
         size_index: Index into the class's sizes, shape ``[n]``, int32.
         angle: Direction of the body's long axis [rad], counter-clockwise from x, shape ``[n]``, float64; 0 for dots.
-        length: Length of a line body [m], shape ``[n]``, float64; 0 for dots.
+        length: Length of a line body's axis [m], from its first to its last charge, shape ``[n]``, float64; 0 for dots.
+        width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
         report: What was reached.
+        bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
+            ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
     """
 
     problem: Problem
@@ -34,7 +37,9 @@ class Placement:
     size_index: np.ndarray
     angle: np.ndarray
     length: np.ndarray
+    width: np.ndarray
     report: Report
+    bends: np.ndarray | None = None
 
     @property
     def class_name(self) -> tuple[str, ...]:

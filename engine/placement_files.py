@@ -26,8 +26,9 @@ def write_placement(path: str | Path, placement: Placement) -> None:
     """Write a placement; an older file is replaced only once the new one is complete.
 
     Args:
-        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad] and
-            ``length`` [m], shape ``[n]``; ``class_name``, shape ``[k]``; readable without pickle; equal placements give
+        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
+            ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
+            charges, 2]``, where lines may bend; readable without pickle; equal placements give
             equal bytes) or in ``.csv`` (one line per body, its columns named in the first).
         placement: What to write.
 
@@ -109,6 +110,9 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
         size_index=np.asarray(placement.size_index, dtype=np.int32),
         angle=np.asarray(placement.angle, dtype=np.float64),
         length=np.asarray(placement.length, dtype=np.float64),
+        width=np.asarray(placement.width, dtype=np.float64),
+        area=placement.area,
+        **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
     )
 
@@ -116,7 +120,9 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
 def _write_csv(file: BinaryIO, placement: Placement) -> None:
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"))
+    rows.writerow(
+        ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
+    )
     class_name = [body_class.name for body_class in placement.problem.classes]
     size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
     columns = (
@@ -126,8 +132,12 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
+    shape = zip(placement.width.tolist(), placement.area.tolist(), strict=True)
     # Python writes the shortest digits that read back as the same number.
-    rows.writerows((*row, class_name[row[2]], size_name[row[2]][row[3]]) for row in zip(*columns, strict=True))
+    rows.writerows(
+        (*row, class_name[row[2]], size_name[row[2]][row[3]], *thickness_and_area)
+        for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
+    )
     text.detach()
 
 

@@ -81,7 +81,8 @@ def draw_plan(
     problem = placement.problem
     class_color = _class_colors(colors, len(problem.classes))
     size_color = [
-        _shades(color, [size.area for size in k.sizes]) for color, k in zip(class_color, problem.classes, strict=True)
+        _shades(color, [size.mean_area for size in k.sizes])
+        for color, k in zip(class_color, problem.classes, strict=True)
     ]
 
     width, height = problem.domain.size
@@ -178,7 +179,7 @@ def _legend_lines(
         entries: _Line = []
         for s, size in enumerate(body_class.sizes[:MOST_SIZES_LISTED]):
             count = int((in_class & (placement.size_index == s)).sum())
-            radius = min(max(math.sqrt(size.area / math.pi) * scale, 5.0), 15.0)
+            radius = min(max(math.sqrt(size.mean_area / math.pi) * scale, 5.0), 15.0)
             entries.append((size_color[c][s], radius, f"{_short(size.name)}  {count:,}"))
         rest = int((in_class & (placement.size_index >= MOST_SIZES_LISTED)).sum())
         if rest:

@@ -7,30 +7,17 @@ and it is stretched over the whole domain whatever its resolution or aspect.
 
 from __future__ import annotations
 
-import math
-import numbers
-import reprlib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from . import checks
+from .apportionment import apportion
+from .checks import Boundary, show
 from .errors import ProblemError
 
-__all__ = ["Balance", "BodyClass", "Domain", "Problem", "Size"]
-
-Boundary = Literal["open", "periodic"]
-# What the `__array__`, `__iter__` or `__repr__` of somebody else's object may raise.
-FOREIGN_ERRORS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
-Kind = TypeVar("Kind")
-BOUNDARIES: tuple[str, ...] = ("open", "periodic")
-
-
-# Beyond these, squares and ratios of lengths leave the range of float32.
-SMALLEST_LENGTH = 1e-9
-LARGEST_LENGTH = 1e12
-MOST_ELONGATED = 10_000
+__all__ = ["Balance", "BodyClass", "Domain", "Line", "Problem", "Size", "Unsharp"]
 
 
 @dataclass(frozen=True)
@@ -49,8 +36,8 @@ class Domain:
     boundary: Boundary = "open"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "size", check_domain_size(self.size))
-        object.__setattr__(self, "boundary", check_boundary(self.boundary))
+        object.__setattr__(self, "size", checks.check_domain_size(self.size))
+        object.__setattr__(self, "boundary", checks.check_boundary(self.boundary))
 
     @property
     def area(self) -> float:
@@ -63,49 +50,194 @@ class Domain:
         return self.boundary == "periodic"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Balance:
     """How the aims of the sampler are weighed against each other.
 
     Args:
         class_separation: The paper's alpha, 0..1: 0 places every class as if it were alone, 1 spreads only the union.
-        size_emphasis: The paper's C >= 1, with C_i = C^i for size rank i: how much more the larger sizes are spread
-            evenly among themselves.
+        size_emphasis: The paper's C >= 1, with C_i = C^i for size rank i; or the list C_1, C_2, ... itself: how much more the
+            larger sizes are spread evenly among themselves. For sizes that are a range, it is the square of C that every
+            doubling of the area adds as a factor: C = 2 is the paper's min(A_j², A_k²).
+        non_overlap: One row and column per class, symmetric, 1 on the diagonal: 1 where two classes must keep apart, 0 where
+            they may overlap (section 5). The classes' factors are (1 - alpha) identity + alpha non_overlap; None means that
+            all keep apart.
+
+    Raises:
+        ProblemError: A value outside these ranges, or factors with a negative eigenvalue.
+    """
+
+    class_separation: float = 0.5
+    size_emphasis: float | Sequence[float] = 2.0
+    non_overlap: np.ndarray | Sequence[Sequence[float]] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "class_separation", checks.check_class_separation(self.class_separation))
+        object.__setattr__(self, "size_emphasis", checks.check_size_emphasis(self.size_emphasis))
+        object.__setattr__(self, "non_overlap", checks.check_non_overlap(self.non_overlap))
+        if self.non_overlap is not None:
+            checks.check_class_matrix(np.asarray(self.non_overlap), self.class_separation)
+
+    def class_factors(self, class_count: int) -> np.ndarray:
+        """Factors between classes, shape ``[class_count, class_count]``, float64."""
+        apart = np.ones((class_count, class_count)) if self.non_overlap is None else np.asarray(self.non_overlap)
+        return (1.0 - self.class_separation) * np.eye(class_count) + self.class_separation * apart
+
+
+@dataclass(frozen=True)
+class Unsharp:
+    """Unsharp masking of a density: ``image + amount * (image - blurred)``, clipped at 0.
+
+    Args:
+        amount: Strength, >= 0.
+        radius: Standard deviation of the blur [pixels of the density image], > 0.
+    """
+
+    amount: float = 1.0
+    radius: float = 2.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "amount", checks.check_at_least_zero(self.amount, "`unsharp.amount`"))
+        object.__setattr__(self, "radius", checks.check_positive(self.radius, "`unsharp.radius`"))
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Makes bodies long: a straight row of charges with a direction and a length (section 6, hatching).
+
+    The body is a capsule: an axis from the first to the last charge, with round caps of half the width.
+
+    Args:
+        length: Desired length of the axis [m]; a number, or an image of numbers stretched over the domain.
+        direction: Desired direction: ``"density"`` (along the edges of the class's density, by its structure tensor,
+            equation 8), ``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the
+            right, y up) whose lengths 0..1 weigh them. A line has no front: angles count modulo pi.
+        width: Thickness [m]; None makes it the area over the mean length reached, so that the average grey is kept.
+        charges: Charges along the axis, 2 or more.
+        middle_charge: Charge of the middle one over that of an end, where their number is odd.
+        turn_weights: Weights of the forces and of the desired direction in a turn.
+        stretch_weights: Weights of the forces and of the desired length in a change of length.
+        straightness: None keeps lines straight; 0..1 lets them bend, and takes back this share of the bend at each step.
+        tensor_scales: Standard deviations of the structure tensor's inner and outer Gaussian [pixels of the density].
 
     Raises:
         ProblemError: A value outside these ranges.
     """
 
-    class_separation: float = 0.5
-    size_emphasis: float = 2.0
+    length: float | np.ndarray
+    direction: str | float | np.ndarray = "density"
+    width: float | None = None
+    charges: int = 3
+    middle_charge: float = 6.0
+    turn_weights: tuple[float, float] = (0.4, 0.4)
+    stretch_weights: tuple[float, float] = (0.2, 0.1)
+    straightness: float | None = None
+    tensor_scales: tuple[float, float] = (1.0, 3.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "class_separation", check_class_separation(self.class_separation))
-        object.__setattr__(self, "size_emphasis", check_size_emphasis(self.size_emphasis))
+        object.__setattr__(self, "length", checks.check_line_length(self.length, "`line.length`"))
+        object.__setattr__(self, "direction", checks.check_direction(self.direction, "`line.direction`"))
+        if self.width is not None:
+            object.__setattr__(self, "width", checks.check_length(self.width, "`line.width`"))
+        object.__setattr__(self, "charges", checks.check_charges(self.charges, "`line.charges`"))
+        object.__setattr__(self, "middle_charge", checks.check_positive(self.middle_charge, "`line.middle_charge`"))
+        object.__setattr__(self, "turn_weights", checks.check_weights(self.turn_weights, "`line.turn_weights`"))
+        object.__setattr__(
+            self, "stretch_weights", checks.check_weights(self.stretch_weights, "`line.stretch_weights`")
+        )
+        if self.straightness is not None:
+            object.__setattr__(self, "straightness", checks.check_fraction(self.straightness, "`line.straightness`"))
+        scales = tuple(checks.check_positive(scale, "`line.tensor_scales`") for scale in self.tensor_scales)
+        object.__setattr__(self, "tensor_scales", scales)
+
+    @property
+    def longest(self) -> float:
+        """The largest desired length [m]."""
+        return float(np.max(self.length))
+
+    def charge_shares(self) -> np.ndarray:
+        """Share of the body's charge at every place along the axis, shape ``[charges]``, float64, sum 1."""
+        weight = np.ones(self.charges)
+        if self.charges % 2 == 1:
+            weight[self.charges // 2] = self.middle_charge
+        return weight / weight.sum()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Size:
     """One size of a class: so many bodies of this footprint.
 
     Args:
         name: Unique within its class.
-        area: Footprint of one body [m²]; its charge.
-        count: Number of bodies; placed exactly.
+        area: Footprint of one body [m²], its charge; or a range of them, smallest first, from which every body gets its own.
+        count: Number of bodies; placed exactly. None where the class has the count and this size a share.
+        share: Share of the class's charge that these bodies carry, above 0; the shares of a class sum to 1.
+        distribution: How a range is filled: ``"linear"`` (evenly stepped), ``"uniform"`` (drawn, by the problem's seed), or one
+            area per body.
+        line: Makes the bodies long; None leaves them dots.
 
     Raises:
-        ProblemError: An area that is not positive and finite, or a count that is not a whole number >= 1.
+        ProblemError: A value that is none, both a count and a share, or a list of areas that does not fit count or range.
     """
 
     name: str
-    area: float
-    count: int
+    area: float | tuple[float, float]
+    count: int | None = None
+    share: float | None = None
+    distribution: str | np.ndarray | Sequence[float] = "linear"
+    line: Line | None = None
 
     def __post_init__(self) -> None:
-        name = check_name(self.name, "`name` of a size")
+        name = checks.check_name(self.name, "`name` of a size")
+        where = f'of size "{name}"'
         object.__setattr__(self, "name", name)
-        object.__setattr__(self, "area", check_area(self.area, f'`area` of size "{name}"'))
-        object.__setattr__(self, "count", check_count(self.count, f'`count` of size "{name}"'))
+        object.__setattr__(self, "area", checks.check_area_or_range(self.area, f"`area` {where}"))
+        distribution = checks.check_distribution(self.distribution, f"`distribution` {where}")
+        object.__setattr__(self, "distribution", distribution)
+        if self.count is not None:
+            object.__setattr__(self, "count", checks.check_count(self.count, f"`count` {where}"))
+            if self.share is not None:
+                raise ProblemError(f"`share` {where} must not stand beside a `count`; got {show(self.share)}")
+        if self.share is not None:
+            object.__setattr__(self, "share", checks.check_share(self.share, f"`share` {where}"))
+        if self.line is not None and not isinstance(self.line, Line):
+            raise ProblemError(f"`line` {where} must be a Line, or None; got {show(self.line)}")
+        if isinstance(distribution, np.ndarray):
+            self._check_listed_areas(distribution, f"`distribution` {where}")
+
+    def _check_listed_areas(self, areas: np.ndarray, key: str) -> None:
+        if not isinstance(self.area, tuple):
+            raise ProblemError(f"{key} is a list, which needs a range as `area`; got {show(self.area)}")
+        if self.count is not None and len(areas) != self.count:
+            raise ProblemError(f"{key} must hold one area per body, {self.count}; got {len(areas)}")
+        low, high = self.area
+        if not low <= areas.min() <= areas.max() <= high:
+            raise ProblemError(
+                f"{key} must lie within the `area`, {low:g} to {high:g}; got {areas.min():g} to {areas.max():g}"
+            )
+
+    @property
+    def is_range(self) -> bool:
+        """Whether every body has an area of its own."""
+        return isinstance(self.area, tuple)
+
+    @property
+    def mean_area(self) -> float:
+        """Mean footprint [m²] that the distribution aims at."""
+        if isinstance(self.distribution, np.ndarray):
+            return float(self.distribution.mean())
+        return float(np.mean(self.area))
+
+    def areas(self, seed: Sequence[int]) -> np.ndarray:
+        """Footprint of every body [m²], shape ``[count]``, float64; ``seed`` draws those of a uniform range."""
+        count = self.count or 0
+        if isinstance(self.distribution, np.ndarray):
+            return self.distribution.copy()
+        if not isinstance(self.area, tuple):
+            return np.full(count, self.area)
+        if self.distribution == "linear":
+            return np.linspace(*self.area, count) if count > 1 else np.full(count, self.mean_area)
+        return np.random.default_rng(seed).uniform(*self.area, count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,36 +249,133 @@ class BodyClass:
         sizes: At least one :class:`Size`.
         density: Image of shape ``[height, width]``, values >= 0, any scale, any real or boolean dtype; or a number > 0
             for a uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy.
+        count: Number of bodies in all sizes, which then have shares instead of counts (a single size has all of it); or
+            ``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground.
+        density_correction: Raise densities above 0.907 so that overlapping discs cover what is asked for (section 3); the
+            density is then a covered share, 0..1.
+        unsharp: Unsharp masking of the density, before everything else.
 
     Raises:
         ProblemError: A density that is negative, not finite, zero everywhere or not a two-dimensional image; no size;
-            two sizes of one name.
+            two sizes of one name; counts and shares that do not add up.
     """
 
     name: str
     sizes: Sequence[Size]
     density: np.ndarray | float = 1.0
+    count: int | str | None = None
+    density_correction: bool = False
+    unsharp: Unsharp | None = None
+    # What happened to the density on the way, for the report.
+    notes: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        name = check_name(self.name, "`name` of a class")
+        name = checks.check_name(self.name, "`name` of a class")
         where = f'class "{name}"'
-        sizes = _as_tuple(self.sizes, Size, f"`sizes` of {where}")
+        sizes = checks.as_tuple(self.sizes, Size, f"`sizes` of {where}")
         if not sizes:
             raise ProblemError(f"{where} must have at least one size; got none")
-        check_unique([size.name for size in sizes], f"size names of {where}")
+        checks.check_unique([size.name for size in sizes], f"size names of {where}")
         object.__setattr__(self, "name", name)
-        object.__setattr__(self, "sizes", sizes)
-        object.__setattr__(self, "density", check_density(self.density, f"`density` of {where}"))
+        object.__setattr__(self, "density", checks.check_density(self.density, f"`density` of {where}"))
+        object.__setattr__(self, "count", checks.check_class_count(self.count, f"`count` of {where}"))
+        correction = checks.check_switch(self.density_correction, f"`density_correction` of {where}")
+        object.__setattr__(self, "density_correction", correction)
+        if self.unsharp is not None and not isinstance(self.unsharp, Unsharp):
+            raise ProblemError(f"`unsharp` of {where} must be an Unsharp, or None; got {show(self.unsharp)}")
+        object.__setattr__(self, "sizes", self._with_shares(sizes, where))
+        object.__setattr__(self, "_density_image", self._prepare_density(where))
+
+    def _with_shares(self, sizes: tuple[Size, ...], where: str) -> tuple[Size, ...]:
+        """Check that either every size has a count, or the class has one and every size a share."""
+        if self.count is None:
+            for size in sizes:
+                if size.count is None:
+                    reason = "shares need a `count` of the class" if size.share is not None else "it is missing"
+                    raise ProblemError(
+                        f'`count` of size "{size.name}" of {where} must be a whole number of at least 1; {reason}'
+                    )
+            return sizes
+        if len(sizes) == 1 and sizes[0].count is None and sizes[0].share is None:
+            return (replace(sizes[0], share=1.0),)
+        for size in sizes:
+            if size.share is None:
+                raise ProblemError(
+                    f'`share` of size "{size.name}" of {where} must be given, because the class has a `count`; '
+                    + ("it has a `count` of its own instead" if size.count is not None else "it is missing")
+                )
+        total = sum(size.share or 0.0 for size in sizes)
+        if abs(total - 1.0) > checks.SHARE_TOLERANCE:
+            raise ProblemError(f"`share` of the sizes of {where} must add up to 1; they add up to {total:.4g}")
+        return sizes
+
+    def _prepare_density(self, where: str) -> np.ndarray:
+        image = np.asarray(self.density)
+        key = f"`density` of {where}"
+        if self.unsharp is not None:
+            from .image_filters import unsharp_mask
+
+            sharpened, clipped = unsharp_mask(image, self.unsharp.amount, self.unsharp.radius)
+            image = sharpened.astype(np.float32)
+            if not image.any():
+                raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
+            if clipped > 0.0:
+                note = f"`unsharp` of {where} made {clipped:.1%} of its density negative, which counts as 0"
+                object.__setattr__(self, "notes", (note,))
+        if self.density_correction or self.count == "cover":
+            largest = float(image.max())
+            if largest > 1.0 and self.unsharp is None:
+                why = "`density_correction`" if self.density_correction else '`count = "cover"`'
+                raise ProblemError(
+                    f"{key} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}"
+                )
+            image = np.minimum(image, np.float32(1.0))
+        if self.density_correction:
+            from .density_correction import correct_density
+
+            image = correct_density(image, key).astype(np.float32)
+        return image
+
+    def _with_counts(self, count: int) -> tuple[Size, ...]:
+        shares = np.array([size.share for size in self.sizes], dtype=np.float64)
+        counts = apportion(count, shares / np.array([size.mean_area for size in self.sizes]))
+        for size, number in zip(self.sizes, counts.tolist(), strict=True):
+            if number < 1:
+                raise ProblemError(
+                    f'`share` of size "{size.name}" of class "{self.name}" must be larger: {size.share:g} of {count} bodies '
+                    "leaves none of it"
+                )
+        return tuple(
+            replace(size, count=number, share=None) for size, number in zip(self.sizes, counts.tolist(), strict=True)
+        )
+
+    def resolved(self, domain_area: float) -> BodyClass:
+        """Return this class with a whole count for every size, in a domain of this area [m²]."""
+        if self.count is None:
+            return self
+        if isinstance(self.count, int):
+            sizes = self._with_counts(self.count)
+        else:
+            ink = float(self.density_image.mean(dtype=np.float64)) * domain_area
+            number = sum(ink * (size.share or 0.0) / size.mean_area for size in self.sizes)
+            if number < 0.5:
+                raise ProblemError(
+                    f'`count` of class "{self.name}" is "cover", but its density covers {ink:.3g} m², less than half a body'
+                )
+            sizes = self._with_counts(max(round(number), 1))
+        result = object.__new__(BodyClass)
+        result.__dict__.update(self.__dict__, sizes=sizes, count=None)
+        return result
 
     @property
     def density_image(self) -> np.ndarray:
-        """The density as an array of shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform)."""
-        return np.asarray(self.density)
+        """The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform)."""
+        return self.__dict__["_density_image"]
 
     @property
-    def count(self) -> int:
+    def body_count(self) -> int:
         """Number of bodies in all sizes."""
-        return sum(size.count for size in self.sizes)
+        return sum(size.count or 0 for size in self.sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,35 +384,77 @@ class Problem:
 
     Args:
         domain: Where.
-        classes: What; at least one :class:`BodyClass`.
+        classes: What; at least one :class:`BodyClass`. Afterwards every size has its whole count.
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
+        avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
 
     Raises:
-        ProblemError: No class, two classes of one name, or a seed that is not a whole number >= 0.
+        ProblemError: No class, two classes of one name, a seed that is not a whole number >= 0, a balance made for another
+            number of classes, or a line longer than the domain.
     """
 
     domain: Domain
     classes: Sequence[BodyClass]
     balance: Balance = field(default_factory=Balance)
     seed: int = 0
+    avoid_overlap: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.domain, Domain):
             raise ProblemError(f"`domain` must be a Domain; got {show(self.domain)}")
         if not isinstance(self.balance, Balance):
             raise ProblemError(f"`balance` must be a Balance; got {show(self.balance)}")
-        classes = _as_tuple(self.classes, BodyClass, "`classes`")
+        classes = checks.as_tuple(self.classes, BodyClass, "`classes`")
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
-        check_unique([body_class.name for body_class in classes], "class names")
-        object.__setattr__(self, "classes", classes)
-        object.__setattr__(self, "seed", check_seed(self.seed))
+        checks.check_unique([body_class.name for body_class in classes], "class names")
+        object.__setattr__(self, "classes", tuple(c.resolved(self.domain.area) for c in classes))
+        object.__setattr__(self, "seed", checks.check_seed(self.seed))
+        object.__setattr__(self, "avoid_overlap", checks.check_switch(self.avoid_overlap, "`avoid_overlap`"))
+        self._check_balance()
+        self._check_lines()
+
+    def _check_balance(self) -> None:
+        matrix = self.balance.non_overlap
+        if matrix is not None and len(matrix) != len(self.classes):
+            raise ProblemError(
+                f"`balance.non_overlap` must have one row per class, {len(self.classes)}; got {len(matrix)} rows"
+            )
+        emphasis = self.balance.size_emphasis
+        if isinstance(emphasis, tuple):
+            for c in self.classes:
+                if any(size.is_range for size in c.sizes):
+                    raise ProblemError(
+                        f'`balance.size_emphasis` must be one number, because areas of class "{c.name}" are a range; got a list'
+                    )
+                ranks = len({size.area for size in c.sizes})
+                if ranks - 1 > len(emphasis):
+                    raise ProblemError(
+                        f'`balance.size_emphasis` must have a value for each of the {ranks - 1} larger sizes of class "{c.name}"; '
+                        f"got {len(emphasis)}"
+                    )
+
+    def _check_lines(self) -> None:
+        most = max(self.domain.size)
+        for c in self.classes:
+            for size in c.sizes:
+                if size.line is not None and size.line.longest > most:
+                    raise ProblemError(
+                        f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
+                        f"got {size.line.longest:g}"
+                    )
 
     @property
     def body_count(self) -> int:
         """Number of bodies of all classes and sizes."""
-        return sum(body_class.count for body_class in self.classes)
+        return sum(body_class.body_count for body_class in self.classes)
+
+    @property
+    def charge_count(self) -> int:
+        """Number of charges on all bodies: one on a dot, several on a line."""
+        sizes = [size for body_class in self.classes for size in body_class.sizes]
+        return sum((size.count or 0) * (size.line.charges if size.line else 1) for size in sizes)
 
     def body_indices(self) -> tuple[np.ndarray, np.ndarray]:
         """Class and size index of every body, shapes ``[body_count]``, int32, in class, then size order."""
@@ -193,179 +464,6 @@ class Problem:
 
     def body_areas(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[body_count]``, float64, in the same order."""
-        sizes = [size for body_class in self.classes for size in body_class.sizes]
-        return np.repeat([size.area for size in sizes], [size.count for size in sizes])
-
-
-# The checks below are one per kind of value. Each takes the name that the value has for whoever wrote it (a field here,
-# a key of a recipe there), so that every front end names the value in its own words and none repeats the rules.
-
-
-def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
-    """Return the two lengths [m]; raise ProblemError unless both are usable and less than 10,000 times each other."""
-    entries = (
-        tuple(value) if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0) else ()
-    )
-    if len(entries) != 2:
-        raise ProblemError(f"{key} must be two lengths in metres, x and y; got {show(value)}")
-    width, height = (_positive(entry, key, " in metres") for entry in entries)
-    if not all(SMALLEST_LENGTH <= length <= LARGEST_LENGTH for length in (width, height)):
-        raise ProblemError(
-            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres; got {show(value)}"
+        return np.concatenate(
+            [size.areas([self.seed, 2, c, s]) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
         )
-    if max(width, height) > MOST_ELONGATED * min(width, height):
-        raise ProblemError(f"{key} must not be more than {MOST_ELONGATED:,} times longer than wide; got {show(value)}")
-    return width, height
-
-
-def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
-    """Return the boundary; raise ProblemError unless it is one of ``BOUNDARIES``."""
-    if not isinstance(value, str) or value not in BOUNDARIES:
-        raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
-    return "periodic" if value == "periodic" else "open"
-
-
-def check_class_separation(value: object, key: str = "`balance.class_separation`") -> float:
-    """Return the paper's alpha; raise ProblemError unless it is within 0..1."""
-    number = _as_float(value)
-    if number is None or not 0.0 <= number <= 1.0:
-        raise ProblemError(
-            f"{key} must be a number between 0 (each class by itself) and 1 (only the union); got {show(value)}"
-        )
-    return number
-
-
-def check_size_emphasis(value: object, key: str = "`balance.size_emphasis`") -> float:
-    """Return the paper's C; raise ProblemError unless it is 1 or more, and finite."""
-    number = _as_float(value)
-    if number is None or not 1.0 <= number < math.inf:
-        raise ProblemError(f"{key} must be a number of 1 or more, and finite; got {show(value)}")
-    return number
-
-
-def check_name(value: object, key: str) -> str:
-    """Return the name; raise ProblemError unless it can be shown on one line and written to any file."""
-    if not isinstance(value, str) or not value.strip():
-        raise ProblemError(f"{key} must be a text that is not empty; got {show(value)}")
-    # Line breaks would tear reports apart, and lone surrogates cannot be written as UTF-8.
-    if not value.isprintable():
-        raise ProblemError(f"{key} must be a text on one line, without control characters; got {show(value)}")
-    return str(value)
-
-
-def check_area(value: object, key: str) -> float:
-    """Return the footprint [m²]; raise ProblemError unless it is above 0 and no larger than any domain."""
-    area = _positive(value, key, " in m²")
-    if not SMALLEST_LENGTH**2 <= area <= LARGEST_LENGTH**2:
-        raise ProblemError(
-            f"{key} must be a number in m² between {SMALLEST_LENGTH**2:g} and {LARGEST_LENGTH**2:g}; got {show(value)}"
-        )
-    return area
-
-
-def check_count(value: object, key: str) -> int:
-    """Return the count; raise ProblemError unless it is a whole number of at least 1 (120.0 is, ``True`` is not)."""
-    if _is_real(value) and value >= 1 and value < math.inf and value == int(value):  # type: ignore[operator, call-overload]
-        return int(value)  # type: ignore[call-overload]
-    raise ProblemError(f"{key} must be a whole number of at least 1; got {show(value)}")
-
-
-def check_seed(value: object, key: str = "`seed`") -> int:
-    """Return the seed; raise ProblemError unless it is a whole number that fits 63 bits."""
-    if isinstance(value, numbers.Integral) and _is_real(value) and 0 <= int(value) < 2**63:
-        return int(value)
-    raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
-
-
-def check_density(value: object, key: str) -> np.ndarray:
-    """Return a new float32 array of shape ``[height, width]``; raise ProblemError if it means no density."""
-    if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
-        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
-    try:
-        given = np.asarray(value)
-    except FOREIGN_ERRORS:
-        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}") from None
-    if given.dtype.kind not in "buif":
-        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
-    if given.ndim == 0:
-        given = given.reshape(1, 1)
-    if given.ndim != 2 or given.size == 0:
-        raise ProblemError(f"{key} must have shape [height, width], neither of them 0; got shape {list(given.shape)}")
-    if not np.isfinite(given).all():
-        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
-    smallest, largest = given.min(), given.max()
-    if smallest < 0:
-        raise ProblemError(f"{key} must be 0 or more everywhere; its smallest value is {smallest:g}")
-    if largest <= 0:
-        raise ProblemError(f"{key} must be above 0 somewhere; it is 0 everywhere")
-    # Only ratios matter: values that float32, or a sum of them, cannot hold are brought into its range.
-    if not 1e-20 < float(largest) < 1e20:
-        given = given.astype(np.longdouble) / largest.astype(np.longdouble)
-    return given.astype(np.float32, order="C")
-
-
-def check_unique(names: Sequence[str], what: str) -> None:
-    """Raise ProblemError if a name stands there twice."""
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            raise ProblemError(f'{what} must differ from each other; "{name}" stands there {names.count(name)} times')
-        seen.add(name)
-
-
-def show(value: object) -> str:
-    """Return ``value`` as a sentence shows it: short, on one line, and never failing."""
-    if isinstance(value, numbers.Integral) and _is_real(value):
-        whole = int(value)
-        # Python refuses to print whole numbers of thousands of digits.
-        return str(whole) if abs(whole) < 10**18 else f"{'-' if whole < 0 else ''}about 1e{_digits(abs(whole)) - 1}"
-    if isinstance(value, (float, np.floating)):
-        return f"{float(value):.12g}"
-    if isinstance(value, str):
-        text = ascii(value) if not value.isprintable() else f'"{value}"'
-        return text if len(text) <= 62 else f'{text[:58]}..."'
-    try:
-        text = " ".join(reprlib.repr(value).split())
-    except FOREIGN_ERRORS:
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def _digits(whole: int) -> int:
-    return int(math.log10(whole)) + 1
-
-
-def _is_real(value: object) -> bool:
-    return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
-
-
-def _as_float(value: object) -> float | None:
-    """Return a real number as float (infinite where it is too large for one), None for anything else and for NaN."""
-    if not _is_real(value):
-        return None
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf  # type: ignore[operator]
-    return None if math.isnan(number) else number
-
-
-def _positive(value: object, key: str, unit: str) -> float:
-    number = _as_float(value)
-    if number is None or not 0.0 < number < math.inf:
-        raise ProblemError(f"{key} must be a number{unit} above 0, and finite; got {show(value)}")
-    return number
-
-
-def _as_tuple(value: object, kind: type[Kind], key: str) -> tuple[Kind, ...]:
-    try:
-        entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
-    except FOREIGN_ERRORS:
-        entries = None
-    if entries is None or not all(isinstance(entry, kind) for entry in entries):
-        raise ProblemError(f"{key} must be a list of {kind.__name__}; got {show(value)}")
-    return entries
-
-
-def _either(choices: Sequence[str]) -> str:
-    return " or ".join(f'"{choice}"' for choice in choices)

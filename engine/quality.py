@@ -1,4 +1,4 @@
-"""How good a placement is: coverage error, spacing, overlaps. Measured on the placement alone, independent of the solver."""
+"""How good a placement is: coverage error and spacing. Measured on the placement alone, independent of the solver."""
 
 from __future__ import annotations
 
@@ -12,16 +12,12 @@ from .density import box_integrals
 from .device import Launcher
 from .problem import Domain
 
-__all__ = ["coverage_error", "overlap_count", "smallest_spacing"]
+__all__ = ["coverage_error", "smallest_spacing"]
 
 # Cells along the longer side of the domain, on which charge and target are compared.
 COVERAGE_CELLS = 512
 # A hexagonal lattice of number density 1 has this distance of neighbours.
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
-# Discs that touch do not overlap: rounding of float32 positions is not an overlap.
-TOUCH_TOLERANCE = 1e-4
-# No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
-MOST_OVERLAPS_PER_BODY = 200
 
 
 def coverage_error(
@@ -55,18 +51,6 @@ def coverage_error(
     return float(np.sqrt(np.mean(blurred**2)) / target.mean())
 
 
-def overlap_count(position: np.ndarray, area: np.ndarray, domain: Domain, launcher: Launcher) -> int:
-    """Number of pairs of bodies whose discs (of their footprint area) overlap by more than 1e-4 of their distance.
-
-    A lower bound where a body overlaps more than 200 others.
-    """
-    radius = np.sqrt(area / math.pi)
-    return (
-        int(_neighbour_pass(position, radius, np.ones(len(position)), domain, 2.0 * radius.max(), launcher)[0].sum())
-        // 2
-    )
-
-
 def smallest_spacing(
     position: np.ndarray, number_density: np.ndarray, domain: Domain, launcher: Launcher
 ) -> float | None:
@@ -84,19 +68,18 @@ def smallest_spacing(
     if len(position) < 2:
         return None
     reach = 1.5 / math.sqrt(float(np.median(number_density)))
-    nearest = _neighbour_pass(position, np.zeros(len(position)), np.sqrt(number_density), domain, reach, launcher)[1]
-    smallest = float(nearest.min()) / HEXAGONAL_SPACING
+    smallest = float(_nearest(position, np.sqrt(number_density), domain, reach, launcher).min()) / HEXAGONAL_SPACING
     return smallest if smallest < 1e3 else None
 
 
-def _neighbour_pass(
+def _nearest(
     position: np.ndarray,
-    radius: np.ndarray,
     inverse_spacing: np.ndarray,
     domain: Domain,
     reach: float,
     launcher: Launcher,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> np.ndarray:
+    """Distance from every body to its nearest neighbour times ``inverse_spacing``; beyond ``reach`` it may be missed."""
     n = len(position)
     device = launcher.device
     # Cells no smaller than the reach, and not many more than bodies.
@@ -117,24 +100,20 @@ def _neighbour_pass(
     launcher.launch(kernels_cells.compute_cell_keys, n, [point, grid], [key, order])
     wp.utils.radix_sort_pairs(key, order, n)
     launcher.launch(kernels_cells.find_cell_starts, n, [key, n, counts[0] * counts[1]], [cell_start])
-    touching = wp.zeros(n, dtype=wp.int32, device=device)
     nearest = wp.zeros(n, dtype=float, device=device)
     launcher.launch(
-        kernels_quality.compare_neighbours,
+        kernels_quality.find_nearest,
         n,
         [
             point,
-            wp.array((radius / unit).astype(np.float32), dtype=float, device=device),
             wp.array((inverse_spacing * unit).astype(np.float32), dtype=float, device=device),
             order,
             cell_start,
             grid,
-            1.0 - TOUCH_TOLERANCE,
-            MOST_OVERLAPS_PER_BODY,
         ],
-        [touching, nearest],
+        [nearest],
     )
-    return touching.numpy(), nearest.numpy()
+    return nearest.numpy()
 
 
 def _cloud_in_cell(position: np.ndarray, charge: np.ndarray, domain: Domain, rows: int, columns: int) -> np.ndarray:

@@ -29,10 +29,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from . import problem as checks
+from . import checks
+from .checks import show
 from .errors import InputFileError, ProblemError
 from .image_files import read_density
-from .problem import Balance, BodyClass, Domain, Problem, Size, show
+from .problem import Balance, BodyClass, Domain, Problem, Size
 
 __all__ = ["read_recipe", "recipe_densities"]
 
@@ -67,10 +68,9 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
 
     table = recipe.table("balance", optional=True)
     table.check_keys("class_separation", "size_emphasis")
-    default = Balance()
     balance = Balance(
-        class_separation=table.take("class_separation", checks.check_class_separation, default.class_separation),
-        size_emphasis=table.take("size_emphasis", checks.check_size_emphasis, default.size_emphasis),
+        class_separation=table.take("class_separation", checks.check_class_separation, 0.5),
+        size_emphasis=table.take("size_emphasis", checks.check_size_emphasis, 2.0),
     )
 
     classes = [_read_class(table) for table in recipe.tables("class")]

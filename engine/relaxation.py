@@ -16,16 +16,21 @@ import numpy as np
 import warp as wp
 
 from . import kernels_update
+from .body_charges import charges_of
+from .checks import check_count
+from .contact import Contact
 from .density import settle_on_full_pixels, spline_deposit
 from .device import Launcher, resolve_device
-from .errors import ProblemError
 from .field import Field, FieldTarget
+from .full_pixels import images_for_kernels
 from .initial_placement import initial_placement
-from .interaction import interaction_matrix
+from .interaction import group_bodies
+from .line_rules import LineRules, line_widths
 from .measurement import measure, survey
 from .memory import check_memory
 from .placement import Placement
 from .problem import Problem
+from .report import NO_REPORT
 
 __all__ = ["Progress", "solve"]
 
@@ -84,20 +89,19 @@ def solve(
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
     start_time = time.perf_counter()
-    if isinstance(max_steps, bool) or not isinstance(max_steps, int) or max_steps < 1:
-        raise ProblemError(f"`max_steps` must be a whole number of at least 1; got {max_steps!r}")
+    max_steps = check_count(max_steps, "`max_steps`")
     launcher = Launcher(resolve_device(device))
     try:
         check_memory(problem)
         relaxation = _Relaxation(problem, launcher)
         steps, converged = relaxation.run(max_steps, progress)
-        position = _settled(problem, relaxation.position_in_metres())
-        report = measure(problem, position, launcher)
+        if relaxation.contact is not None:
+            relaxation.contact.separate(relaxation.pose, relaxation.bend)
+        placement = _placement(problem, relaxation)
+        report = measure(placement, launcher)
         seconds = time.perf_counter() - start_time
         report = replace(report, steps=steps, converged=converged, seconds=seconds)
-        class_index, size_index = problem.body_indices()
-        dots = np.zeros(len(position))
-        return Placement(problem, position, class_index, size_index, dots, dots.copy(), report)
+        return replace(placement, report=report)
     finally:
         launcher.close()
 
@@ -109,73 +113,101 @@ class _Relaxation:
         self.problem = problem
         self.launcher = launcher
         domain = problem.domain
-        n = problem.body_count
-        self.unit = math.sqrt(domain.area / n)
+        device = launcher.device
+        charges = charges_of(problem)
+        self.body_count = problem.body_count
+        self.charge_count = len(charges.charge)
+        self.unit = math.sqrt(domain.area / self.charge_count)
         self.size = (domain.size[0] / self.unit, domain.size[1] / self.unit)
-        class_index, size_index = problem.body_indices()
-        first_group = np.concatenate([[0], np.cumsum([len(c.sizes) for c in problem.classes])])
-        group = first_group[class_index] + size_index
-        area = np.array([s.area for c in problem.classes for s in c.sizes])
-        count = np.array([s.count for c in problem.classes for s in c.sizes])
-        charge = area / (area * count).sum() * n
-        group_image = [c.density_image for c in problem.classes for _ in c.sizes]
+        self.groups = group_bodies(problem)
+        self.rules = LineRules(problem, self.unit, device)
+        class_index, _ = problem.body_indices()
+
+        bodies = kernels_update.Bodies()
+        bodies.class_index = wp.array(class_index, dtype=wp.int32, device=device)
+        bodies.group = wp.array(self.groups.body_group, dtype=wp.int32, device=device)
+        bodies.line = wp.array(self.rules.body_line, dtype=wp.int32, device=device)
+        bodies.first_charge = wp.array(charges.first, dtype=wp.int32, device=device)
+        bodies.place = wp.array(charges.place, dtype=float, device=device)
+        bodies.charge = wp.array(charges.charge, dtype=float, device=device)
+        self.bodies = bodies
+        self.charge_body = wp.array(charges.body, dtype=wp.int32, device=device)
+
+        group_charge = np.bincount(
+            self.groups.body_group[charges.body], weights=charges.charge, minlength=self.groups.count
+        )
+        images = [problem.classes[c].density_image for c in self.groups.class_index]
         self.field = Field(
             launcher,
             size=self.size,
             periodic=domain.periodic,
-            interaction=interaction_matrix(problem),
-            targets=[FieldTarget(image, q * c) for image, q, c in zip(group_image, charge, count, strict=True)],
+            interaction=self.groups.matrix,
+            targets=[FieldTarget(image, charge) for image, charge in zip(images, group_charge, strict=True)],
             spacing=_typical_spacing(problem) / self.unit,
-            charge=charge[group],
-            charge_group=group,
+            charge=charges.charge,
+            charge_group=self.groups.body_group[charges.body],
         )
-        device = launcher.device
-        start = np.minimum(initial_placement(problem) / self.unit, np.array(self.size)).astype(np.float32)
-        start = np.minimum(start, np.nextafter(np.array(self.size, np.float32), np.float32(0)))
-        self.position = wp.array(start, dtype=wp.vec2, device=device)
-        self.ahead = wp.clone(self.position)
-        self.field_at_body = wp.zeros(n, dtype=wp.vec2, device=device)
-        self.displacement = wp.zeros(n, dtype=wp.vec2, device=device)
-        self.uphill = wp.zeros(n, dtype=float, device=device)
-        self.moved = wp.zeros(n, dtype=float, device=device)
-        self.body_group = wp.array(group, dtype=wp.int32, device=device)
-        self.body_class = wp.array(class_index, dtype=wp.int32, device=device)
-        self.body_charge = wp.array(charge[group], dtype=float, device=device)
-        self._prepare_steps(count, group_image)
-        self.images = _images_on_device(problem, device)
+        self._prepare_steps()
+        self.images = images_for_kernels([c.density_image for c in problem.classes], self.size, device)
 
-    def _prepare_steps(self, count: np.ndarray, group_image: list[np.ndarray]) -> None:
+        start = np.minimum(initial_placement(problem, self.groups) / self.unit, np.array(self.size)).astype(np.float32)
+        start = np.minimum(start, np.nextafter(np.array(self.size, np.float32), np.float32(0)))
+        pose = np.concatenate([start, self.rules.first_angle_and_length(start)], axis=1).astype(np.float32)
+        self.pose = wp.array(pose, dtype=wp.vec4, device=device)
+        self.ahead = wp.clone(self.pose)
+        self.displacement = wp.zeros(self.body_count, dtype=wp.vec4, device=device)
+        self.bend = wp.zeros(self.charge_count, dtype=float, device=device)
+        self.charge_position = wp.empty(self.charge_count, dtype=wp.vec2, device=device)
+        self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
+        kinds = kernels_update.LENGTHS + self.rules.kind_count
+        self.sums = wp.zeros(kinds * kernels_update.SLOTS, dtype=wp.int64, device=device)
+        self.contact = None
+        if problem.avoid_overlap:
+            self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
+
+    def _prepare_steps(self) -> None:
         field = self.field
-        node_area = field.mesh_spacing[0] * field.mesh_spacing[1]
-        attraction = field.attraction / node_area
+        layout = field.layout
+        attraction = field.attraction / layout.node_area
         floor = SMALLEST_DENSITY * attraction.mean(axis=(1, 2), keepdims=True)
-        step_length = 1.0 / (2.0 * np.pi * np.maximum(attraction, floor))
+        # A group that nothing attracts keeps a finite step.
+        step_length = 1.0 / (2.0 * np.pi * np.maximum(np.maximum(attraction, floor), 1e-12))
         number = sum(
-            c * spline_deposit(image, self.size, field.shape, field.mesh_spacing, field.margin, field.periodic)
-            for c, image in zip(count, group_image, strict=True)
+            c.body_count
+            * spline_deposit(c.density_image, self.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
+            for c in self.problem.classes
         )
-        spacing = 1.0 / np.sqrt(np.maximum(number / node_area, SMALLEST_DENSITY))
+        spacing = 1.0 / np.sqrt(
+            np.maximum(number / layout.node_area, SMALLEST_DENSITY * self.body_count / self.charge_count)
+        )
         device = self.launcher.device
         self.step_length = wp.array(step_length.astype(np.float32).ravel(), dtype=float, device=device)
         self.step_limit = wp.array((STEP_LIMIT * spacing).astype(np.float32).ravel(), dtype=float, device=device)
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None) -> tuple[int, bool]:
         """Relax; return the steps taken and whether they converged."""
-        n = self.problem.body_count
         domain = wp.vec2(*self.size)
+        periodic = int(self.problem.domain.periodic)
         t = 1.0
         residual = math.inf
         for step in range(1, max_steps + 1):
-            self.field.evaluate(self.ahead, self.field_at_body)
             self.launcher.launch(
-                kernels_update.take_step,
-                n,
+                kernels_update.place_charges,
+                self.charge_count,
+                [self.ahead, self.charge_body, self.bodies, self.bend, domain, periodic],
+                [self.charge_position],
+            )
+            self.field.evaluate(self.charge_position, self.field_at_charge)
+            self.sums.zero_()
+            self.launcher.launch(
+                kernels_update.move_bodies,
+                self.body_count,
                 [
                     self.ahead,
-                    self.field_at_body,
-                    self.body_group,
-                    self.body_class,
-                    self.body_charge,
+                    self.charge_position,
+                    self.field_at_charge,
+                    self.bodies,
+                    self.rules.lines,
                     self.step_length,
                     self.step_limit,
                     RELAXATION,
@@ -183,18 +215,22 @@ class _Relaxation:
                     self.images,
                     domain,
                 ],
-                [self.position, self.displacement, self.uphill, self.moved],
+                [self.pose, self.bend, self.displacement, self.sums],
             )
-            residual = math.sqrt(_total(self.moved) / n)
-            if _total(self.uphill) > 0.0:
+            if self.contact is not None:
+                self.contact.push(self.pose, self.bend, self.displacement)
+            uphill, moved, *lengths = self._read_sums()
+            self.rules.meet_lengths(lengths)
+            residual = math.sqrt(moved / self.body_count)
+            if uphill > 0.0:
                 t = 1.0
             following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * t * t))
             momentum = (t - 1.0) / following
             t = following
             self.launcher.launch(
                 kernels_update.look_ahead,
-                n,
-                [self.position, self.displacement, momentum, domain, int(self.problem.domain.periodic)],
+                self.body_count,
+                [self.pose, self.displacement, momentum, domain, periodic],
                 [self.ahead],
             )
             if progress is not None:
@@ -205,10 +241,55 @@ class _Relaxation:
                 return step, True
         return max_steps, residual < SETTLED
 
+    def _read_sums(self) -> list[float]:
+        sums = self.sums.numpy().reshape(-1, kernels_update.SLOTS).sum(axis=1)
+        return (sums / kernels_update.SUM_SCALE).tolist()
+
     def position_in_metres(self) -> np.ndarray:
         """Body positions [m], shape ``[n, 2]``, float64, inside the domain."""
-        position = self.position.numpy().astype(np.float64) * self.unit
+        position = self.pose.numpy()[:, :2].astype(np.float64) * self.unit
         return np.clip(position, 0.0, self.problem.domain.size)
+
+
+def _placement(problem: Problem, relaxation: _Relaxation) -> Placement:
+    """The final poses in metres; the report is still to be measured."""
+    pose = relaxation.pose.numpy().astype(np.float64)
+    class_index, size_index = problem.body_indices()
+    length = pose[:, 3] * relaxation.unit
+    position = _settled(problem, relaxation.position_in_metres())
+    # A line has no front: angles within half a turn.
+    angle = np.where(relaxation.rules.body_line < 0, 0.0, np.mod(pose[:, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi)
+    return Placement(
+        problem,
+        position,
+        class_index,
+        size_index,
+        angle,
+        length,
+        line_widths(problem, length),
+        NO_REPORT,
+        _bends(problem, relaxation, position),
+    )
+
+
+def _bends(problem: Problem, relaxation: _Relaxation, position: np.ndarray) -> np.ndarray | None:
+    """Places of the charges on bodies that may bend; see :class:`Placement`."""
+    bending = [s for c in problem.classes for s in c.sizes if s.line is not None and s.line.straightness is not None]
+    if not bending:
+        return None
+    first = relaxation.bodies.first_charge.numpy()
+    body = relaxation.charge_body.numpy()
+    along = 0.5 * relaxation.pose.numpy()[body, 3] * relaxation.bodies.place.numpy()
+    across = relaxation.bend.numpy()
+    angle = relaxation.pose.numpy()[body, 2]
+    offset = np.stack(
+        [along * np.cos(angle) - across * np.sin(angle), along * np.sin(angle) + across * np.cos(angle)], axis=1
+    )
+    bends = np.full((len(position), max(s.line.charges for s in bending if s.line is not None), 2), np.nan)
+    may_bend = relaxation.rules.bends[body]
+    order = np.arange(len(body)) - first[body]
+    bends[body[may_bend], order[may_bend]] = position[body[may_bend]] + offset[may_bend] * relaxation.unit
+    return bends
 
 
 def _settled(problem: Problem, position: np.ndarray) -> np.ndarray:
@@ -220,23 +301,9 @@ def _settled(problem: Problem, position: np.ndarray) -> np.ndarray:
     return position
 
 
-def _total(values: wp.array) -> float:
-    return float(values.numpy().sum(dtype=np.float64))
-
-
 def _typical_spacing(problem: Problem) -> float:
-    """Spacing [m] at the number density that the average body sees."""
+    """Spacing [m] of charges at the number density that the average body sees."""
     number = survey(problem)
     cell_area = problem.domain.area / number.size
-    return math.sqrt(cell_area * number.sum() / (number**2).sum())
-
-
-def _images_on_device(problem: Problem, device: wp.Device) -> kernels_update.Images:
-    images = [c.density_image for c in problem.classes]
-    starts = np.concatenate([[0], np.cumsum([image.size for image in images])[:-1]])
-    result = kernels_update.Images()
-    result.pixel = wp.array(np.concatenate([image.ravel() for image in images]), dtype=float, device=device)
-    result.start = wp.array(starts, dtype=wp.int32, device=device)
-    result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
-    result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)
-    return result
+    spacing = math.sqrt(cell_area * number.sum() / (number**2).sum())
+    return spacing * math.sqrt(problem.body_count / problem.charge_count)

@@ -13,22 +13,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..engine.checks import check_area, check_count, check_name, check_seed, check_unique, show
 from ..engine.device import resolve_device
 from ..engine.errors import EshError, ProblemError
 from ..engine.placement import Placement
-from ..engine.problem import (
-    Balance,
-    BodyClass,
-    Domain,
-    Problem,
-    Size,
-    check_area,
-    check_count,
-    check_name,
-    check_seed,
-    check_unique,
-    show,
-)
+from ..engine.problem import Balance, BodyClass, Domain, Problem, Size
 from ..engine.relaxation import Progress, solve
 from ..engine.report import Report
 from .chart import Chart

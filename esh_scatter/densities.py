@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
-from ..engine.problem import check_density, show
+from ..engine.checks import check_density, show
 
 if TYPE_CHECKING:
     from .chart import SurfacePoints

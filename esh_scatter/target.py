@@ -9,7 +9,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..engine.errors import ProblemError
-from ..engine.problem import show
+from ..engine.checks import show
 
 __all__ = ["RESULT_TAG", "TriangleMesh", "check_target", "read_target", "read_triangles", "world_matrix"]
 

@@ -28,6 +28,7 @@ def placement() -> Placement:
         np.array([0] * 3 + [1] * 4 + [0] * 2, np.int32),
         np.linspace(0, 1, 9),
         np.zeros(9),
+        np.zeros(9),
         Report(1, True, 0.1, "cpu", 0.0, None, 0, 0.0, ()),
     )
 
@@ -35,8 +36,10 @@ def placement() -> Placement:
 def test_npz_holds_everything_without_pickle(tmp_path, placement):
     write_placement(tmp_path / "out.npz", placement)
     with np.load(tmp_path / "out.npz", allow_pickle=False) as stored:
-        assert set(stored) == {"position", "class_index", "size_index", "angle", "length", "class_name"}
-        for key in ("position", "class_index", "size_index", "angle", "length"):
+        assert set(stored) == {
+            *("position", "class_index", "size_index", "angle", "length", "width", "area", "class_name")
+        }
+        for key in ("position", "class_index", "size_index", "angle", "length", "width", "area"):
             np.testing.assert_array_equal(stored[key], getattr(placement, key))
             assert stored[key].dtype == getattr(placement, key).dtype
         assert tuple(stored["class_name"]) == placement.class_name
@@ -46,7 +49,9 @@ def test_csv_reads_back_to_the_same_numbers(tmp_path, placement):
     write_placement(str(tmp_path / "out.CSV"), placement)
     with (tmp_path / "out.CSV").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"]
+    first = ["x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"]
+    assert list(rows[0]) == [*first, "width", "area"]
+    np.testing.assert_array_equal([float(row["area"]) for row in rows], placement.area)
     np.testing.assert_array_equal([[float(row["x"]), float(row["y"])] for row in rows], placement.position)
     np.testing.assert_array_equal([int(row["class_index"]) for row in rows], placement.class_index)
     np.testing.assert_array_equal([float(row["angle"]) for row in rows], placement.angle)

@@ -22,7 +22,9 @@ def place(domain, classes, position) -> Placement:
     class_index, size_index = np.array(pairs, np.int32).T
     n = len(pairs)
     report = Report(1, True, 0.1, "cpu", 0.0, None, 0, 0.0, ())
-    return Placement(problem, np.asarray(position, float), class_index, size_index, np.zeros(n), np.zeros(n), report)
+    return Placement(
+        problem, np.asarray(position, float), class_index, size_index, np.zeros(n), np.zeros(n), np.zeros(n), report
+    )
 
 
 def plan_of(placement: Placement, **options) -> np.ndarray:

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from esh import Balance, BodyClass, Domain, EshError, Problem, ProblemError, Size
-from esh.engine.problem import show
+from esh.engine.checks import show
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -93,10 +93,12 @@ def _check_meaning(made):
         assert 0 < made.area < math.inf and made.boundary in ("open", "periodic")
     elif isinstance(made, Balance):
         assert type(made.class_separation) is float and 0 <= made.class_separation <= 1
-        assert type(made.size_emphasis) is float and 1 <= made.size_emphasis < math.inf
+        emphasis = made.size_emphasis if isinstance(made.size_emphasis, tuple) else (made.size_emphasis,)
+        assert all(type(factor) is float and 1 <= factor < math.inf for factor in emphasis)
     elif isinstance(made, Size):
-        assert type(made.count) is int and made.count >= 1
-        assert type(made.area) is float and 0 < made.area < math.inf
+        assert made.count is None or (type(made.count) is int and made.count >= 1)
+        areas = made.area if isinstance(made.area, tuple) else (made.area,)
+        assert all(type(area) is float and 0 < area < math.inf for area in areas)
         assert type(made.name) is str and made.name.isprintable()
     elif isinstance(made, BodyClass):
         image = made.density_image
@@ -116,11 +118,22 @@ def test_whole_counts_of_every_type_are_kept(count, kept):
 
 
 @pytest.mark.parametrize(
-    "count", [0, -1, 0.5, 119.5, math.nan, math.inf, -math.inf, "3", None, True, np.bool_(True), 2j, [3], Decimal(3)]
+    "count", [0, -1, 0.5, 119.5, math.nan, math.inf, -math.inf, "3", True, np.bool_(True), 2j, [3], Decimal(3)]
 )
 def test_other_counts_are_refused_by_value(count):
     with pytest.raises(ProblemError, match='`count` of size "a" must be a whole number of at least 1; got '):
         Size("a", 1.0, count)
+
+
+def test_a_size_needs_a_count_or_a_share_of_its_classes_count():
+    with pytest.raises(
+        ProblemError, match='`count` of size "a" of class "k" must be a whole number of at least 1; it is missing'
+    ):
+        BodyClass("k", [Size("a", 1.0)])
+    with pytest.raises(ProblemError, match="shares need a `count` of the class"):
+        BodyClass("k", [Size("a", 1.0, share=0.5)])
+    with pytest.raises(ProblemError, match="must not stand beside a `count`"):
+        Size("a", 1.0, 3, share=0.5)
 
 
 @pytest.mark.parametrize("area", [0, -1.0, math.nan, math.inf, 10**400, "1", None, True, 1e-400])
@@ -146,7 +159,10 @@ def test_class_separation_is_within_0_and_1(value):
 
 @pytest.mark.parametrize("value", [0.999, 0, -1, math.inf, math.nan, "2", None, True])
 def test_size_emphasis_is_at_least_1(value):
-    with pytest.raises(ProblemError, match=r"`balance\.size_emphasis` must be a number of 1 or more, and finite; got "):
+    with pytest.raises(
+        ProblemError,
+        match=r"`balance\.size_emphasis` must be a number of 1 or more, and finite, or a list of such; got ",
+    ):
         Balance(size_emphasis=value)
 
 

@@ -1,0 +1,55 @@
+"""The charges that bodies consist of: one on a dot, a row of them on a line (section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .problem import Problem, Size
+
+__all__ = ["BodyCharges", "charges_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCharges:
+    """Charges of all bodies, body after body.
+
+    Attributes:
+        body: Body of every charge, shape ``[charge_count]``, int32.
+        first: Index of the first charge of every body and, at the end, the number of charges, shape ``[body_count + 1]``, int32.
+        place: Place along the body's axis, -1 at one end to 1 at the other, shape ``[charge_count]``; 0 on a dot.
+        charge: Charges, shape ``[charge_count]``, of mean 1; those of a body are in proportion to its area.
+    """
+
+    body: np.ndarray
+    first: np.ndarray
+    place: np.ndarray
+    charge: np.ndarray
+
+
+def charges_of(problem: Problem) -> BodyCharges:
+    """Return the charges of all bodies of ``problem``."""
+    counts, places, shares = [], [], []
+    for body_class in problem.classes:
+        for size in body_class.sizes:
+            n = size.count or 0
+            place, share = _along(size)
+            counts.append(np.full(n, len(place)))
+            places.append(np.tile(place, n))
+            shares.append(np.tile(share, n))
+    count = np.concatenate(counts)
+    body = np.repeat(np.arange(len(count)), count)
+    charge = problem.body_areas()[body] * np.concatenate(shares)
+    return BodyCharges(
+        body.astype(np.int32),
+        np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
+        np.concatenate(places),
+        charge * (len(charge) / charge.sum()),
+    )
+
+
+def _along(size: Size) -> tuple[np.ndarray, np.ndarray]:
+    if size.line is None:
+        return np.zeros(1), np.ones(1)
+    return np.linspace(-1.0, 1.0, size.line.charges), size.line.charge_shares()

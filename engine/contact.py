@@ -1,0 +1,227 @@
+"""Contact of footprints: counting overlaps, and pushing bodies apart. Discs, and capsules around the axes of lines.
+
+Neighbours are found in a grid of cells per level of size, so that a few large bodies among many small ones cost no more than both
+by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from . import kernels_cells, kernels_contact, kernels_update
+from .device import Launcher
+from .line_rules import line_widths
+from .problem import Domain, Problem
+
+__all__ = ["Contact", "Neighbourhood", "overlap_count"]
+
+# Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
+MOST_LEVELS = 12
+# Footprints that touch do not overlap: rounding of float32 positions is not an overlap.
+TOUCH_TOLERANCE = 1e-4
+# No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
+MOST_OVERLAPS_PER_BODY = 200
+# Rounds of pushing after every step of the relaxation, and at its end, where a run of so many without progress is the last.
+ROUNDS_PER_STEP = 2
+LAST_ROUNDS = 2000
+ROUNDS_WITHOUT_PROGRESS = 200
+# Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
+DAMPING = 0.9
+SLACK = 1e-3
+# Rounds between two looks at the number of overlaps that are left.
+ROUNDS_AT_ONCE = 10
+
+
+class Neighbourhood:
+    """Finds what may touch what.
+
+    Args:
+        launcher: Where to run.
+        size: Extent of the domain along x and y.
+        periodic: Whether it wraps.
+        radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
+        half_length: Half the longest axis that it may have, shape ``[n]``.
+        mass: Of every body, shape ``[n]``.
+    """
+
+    def __init__(
+        self,
+        launcher: Launcher,
+        size: tuple[float, float],
+        periodic: bool,
+        radius: np.ndarray,
+        half_length: np.ndarray,
+        mass: np.ndarray,
+    ) -> None:
+        self.launcher = launcher
+        device = launcher.device
+        n = len(radius)
+        reach = radius + half_length
+        level = np.clip(np.floor(np.log2(reach.max() / reach)), 0, MOST_LEVELS - 1).astype(np.int32)
+        used, level = np.unique(level, return_inverse=True)
+        most_reach = np.array([reach[level == m].max() for m in range(len(used))])
+        # Cells as large as a body, but not many more than bodies.
+        cell = np.maximum(2.0 * most_reach, math.sqrt(size[0] * size[1] / (2 * n + 64)))
+        counts = np.array([[max(1, int(length / side)) for length in size] for side in cell])
+        first = np.concatenate([[0], np.cumsum(counts.prod(axis=1))])
+        grid = kernels_contact.ContactGrid()
+        grid.level_count = len(used)
+        grid.reach = wp.array(most_reach, dtype=float, device=device)
+        grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
+        grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
+        grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
+        grid.domain = wp.vec2(*size)
+        grid.periodic = int(periodic)
+        self.grid = grid
+        footprints = kernels_contact.Footprints()
+        footprints.level = wp.array(level.ravel(), dtype=wp.int32, device=device)
+        footprints.radius = wp.array(radius, dtype=float, device=device)
+        footprints.mass = wp.array(mass / mass.mean(), dtype=float, device=device)
+        self.footprints = footprints
+        self.body_count = n
+        self._cell_count = int(first[-1])
+        self._key = wp.empty(2 * n, dtype=wp.int32, device=device)
+        self.order = wp.empty(2 * n, dtype=wp.int32, device=device)
+        self.cell_start = wp.empty(self._cell_count + 1, dtype=wp.int32, device=device)
+        self._found = wp.zeros(n, dtype=wp.int32, device=device)
+
+    def sort(self, pose: wp.array) -> None:
+        """Put bodies where they are now into the cells."""
+        n = self.body_count
+        self.launcher.launch(
+            kernels_contact.contact_keys, n, [pose, self.footprints, self.grid], [self._key, self.order]
+        )
+        wp.utils.radix_sort_pairs(self._key, self.order, n)
+        self.launcher.launch(kernels_cells.find_cell_starts, n, [self._key, n, self._cell_count], [self.cell_start])
+
+    def overlap_count(self, pose: wp.array, tolerance: float) -> int:
+        """Pairs whose footprints overlap by more than ``tolerance`` of their distance; a lower bound beyond 200 a body."""
+        self.sort(pose)
+        self.launcher.launch(
+            kernels_contact.count_overlaps,
+            self.body_count,
+            [pose, self.footprints, self.order, self.cell_start, self.grid, 1.0 - tolerance, MOST_OVERLAPS_PER_BODY],
+            [self._found],
+        )
+        return int(self._found.numpy().sum(dtype=np.int64)) // 2
+
+
+class Contact:
+    """Pushes bodies apart whose footprints overlap, while the relaxation runs and at its end.
+
+    Args:
+        problem: What is to be placed.
+        launcher: Where to run.
+        unit: Metres per unit of the solver.
+        bodies: As the relaxation's kernels take them.
+        images: Densities, as the relaxation's kernels take them.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        launcher: Launcher,
+        unit: float,
+        bodies: kernels_update.Bodies,
+        images: kernels_update.Images,
+    ) -> None:
+        self.launcher = launcher
+        self._bodies = bodies
+        self._images = images
+        domain = problem.domain
+        area = problem.body_areas()
+        longest = np.concatenate(
+            [np.full(s.count or 0, 0.0 if s.line is None else s.line.longest) for c in problem.classes for s in c.sizes]
+        )
+        width = line_widths(problem, longest)
+        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi))
+        size = (domain.size[0] / unit, domain.size[1] / unit)
+        # Lines whose length the forces change may be longer for a while.
+        half = 0.5 * kernels_update.LONGEST_LINE * longest
+        self._near = Neighbourhood(launcher, size, domain.periodic, radius / unit, half / unit, area)
+        n = len(area)
+        self._pushed = wp.empty(n, dtype=wp.vec4, device=launcher.device)
+        self._contacts = wp.zeros(n, dtype=wp.int32, device=launcher.device)
+        self._spare = wp.zeros(n, dtype=wp.vec4, device=launcher.device)
+
+    def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
+        """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""
+        for _ in range(ROUNDS_PER_STEP):
+            self._round(pose, bend, displacement)
+
+    def separate(self, pose: wp.array, bend: wp.array) -> None:
+        """Push until nothing overlaps, or no progress is made."""
+        fewest, since = math.inf, 0
+        for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
+            for _ in range(ROUNDS_AT_ONCE):
+                self._round(pose, bend, self._spare)
+            left = self._near.overlap_count(pose, 0.0)
+            if left == 0:
+                return
+            since = 0 if left < fewest else since + ROUNDS_AT_ONCE
+            fewest = min(fewest, left)
+            if since >= ROUNDS_WITHOUT_PROGRESS:
+                return
+
+    def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
+        near = self._near
+        near.sort(pose)
+        self.launcher.launch(
+            kernels_contact.push_apart,
+            near.body_count,
+            [
+                pose,
+                near.footprints,
+                self._bodies,
+                bend,
+                near.order,
+                near.cell_start,
+                near.grid,
+                self._images,
+                SLACK,
+                DAMPING,
+            ],
+            [self._pushed, self._contacts],
+        )
+        self.launcher.launch(
+            kernels_contact.accept_push,
+            near.body_count,
+            [self._pushed, near.grid.domain, near.grid.periodic],
+            [pose, displacement],
+        )
+
+
+def overlap_count(
+    position: np.ndarray,
+    area: np.ndarray,
+    domain: Domain,
+    launcher: Launcher,
+    *,
+    angle: np.ndarray | None = None,
+    length: np.ndarray | None = None,
+    width: np.ndarray | None = None,
+) -> int:
+    """Number of pairs of bodies whose footprints overlap by more than 1e-4 of their distance.
+
+    A lower bound where a body overlaps more than 200 others.
+
+    Args:
+        position: Body positions [m], shape ``[n, 2]``.
+        area: Footprints of dots [m²], shape ``[n]``: discs.
+        domain: The domain.
+        launcher: Where to count.
+        angle: Directions of the axes [rad], shape ``[n]``; None where all are dots.
+        length: Lengths of the axes [m], shape ``[n]``.
+        width: Thicknesses of the capsules around them [m], shape ``[n]``; 0 for dots. One that bends counts as straight.
+    """
+    nothing = np.zeros(len(area))
+    angle, length, width = (nothing if given is None else given for given in (angle, length, width))
+    unit = math.sqrt(domain.area / len(area))
+    radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi)) / unit
+    size = (domain.size[0] / unit, domain.size[1] / unit)
+    near = Neighbourhood(launcher, size, domain.periodic, radius, 0.5 * length / unit, area)
+    pose = np.column_stack([position / unit, angle, length / unit]).astype(np.float32)
+    return near.overlap_count(wp.array(pose, dtype=wp.vec4, device=launcher.device), TOUCH_TOLERANCE)
