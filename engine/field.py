@@ -31,7 +31,7 @@ __all__ = ["Field", "FieldTarget"]
 SPLIT_OVER_MESH = 2.0
 CUTOFF_OVER_SPLIT = 3.5
 # Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
-MESH_OVER_SPACING = 0.48
+MESH_OVER_SPACING = 0.72
 SMALLEST_MESH = 48
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from . import kernels_update
+from .direction_field import direction_field
 from .problem import Problem
 
 __all__ = ["LineRules", "line_widths"]
@@ -58,8 +59,6 @@ class LineRules:
         self._size = problem.domain.size
         self._seed = problem.seed
         self._factor = np.ones(max(len(kinds), 1))
-        if kinds:
-            from .direction_field import direction_field
         rules = [size.line for _, size in kinds if size.line is not None]
         self._directions = [
             direction_field(line.direction, c.density_image, *line.tensor_scales).double_angle_vectors()

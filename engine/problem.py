@@ -15,7 +15,9 @@ import numpy as np
 from . import checks
 from .apportionment import apportion
 from .checks import Boundary, show
+from .density_correction import correct_density
 from .errors import ProblemError
+from .image_filters import unsharp_mask
 
 __all__ = ["Balance", "BodyClass", "Domain", "Line", "Problem", "Size", "Unsharp"]
 
@@ -313,8 +315,6 @@ class BodyClass:
         image = np.asarray(self.density)
         key = f"`density` of {where}"
         if self.unsharp is not None:
-            from .image_filters import unsharp_mask
-
             sharpened, clipped = unsharp_mask(image, self.unsharp.amount, self.unsharp.radius)
             image = sharpened.astype(np.float32)
             if not image.any():
@@ -331,8 +331,6 @@ class BodyClass:
                 )
             image = np.minimum(image, np.float32(1.0))
         if self.density_correction:
-            from .density_correction import correct_density
-
             image = correct_density(image, key).astype(np.float32)
         return image
 

@@ -21,7 +21,7 @@ __all__ = ["TargetCorrection"]
 # The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
 # two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
 BLUR_OVER_SPACING = 0.37
-BLUR_OVER_MESH = 0.85
+BLUR_OVER_MESH = 1.1
 # Where bodies crowd on little of the domain, a mesh that resolves them there would have far more nodes than there are bodies.
 NODES_PER_CHARGE = 12
 FEWEST_NODES = 2**18
