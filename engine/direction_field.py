@@ -43,7 +43,9 @@ class DirectionField:
         return (self.weight[..., None] * vectors).astype(np.float32)
 
 
-def structure_tensor(image: np.ndarray, sigma: float = 1.0, rho: float = 3.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def structure_tensor(
+    image: np.ndarray, sigma: float = 1.0, rho: float = 3.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smoothed structure tensor of equation 8: ``K_rho * (grad u_sigma grad u_sigma^T)`` with ``u_sigma = K_sigma * u``.
 
     Args:

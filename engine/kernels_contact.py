@@ -78,6 +78,16 @@ def closest_places(difference: wp.vec2, axis_i: wp.vec2, axis_j: wp.vec2):
 
 
 @wp.func
+def uncrossed(axis: wp.vec2, crossed: wp.vec2, place: float):
+    """Direction across the axis ``crossed`` in which the nearer end of ``axis`` comes back, and how far that is."""
+    normal = wp.normalize(wp.vec2(-crossed[1], crossed[0]))
+    beyond = wp.dot(normal, axis) * (wp.sign(place) - place)
+    if beyond > 0.0:
+        normal = -normal
+    return wp.vec3(normal[0], normal[1], wp.abs(beyond))
+
+
+@wp.func
 def half_axis(pose: wp.vec4):
     return wp.vec2(0.5 * pose[3] * wp.cos(pose[2]), 0.5 * pose[3] * wp.sin(pose[2]))
 
@@ -171,6 +181,18 @@ def push_apart(
                                     away = -away
                                 if distance > 1.0e-6 * touching:
                                     away = -gap / distance
+                                elif half > 0.0 and other[3] > 0.0:
+                                    # Axes that cross: the end that reaches less far beyond the other axis goes back.
+                                    own_end = uncrossed(axis, other_axis, places[0])
+                                    other_end = uncrossed(other_axis, axis, places[1])
+                                    if own_end[2] < other_end[2]:
+                                        away = wp.vec2(own_end[0], own_end[1])
+                                        distance = -own_end[2]
+                                        places = wp.vec2(wp.sign(places[0]), places[1])
+                                    else:
+                                        away = -wp.vec2(other_end[0], other_end[1])
+                                        distance = -other_end[2]
+                                        places = wp.vec2(places[0], wp.sign(places[1]))
                                 lever = places[0] * (axis[0] * away[1] - axis[1] * away[0])
                                 other_lever = places[1] * (other_axis[0] * away[1] - other_axis[1] * away[0])
                                 other_mass = footprints.mass[j]

@@ -95,7 +95,7 @@ def solve(
         check_memory(problem)
         relaxation = _Relaxation(problem, launcher)
         steps, converged = relaxation.run(max_steps, progress)
-        if relaxation.contact is not None:
+        if relaxation.contact is not None and problem.avoid_overlap:
             relaxation.contact.separate(relaxation.pose, relaxation.bend)
         placement = _placement(problem, relaxation)
         report = measure(placement, launcher)
@@ -162,7 +162,7 @@ class _Relaxation:
         kinds = kernels_update.LENGTHS + self.rules.kind_count
         self.sums = wp.zeros(kinds * kernels_update.SLOTS, dtype=wp.int64, device=device)
         self.contact = None
-        if problem.avoid_overlap:
+        if problem.avoid_overlap or self.rules.kind_count:
             self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
 
     def _prepare_steps(self) -> None:
