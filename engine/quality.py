@@ -123,12 +123,10 @@ def _cloud_in_cell(position: np.ndarray, charge: np.ndarray, domain: Domain, row
     left, low = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
     for row, weight_y in ((low, 1.0 - (v - low)), (low + 1, v - low)):
         for column, weight_x in ((left, 1.0 - (u - left)), (left + 1, u - left)):
-            if domain.periodic:
-                at = (row % rows, column % columns)
-            else:
-                # Charge within half a cell of the edge stays inside: the domain ends there.
-                at = (np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1))
-            np.add.at(grid, at, charge * weight_x * weight_y)
+            # Charge within half a cell of an open edge stays inside: the domain ends there.
+            at_row = row % rows if domain.periodic else np.clip(row, 0, rows - 1)
+            at_column = column % columns if domain.periodic else np.clip(column, 0, columns - 1)
+            np.add.at(grid, (at_row, at_column), charge * weight_x * weight_y)
     return grid
 
 
