@@ -94,8 +94,8 @@ _INKS = {
 
 def _model(name: str, letters: str, may_overlap: Sequence[str]) -> InkModel:
     matrix = np.ones((len(letters), len(letters)))
-    for first, second in may_overlap:
-        i, j = letters.index(first), letters.index(second)
+    for pair in may_overlap:
+        i, j = (letters.index(letter) for letter in pair)
         matrix[i, j] = matrix[j, i] = 0.0
     return InkModel(name, tuple(Ink(letter, _INKS[letter]) for letter in letters), matrix)
 

@@ -23,7 +23,7 @@ from .native_output import muted
 if TYPE_CHECKING:
     from PIL import Image, ImageFile
 
-__all__ = ["read_density"]
+__all__ = ["read_color", "read_density"]
 
 # Rec. 709 weights of red, green and blue.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
@@ -48,21 +48,8 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
         InputFileError: A missing, unreadable or truncated file; values that are negative, not finite or 0 everywhere.
     """
     path = Path(path)
-    readers = {
-        ".png": _read_picture,
-        ".jpg": _read_picture,
-        ".jpeg": _read_picture,
-        ".exr": _read_exr,
-        ".npy": _read_npy,
-    }
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise InputFileError(f"{path} is not of a kind that can be read: {ACCEPTED}; got the ending {path.suffix!r}")
-    _check_is_file(path)
-    try:
-        value, alpha = reader(path)
-    except MemoryError:
-        raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
+    color, alpha = _read(path)
+    value = color @ LUMINANCE if color.ndim == 3 else color
     if invert:
         if np.isfinite(value).all() and value.max() > 1.0:
             raise InputFileError(
@@ -76,6 +63,49 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
         return check_density(value, f"{path}" + (", inverted," if invert else ""))
     except ProblemError as error:
         raise InputFileError(str(error)) from None
+
+
+def read_color(path: str | Path) -> np.ndarray:
+    """Read an image as colours, as stored, transparent places white.
+
+    Args:
+        path: As for :func:`read_density`.
+
+    Returns:
+        Shape ``[height, width, 3]``, float32, 0..1, row 0 the top; grey images have three equal channels.
+
+    Raises:
+        InputFileError: A missing, unreadable or truncated file; values beyond 0..1 or not finite.
+    """
+    path = Path(path)
+    color, alpha = _read(path)
+    if not np.isfinite(color).all() or color.min() < 0.0 or color.max() > 1.0:
+        raise InputFileError(f"{path} must hold values between 0 and 1; got {color.min():g} to {color.max():g}")
+    if color.ndim == 2:
+        color = np.repeat(color[..., None], 3, axis=2)
+    if alpha is not None:
+        opaque = np.clip(alpha, 0.0, 1.0)[..., None]
+        color = color * opaque + (1.0 - opaque)
+    return np.asarray(color, dtype=np.float32)
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values, shape ``[height, width]`` or ``[height, width, 3]``, and alpha; None where everything is opaque."""
+    readers = {
+        ".png": _read_picture,
+        ".jpg": _read_picture,
+        ".jpeg": _read_picture,
+        ".exr": _read_exr,
+        ".npy": _read_npy,
+    }
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputFileError(f"{path} is not of a kind that can be read: {ACCEPTED}; got the ending {path.suffix!r}")
+    _check_is_file(path)
+    try:
+        return reader(path)
+    except MemoryError:
+        raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
 
 
 def _check_is_file(path: Path) -> None:
@@ -104,7 +134,7 @@ def _reason(error: Exception) -> str:
 
 
 def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return luminance and alpha, both 0..1; alpha is None where everything is opaque."""
+    """Return values and alpha, both 0..1; alpha is None where everything is opaque."""
     from PIL import Image, ImageOps
 
     try:
@@ -140,12 +170,12 @@ def _shallow(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _split(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return luminance and alpha of an array of shape ``[height, width]`` or ``[height, width, 1..4]``."""
+    """Return values and alpha of an array of shape ``[height, width]`` or ``[height, width, 1..4]``."""
     if channels.ndim == 2:
         return channels, None
     colours = channels.shape[2]
     alpha = channels[..., -1] if colours in (2, 4) else None
-    return (channels[..., :3] @ LUMINANCE if colours >= 3 else channels[..., 0]), alpha
+    return (channels[..., :3] if colours >= 3 else channels[..., 0]), alpha
 
 
 def _bit_depth(path: Path) -> int:
@@ -191,7 +221,7 @@ def _deep_png(path: Path, image: ImageFile.ImageFile) -> tuple[np.ndarray, np.nd
 
 
 def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return luminance and alpha of the first part; colour is freed from the alpha it was multiplied by."""
+    """Return values and alpha of the first part; colour is freed from the alpha it was multiplied by."""
     try:
         import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
@@ -228,7 +258,7 @@ def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
 
     colours = [name for name in channels if name != "A"]
     if {"R", "G", "B"} <= set(colours):
-        value = np.stack([pixels(name) for name in "RGB"], axis=2) @ LUMINANCE
+        value = np.stack([pixels(name) for name in "RGB"], axis=2)
     elif "Y" in colours:
         value = pixels("Y")
     elif len(colours) == 1:
@@ -239,7 +269,8 @@ def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     if "A" not in channels or colours == []:
         return value, None
     alpha = pixels("A")
-    return np.divide(value, alpha, out=np.zeros_like(value), where=alpha != 0), alpha
+    divisor = alpha if value.ndim == 2 else alpha[..., None]
+    return np.divide(value, divisor, out=np.zeros_like(value), where=divisor != 0), alpha
 
 
 def _window(window: tuple) -> tuple[int, int, int, int]:

@@ -2,20 +2,38 @@
 
     version = 1
     seed = 7                       # default 0
+    avoid_overlap = false          # default; true: footprints push each other apart
     [domain]
     size = [40.0, 30.0]            # metres, x and y
     boundary = "open"              # default; or "periodic"
     [balance]
     class_separation = 0.5         # default
-    size_emphasis = 2.0            # default
+    size_emphasis = 2.0            # default; or a list, one for each larger size
+    non_overlap = [[1, 0], [0, 1]] # one row per class: 1 = keep apart, 0 = may overlap; default: all keep apart
     [[class]]
     name = "pine"
     density = "pine.png"           # beside the recipe, white = many; or a number for a uniform density
     invert = false                 # default
+    density_correction = false     # default; true: densities are covered shares, and dark ones come out dark
+    unsharp = { amount = 1.0, radius = 2.0 }   # default: none
+    count = 300                    # of all sizes, which then have shares; or "cover"; default: every size has a count
     [[class.size]]
     name = "large"
-    area = 3.0                     # footprint, m²
-    count = 120
+    area = 3.0                     # footprint, m²; or a range [0.5, 2.0]
+    count = 120                    # or share = 0.25 where the class has the count
+    distribution = "linear"        # default, of a range; or "uniform", or a list of areas
+    [class.size.line]              # only for long bodies
+    length = 2.0                   # metres; or an image beside the recipe, black = length_range[0], white = length_range[1]
+    direction = "density"          # default; "none", radians, or an image beside the recipe
+    direction_kind = "angle"       # default, of an image: grey 0..1 is half a turn; or "vector": red and green are x and y
+    # width, charges, middle_charge, turn_weights, stretch_weights, straightness, tensor_scales: see Line in problem.py
+
+Instead of classes, a colour image may give them: one class per ink (see :mod:`.color_separation`).
+
+    [image]
+    file = "photo.png"
+    model = "CMYK"                 # default; CMY, CMY-RG-K, CMY-RB-K, CMY-RGB-K; or a list of inks and its non_overlap matrix
+    area = 0.01                    # of a dot, m²; or [[image.size]] tables with name, area and share
 
 Messages name keys by their place, counted from 1: ``class[2].size[1].count`` is the count of the first size of the
 second class.
@@ -26,18 +44,25 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from . import checks
 from .checks import show
+from .color_separation import MODELS, Ink, InkModel, halftone_problem
+from .direction_field import direction_from_angle_image, direction_from_rg
 from .errors import InputFileError, ProblemError
-from .image_files import read_density
-from .problem import Balance, BodyClass, Domain, Problem, Size
+from .image_files import read_color, read_density
+from .problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 
 __all__ = ["read_recipe", "recipe_densities"]
 
 VERSION = 1
+# Directions that are no names of images.
+WORDS = ("density", "none")
 # Far above any recipe (a class takes 200 bytes), far below what a device or a film given by mistake would hold.
 MOST_BYTES = 2**24
 Value = TypeVar("Value")
@@ -58,8 +83,10 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
     recipe = _Table(path, "", "", _read_toml(path))
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
-    recipe.check_keys("version", "seed", "domain", "balance", "class")
+    recipe.check_keys("version", "seed", "avoid_overlap", "domain", "balance", "class", "image")
     own_seed = recipe.take("seed", checks.check_seed, 0)
+    own_seed = own_seed if seed is None else checks.check_seed(seed)
+    avoid_overlap = recipe.take("avoid_overlap", checks.check_switch, False)
 
     table = recipe.table("domain")
     table.check_keys("size", "boundary")
@@ -67,15 +94,24 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
     domain = Domain(size, table.take("boundary", checks.check_boundary, "open"))
 
     table = recipe.table("balance", optional=True)
-    table.check_keys("class_separation", "size_emphasis")
-    balance = Balance(
-        class_separation=table.take("class_separation", checks.check_class_separation, 0.5),
-        size_emphasis=table.take("size_emphasis", checks.check_size_emphasis, 2.0),
-    )
+    table.check_keys("class_separation", "size_emphasis", "non_overlap")
+    class_separation = table.take("class_separation", checks.check_class_separation, 0.5)
+    size_emphasis = table.take("size_emphasis", checks.check_size_emphasis, 2.0)
+    non_overlap = table.take_optional("non_overlap", checks.check_non_overlap)
 
+    if "image" in recipe.entries:
+        if "class" in recipe.entries:
+            raise recipe.error("image", "must not stand beside [[class]]: the image's inks are the classes")
+        if non_overlap is not None:
+            raise table.error("non_overlap", "must not stand beside [image]: the ink model has its own")
+        table = recipe.table("image")
+        problem = table.build(lambda: _read_image(table, domain, class_separation, size_emphasis, own_seed))
+        return replace(problem, avoid_overlap=avoid_overlap)
     classes = [_read_class(table) for table in recipe.tables("class")]
     recipe.check_unique("class", [body_class.name for body_class in classes])
-    return Problem(domain, classes, balance, own_seed if seed is None else checks.check_seed(seed))
+    return recipe.build(
+        lambda: Problem(domain, classes, Balance(class_separation, size_emphasis, non_overlap), own_seed, avoid_overlap)
+    )
 
 
 def recipe_densities(path: str | Path) -> list[Path]:
@@ -85,36 +121,135 @@ def recipe_densities(path: str | Path) -> list[Path]:
         InputFileError: The recipe cannot be read as TOML.
     """
     path = Path(path)
-    classes = _read_toml(path).get("class")
+    recipe = _read_toml(path)
+    classes = recipe.get("class")
     tables = [table for table in classes if isinstance(table, dict)] if isinstance(classes, list) else []
-    return [path.parent / table["density"] for table in tables if isinstance(table.get("density"), str)]
+    names = [table.get("density") for table in tables]
+    for table in tables:
+        sizes = table.get("size")
+        for size in sizes if isinstance(sizes, list) else []:
+            line = size.get("line") if isinstance(size, dict) else None
+            if isinstance(line, dict):
+                names += [line.get("length"), line.get("direction") if line.get("direction") not in WORDS else None]
+    image = recipe.get("image")
+    names.append(image.get("file") if isinstance(image, dict) else None)
+    return [path.parent / name for name in names if isinstance(name, str)]
 
 
 def _read_class(table: _Table) -> BodyClass:
     table.name_it("class")
-    table.check_keys("name", "density", "invert", "size")
+    table.check_keys("name", "density", "invert", "size", "count", "density_correction", "unsharp")
     name = table.take("name", checks.check_name)
     density = table.take("density", _check_density)
-    invert = table.take("invert", _check_switch, False)
-    sizes = [_read_size(size) for size in table.tables("size")]
+    invert = table.take("invert", checks.check_switch, False)
+    count = table.take_optional("count", checks.check_class_count)
+    correction = table.take("density_correction", checks.check_switch, False)
+    unsharp = None
+    if "unsharp" in table.entries:
+        entries = table.table("unsharp")
+        entries.check_keys("amount", "radius")
+        amount = entries.take("amount", checks.check_at_least_zero, 1.0)
+        unsharp = Unsharp(amount, entries.take("radius", checks.check_positive, 2.0))
+    sizes = [_read_size(size, count is not None) for size in table.tables("size")]
     table.check_unique("size", [size.name for size in sizes])
-    if not isinstance(density, str):
-        if invert:
-            raise table.error("invert", f"is for density images; got true beside a `density` of {show(density)}")
-        return BodyClass(name, sizes, density)
-    try:
-        return BodyClass(name, sizes, read_density(table.path.parent / density, invert))
-    except InputFileError as error:
-        raise table.error("density", f"cannot be used: {error}") from None
+    image: Any = density
+    if isinstance(density, str):
+        image = table.read("density", lambda path: read_density(path, invert))
+    elif invert:
+        raise table.error("invert", f"is for density images; got true beside a `density` of {show(density)}")
+    return table.build(
+        lambda: BodyClass(name, sizes, image, count=count, density_correction=correction, unsharp=unsharp)
+    )
 
 
-def _read_size(table: _Table) -> Size:
+def _read_size(table: _Table, of_shares: bool) -> Size:
     table.name_it("size")
-    table.check_keys("name", "area", "count")
-    return Size(
-        name=table.take("name", checks.check_name),
-        area=table.take("area", checks.check_area),
-        count=table.take("count", checks.check_count),
+    table.check_keys("name", "area", "count", "share", "distribution", "line")
+    name = table.take("name", checks.check_name)
+    if of_shares and "count" in table.entries:
+        raise table.error("count", "must not stand beside a `count` of the class: give a `share` of its charge")
+    return table.build(
+        lambda: Size(
+            name=name,
+            area=table.take("area", checks.check_area_or_range),
+            count=None if of_shares or "share" in table.entries else table.take("count", checks.check_count),
+            share=table.take_optional("share", checks.check_share),
+            distribution=table.take("distribution", checks.check_distribution, "linear"),
+            line=_read_line(table.table("line")) if "line" in table.entries else None,
+        )
+    )
+
+
+def _read_line(table: _Table) -> Line:
+    table.check_keys(
+        "length",
+        "length_range",
+        "direction",
+        "direction_kind",
+        "width",
+        "charges",
+        "middle_charge",
+        "turn_weights",
+        "stretch_weights",
+        "straightness",
+        "tensor_scales",
+    )
+    length: Any = table.take("length", _check_length)
+    if isinstance(length, str):
+        low, high = table.take("length_range", _check_length_range)
+        grey = table.read("length", lambda path: read_color(path)).mean(axis=2)
+        length = low + (high - low) * grey
+    elif "length_range" in table.entries:
+        raise table.error("length_range", f"is for images; got it beside a `length` of {show(length)}")
+    direction: Any = table.take("direction", _check_direction, "density")
+    kind = table.take("direction_kind", _check_direction_kind, "angle")
+    if isinstance(direction, str) and direction not in WORDS:
+        image = table.read("direction", lambda path: read_color(path))
+        angles = direction_from_angle_image(image.mean(axis=2))
+        direction = table.take("direction", lambda _, key: _vectors(image, key)) if kind == "vector" else angles
+    elif "direction_kind" in table.entries:
+        raise table.error("direction_kind", f"is for images; got it beside a `direction` of {show(direction)}")
+    default = Line(1.0)
+    return table.build(
+        lambda: Line(
+            length,
+            direction,
+            width=table.take_optional("width", checks.check_length),
+            charges=table.take("charges", checks.check_charges, default.charges),
+            middle_charge=table.take("middle_charge", checks.check_positive, default.middle_charge),
+            turn_weights=table.take("turn_weights", checks.check_weights, default.turn_weights),
+            stretch_weights=table.take("stretch_weights", checks.check_weights, default.stretch_weights),
+            straightness=table.take_optional("straightness", checks.check_fraction),
+            tensor_scales=table.take("tensor_scales", _check_scales, default.tensor_scales),
+        )
+    )
+
+
+def _read_image(
+    table: _Table, domain: Domain, class_separation: float, size_emphasis: float | tuple[float, ...], seed: int
+) -> Problem:
+    table.check_keys("file", "model", "inks", "non_overlap", "area", "size", "density_correction")
+    image = table.read("file", read_color)
+    model: str | InkModel = table.take("model", _check_model, "CMYK")
+    if "inks" in table.entries:
+        if "model" in table.entries:
+            raise table.error("inks", "must not stand beside a `model`")
+        inks = table.take("inks", _check_inks)
+        matrix = table.take("non_overlap", checks.check_non_overlap)
+        model = InkModel("inks", inks, np.asarray(matrix))
+    sizes = [_read_size(size, True) for size in table.tables("size")] if "size" in table.entries else None
+    if sizes is not None and "area" in table.entries:
+        raise table.error("area", "must not stand beside [[image.size]], which have areas of their own")
+    return halftone_problem(
+        image,
+        model,
+        area=table.take("area", checks.check_area) if sizes is None else 1.0,
+        sizes=sizes,
+        domain=domain,
+        class_separation=class_separation,
+        size_emphasis=size_emphasis,
+        density_correction=table.take("density_correction", checks.check_switch, False),
+        seed=seed,
     )
 
 
@@ -132,10 +267,73 @@ def _check_density(value: object, key: str) -> str | float:
     return float(checks.check_density(value, key)[0, 0])
 
 
-def _check_switch(value: object, key: str) -> bool:
-    if not isinstance(value, bool):
-        raise ProblemError(f"{key} must be true or false; got {show(value)}")
+def _check_file(value: object, key: str) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ProblemError(f"{key} must be the name of an image file; got {show(value)}")
     return value
+
+
+def _check_length(value: object, key: str) -> str | float:
+    if isinstance(value, str) and value.strip():
+        return value
+    return checks.check_length(value, key)
+
+
+def _check_length_range(value: object, key: str) -> tuple[float, float]:
+    entries = value if isinstance(value, list) else []
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two lengths in metres, of black and of white; got {show(value)}")
+    low, high = (checks.check_length(entry, key) for entry in entries)
+    return low, high
+
+
+def _check_direction(value: object, key: str) -> str | float:
+    if isinstance(value, str) and value.strip():
+        return value
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ProblemError(
+            f'{key} must be "density", "none", an angle in radians or the name of an image; got {show(value)}'
+        )
+    angle = checks.check_direction(value, key)
+    assert isinstance(angle, float)
+    return angle
+
+
+def _check_direction_kind(value: object, key: str) -> str:
+    if not isinstance(value, str) or value not in ("angle", "vector"):
+        raise ProblemError(f'{key} must be "angle" or "vector"; got {show(value)}')
+    return value
+
+
+def _vectors(image: np.ndarray, key: str) -> np.ndarray:
+    try:
+        vectors = direction_from_rg(image)
+    except ProblemError as error:
+        raise ProblemError(f"{key}: {error}") from None
+    checks.check_direction(vectors, key)
+    return vectors
+
+
+def _check_scales(value: object, key: str) -> tuple[float, float]:
+    entries = value if isinstance(value, list) else []
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two standard deviations in pixels; got {show(value)}")
+    inner, outer = (checks.check_positive(entry, key) for entry in entries)
+    return inner, outer
+
+
+def _check_model(value: object, key: str) -> str:
+    if not isinstance(value, str) or value not in MODELS:
+        raise ProblemError(f"{key} must be one of {', '.join(MODELS)}; got {show(value)}")
+    return value
+
+
+def _check_inks(value: object, key: str) -> list[Ink]:
+    if not isinstance(value, list) or not all(
+        isinstance(entry, dict) and set(entry) == {"name", "cmy"} for entry in value
+    ):
+        raise ProblemError(f"{key} must be a list of {{ name = ..., cmy = [0, 1, 1] }}; got {show(value)}")
+    return [Ink(entry["name"], entry["cmy"]) for entry in value]
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -189,7 +387,7 @@ class _Table:
                 meant = f"did you mean `{nearest[0]}`" if nearest else f"known are {', '.join(known)}"
                 raise self.error(show(name).strip('"'), f"is not a known key; {meant}")
 
-    def take(self, name: str, check: Callable[[Any, str], Value], default: Value | None = None) -> Value:
+    def take(self, name: str, check: Callable[[Any, str], Value], default: Any = None) -> Value:
         """Return the checked value of a key, or ``default`` where the key is missing and there is one."""
         if name not in self.entries:
             if default is None:
@@ -199,6 +397,26 @@ class _Table:
             return check(self.entries[name], self.key(name))
         except ProblemError as error:
             raise InputFileError(f"{self.path}: {error}") from None
+
+    def take_optional(self, name: str, check: Callable[[Any, str], Value]) -> Value | None:
+        """Return the checked value of a key, or None where the key is missing."""
+        return self.take(name, check) if name in self.entries else None
+
+    def build(self, make: Callable[[], Value]) -> Value:
+        """Return what ``make`` makes; what it finds wrong of several values together names the recipe too."""
+        try:
+            return make()
+        except ProblemError as error:
+            where = f"`{self.place.rstrip('.')}`: " if self.place else ""
+            raise InputFileError(f"{self.path}: {where}{error}") from None
+
+    def read(self, name: str, reader: Callable[[Path], Value]) -> Value:
+        """Return what ``reader`` makes of the file beside the recipe that a key names."""
+        file = self.take(name, _check_file)
+        try:
+            return reader(self.path.parent / file)
+        except InputFileError as error:
+            raise self.error(name, f"cannot be used: {error}") from None
 
     def table(self, name: str, *, optional: bool = False) -> _Table:
         """Return a table inside this one, an empty one where it is missing and need not be there."""
@@ -211,7 +429,7 @@ class _Table:
 
     def tables(self, name: str) -> list[_Table]:
         """Return the tables of a list inside this one; at least one."""
-        header = f"[[{'class.' if self.place else ''}{name}]]"
+        header = f"[[{self.place.split('[')[0].rstrip('.') + '.' if self.place else ''}{name}]]"
         entries = self.entries.get(name, [])
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise self.error(name, f"must be tables, each under a line {header}; got {show(entries)}")
