@@ -13,16 +13,25 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..engine.checks import check_area, check_count, check_name, check_seed, check_unique, show
+from ..engine.checks import (
+    check_area_or_range,
+    check_count,
+    check_name,
+    check_seed,
+    check_switch,
+    check_unique,
+    show,
+)
 from ..engine.device import resolve_device
+from ..engine.direction_field import direction_from_rg
 from ..engine.errors import EshError, ProblemError
 from ..engine.placement import Placement
-from ..engine.problem import Balance, BodyClass, Domain, Problem, Size
+from ..engine.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 from ..engine.relaxation import Progress, solve
 from ..engine.report import Report
 from .chart import Chart
-from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at
-from .footprint import footprint_area
+from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
+from .footprint import Footprint, measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import body_rotations, find_result, write_result
 from .target import RESULT_TAG, check_target, read_target
@@ -31,10 +40,12 @@ __all__ = [
     "AttributeDensity",
     "EshError",
     "ImageDensity",
+    "Line",
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
     "ScatterSize",
+    "Unsharp",
     "VertexGroupDensity",
     "scatter",
 ]
@@ -43,22 +54,29 @@ __all__ = [
 _INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScatterSize:
     """One size of a class.
 
     Attributes:
         name: Unique within its class.
-        count: Number of bodies; placed exactly.
+        count: Number of bodies; placed exactly. None where the class has the count and this size a share.
         source: The object to instance; or a collection, whose objects are variants: each point gets one of them, by seed.
         area: Footprint of one body [m²]; None measures it from the mesh seen from above (a collection's is the mean of
-            its objects').
+            its objects'). A range (smallest, largest) gives every body a footprint of its own, and scales its instance to it.
+        share: Share of the class's summed footprints.
+        line: Whether bodies are long, so that they are turned along a direction: None decides by the outline seen from above (its
+            length over 2.5 times its width), True and False insist, a :class:`Line` sets everything itself. Instances are turned so
+            that the long axis of their outline lies along the body. Bodies that are not long count as discs of their area, also
+            where they must not overlap.
     """
 
     name: str
-    count: int
-    source: bpy.types.Object | bpy.types.Collection
-    area: float | None = None
+    count: int | None = None
+    source: bpy.types.Object | bpy.types.Collection | None = None
+    area: float | tuple[float, float] | None = None
+    share: float | None = None
+    line: bool | Line | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +89,32 @@ class ScatterClass:
         density: Per area of surface: a number (the same everywhere), an image, a vertex group or an attribute; an image
             of Blender or an array ``[height, width]`` by itself is stretched over the target seen from above.
         color: Red, green, blue and optionally alpha, kept as the points' attribute ``class_color``.
+        count: Number of bodies of all sizes, which then have shares; or ``"cover"``: as many as it takes to cover the density.
+        direction: Where long bodies point, seen from above: ``"density"`` (along its edges), ``"none"``, an angle [rad],
+            an array of angles or vectors (see :class:`Line`), or an image of Blender whose red and green are x and y; images are
+            stretched over the target.
+        density_correction: See :class:`~esh.engine.problem.BodyClass`.
+        unsharp: See there.
     """
 
     name: str
     sizes: Sequence[ScatterSize]
     density: Density = 1.0
     color: Sequence[float] | None = None
+    count: int | str | None = None
+    direction: str | float | np.ndarray | bpy.types.Image = "density"
+    density_correction: bool = False
+    unsharp: Unsharp | None = None
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """What a size's bodies and their instances have to do with each other."""
+
+    # Per variant: the outline, or None where nothing had to be measured.
+    outlines: tuple[Footprint | None, ...]
+    area: float | tuple[float, float]
+    line: Line | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +130,16 @@ class ScatterResult:
     object: bpy.types.Object
     report: Report
     placement: Placement
+
+
+@dataclass(frozen=True, eq=False)
+class _Instances:
+    """Of every point: index of the source, turn [rad], scale, and where the source's origin lies in the rectangle [m]."""
+
+    source: np.ndarray
+    turn: np.ndarray
+    scale: np.ndarray
+    origin: np.ndarray
 
 
 class ScatterJob:
@@ -114,7 +162,9 @@ class ScatterJob:
         classes: Sequence[ScatterClass],
         *,
         class_separation: float = 0.5,
-        size_emphasis: float = 2.0,
+        size_emphasis: float | Sequence[float] = 2.0,
+        non_overlap: np.ndarray | Sequence[Sequence[float]] | None = None,
+        avoid_overlap: bool = True,
         seed: int = 0,
         device: str = "auto",
         max_steps: int = 150,
@@ -125,7 +175,8 @@ class ScatterJob:
         result: bpy.types.Object | None = None,
     ) -> None:
         context = bpy.context
-        balance = Balance(class_separation, size_emphasis)
+        balance = Balance(class_separation, size_emphasis, non_overlap)
+        avoid_overlap = check_switch(avoid_overlap, "`avoid_overlap`")
         self.seed = check_seed(seed)
         self.max_steps = check_count(max_steps, "`max_steps`")
         self.align_to_normal = _number(align_to_normal, "`align_to_normal`", 0.0, 1.0)
@@ -140,26 +191,34 @@ class ScatterJob:
         # Per group (class and size): indices into `sources` of its variants.
         self.sources: list[bpy.types.Object] = []
         self.variants: list[list[int]] = []
-        areas = []
+        self.shapes: list[_Shape] = []
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
                 members = _source_objects(size.source, self.target, key)
-                areas.append(_area(size.area, members, context, key))
+                self.shapes.append(_shape(size, scatter_class, members, context, key))
                 self.variants.append([self._source_index(member) for member in members])
         names = {
             str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
         }
         self.chart = Chart(read_target(self.target, context, names))
-        area = iter(areas)
+        shape = iter(self.shapes)
         self.problem = Problem(
             Domain((float(self.chart.size[0]), float(self.chart.size[1]))),
             [
-                BodyClass(c.name, [Size(s.name, next(area), s.count) for s in c.sizes], density=self._density(c))
+                BodyClass(
+                    c.name,
+                    [_engine_size(s, next(shape)) for s in c.sizes],
+                    density=self._density(c),
+                    count=c.count,
+                    density_correction=c.density_correction,
+                    unsharp=c.unsharp,
+                )
                 for c in self.classes
             ],
             balance,
             self.seed,
+            avoid_overlap,
         )
         self.placement: Placement | None = None
 
@@ -172,10 +231,17 @@ class ScatterJob:
         if self.placement is None:
             raise ProblemError("a scatter must be solved before it is written")
         scene = (context or bpy.context).scene
-        surface = self.chart.lift(self.placement.position)
+        drawn = self._draw_instances()
+        surface = self.chart.lift(drawn.origin)
         replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
-            scene, replaced, self.target, self.name, self.sources, surface.position, self._attributes(surface.normal)
+            scene,
+            replaced,
+            self.target,
+            self.name,
+            self.sources,
+            surface.position,
+            self._attributes(surface.normal, drawn),
         )
         return ScatterResult(item, self.placement.report, self.placement)
 
@@ -191,27 +257,47 @@ class ScatterJob:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
         return image
 
-    def _attributes(self, normal: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+    def _draw_instances(self) -> _Instances:
+        """Choose every point's variant, turn and scale, and where its origin lies so that the outline lies on the body."""
         placement = self.placement
         count = len(placement.position)
         # Three numbers for each point, in the points' order: a longer list of bodies leaves the earlier ones as they are.
         random = np.random.default_rng([self.seed, 1]).random((count, 3))
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         group = first[placement.class_index] + placement.size_index
-        instance = np.empty(count, np.int32)
-        for number, variants in enumerate(self.variants):
-            chosen = group == number
-            instance[chosen] = np.array(variants)[(random[chosen, 0] * len(variants)).astype(int)]
+        source = np.empty(count, np.int32)
         turn = placement.angle + self.random_turn * random[:, 1]
         scale = 1.0 + self.scale_jitter * (2.0 * random[:, 2] - 1.0)
+        origin = placement.position.copy()
+        for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
+            own = np.flatnonzero(group == number)
+            variant = (random[own, 0] * len(variants)).astype(int)
+            source[own] = np.array(variants)[variant]
+            outlines = [outline for outline in shape.outlines if outline is not None]
+            if isinstance(shape.area, tuple) and outlines:
+                scale[own] *= np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
+            if shape.line is not None and outlines:
+                # A line has no front: half of the instances look the other way.
+                back = np.where(random[own, 1] < 0.5, 0.0, math.pi)
+                turn[own] = placement.angle[own] - np.array([outline.angle for outline in outlines])[variant] + back
+                offset = scale[own, None] * np.array([outline.center for outline in outlines])[variant]
+                c, s = np.cos(turn[own]), np.sin(turn[own])
+                origin[own] -= np.stack(
+                    [c * offset[:, 0] - s * offset[:, 1], s * offset[:, 0] + c * offset[:, 1]], axis=1
+                )
+        origin = np.clip(origin, 0.0, self.problem.domain.size)
+        return _Instances(source, turn, scale, origin)
+
+    def _attributes(self, normal: np.ndarray, drawn: _Instances) -> dict[str, tuple[str, np.ndarray]]:
+        placement = self.placement
         colors = np.array([_rgba(c.color) for c in self.classes])
         return {
-            "id": ("INT", np.arange(count)),
+            "id": ("INT", np.arange(len(placement.position))),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
-            INSTANCE_INDEX: ("INT", instance),
-            ROTATION: ("QUATERNION", body_rotations(normal, self.align_to_normal, turn)),
-            SCALE: ("FLOAT_VECTOR", np.repeat(scale[:, None], 3, axis=1)),
+            INSTANCE_INDEX: ("INT", drawn.source),
+            ROTATION: ("QUATERNION", body_rotations(normal, self.align_to_normal, drawn.turn)),
+            SCALE: ("FLOAT_VECTOR", np.repeat(drawn.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
         }
 
@@ -221,7 +307,9 @@ def scatter(
     classes: Sequence[ScatterClass],
     *,
     class_separation: float = 0.5,
-    size_emphasis: float = 2.0,
+    size_emphasis: float | Sequence[float] = 2.0,
+    non_overlap: np.ndarray | Sequence[Sequence[float]] | None = None,
+    avoid_overlap: bool = True,
     seed: int = 0,
     device: str = "auto",
     max_steps: int = 150,
@@ -239,7 +327,10 @@ def scatter(
             from above: where it overhangs itself, the topmost surface counts.
         classes: What to place, how many, following which densities.
         class_separation: 0 places every class as if it were alone, 1 spreads only the union.
-        size_emphasis: 1 or more: how much more the larger sizes are spread evenly among themselves.
+        size_emphasis: 1 or more: how much more the larger sizes are spread evenly among themselves; or a list, one for each
+            larger size.
+        non_overlap: One row and column per class, 1 where two must keep apart, 0 where they may overlap; None keeps all apart.
+        avoid_overlap: Push footprints apart that touch; what overlaps all the same, the report says.
         seed: The same arguments, seed and device give the same result.
         device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``.
         max_steps: Steps of the relaxation at most.
@@ -256,11 +347,15 @@ def scatter(
     Raises:
         EshError: One sentence that says what is wrong; nothing was changed.
     """
+    if progress is not None and not callable(progress):
+        raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
     job = ScatterJob(
         target,
         classes,
         class_separation=class_separation,
         size_emphasis=size_emphasis,
+        non_overlap=non_overlap,
+        avoid_overlap=avoid_overlap,
         seed=seed,
         device=device,
         max_steps=max_steps,
@@ -305,7 +400,8 @@ def _check_classes(classes: object) -> list[ScatterClass]:
             raise ProblemError(f"`sizes` of {key} must be a list of at least one ScatterSize; got {show(sizes)}")
         for size in sizes:
             check_name(size.name, f"`name` of a size of {key}")
-            check_count(size.count, f'`count` of size "{size.name}" of {key}')
+            if size.count is not None or entry.count is None:
+                check_count(size.count, f'`count` of size "{size.name}" of {key}')
         check_unique([size.name for size in sizes], f"size names of {key}")
         if entry.color is not None:
             try:
@@ -341,10 +437,49 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     return sorted(members, key=lambda member: member.name_full)
 
 
-def _area(area: object, members: list[bpy.types.Object], context: bpy.types.Context, key: str) -> float:
+def _shape(
+    size: ScatterSize,
+    scatter_class: ScatterClass,
+    members: list[bpy.types.Object],
+    context: bpy.types.Context,
+    key: str,
+) -> _Shape:
+    """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
+    area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
+    if size.line is not None and not isinstance(size.line, (bool, Line)):
+        raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
+    outlines: tuple[Footprint | None, ...] = (None,) * len(members)
+    if area is None or isinstance(area, tuple) or size.line is not False:
+        try:
+            outlines = tuple(measure_footprint(member, context, f"`area` of {key}") for member in members)
+        except ProblemError:
+            # A given area needs no outline; a curve or a light plane on edge is then a dot.
+            if area is None or isinstance(area, tuple) or size.line:
+                raise
+    measured = [outline for outline in outlines if outline is not None]
     if area is None:
-        return float(np.mean([footprint_area(member, context, f"`area` of {key}") for member in members]))
-    return check_area(area, f"`area` of {key}")
+        area = float(np.mean([outline.area for outline in measured]))
+    line = size.line if isinstance(size.line, Line) else None
+    if size.line is True or (size.line is None and measured and all(outline.is_long for outline in measured)):
+        line = _line_around(measured, scatter_class, area)
+    return _Shape(outlines, area, line)
+
+
+def _line_around(outlines: list[Footprint], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
+    """A stiff capsule as long and as wide as the largest of the outlines, scaled to the largest area of a range."""
+    scale = 1.0
+    if isinstance(area, tuple):
+        scale = math.sqrt(area[1] / min(outline.area for outline in outlines))
+    length = scale * max(outline.length for outline in outlines)
+    width = min(scale * max(outline.width for outline in outlines), 0.9 * length)
+    direction = scatter_class.direction
+    if isinstance(direction, bpy.types.Image):
+        direction = direction_from_rg(image_pixels(direction, f'`direction` of class "{scatter_class.name}"'))
+    return Line(length - width, direction, width=width, stretch_weights=(0.0, 0.1))
+
+
+def _engine_size(size: ScatterSize, shape: _Shape) -> Size:
+    return Size(size.name, shape.area, size.count, size.share, line=shape.line)
 
 
 def _rgba(color: Sequence[float] | None) -> tuple[float, ...]:

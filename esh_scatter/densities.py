@@ -8,13 +8,21 @@ from typing import TYPE_CHECKING, Literal
 import bpy
 import numpy as np
 
-from ..engine.errors import ProblemError
 from ..engine.checks import check_density, show
+from ..engine.errors import ProblemError
 
 if TYPE_CHECKING:
     from .chart import SurfacePoints
 
-__all__ = ["AttributeDensity", "Density", "ImageDensity", "VertexGroupDensity", "density_at", "image_luminance"]
+__all__ = [
+    "AttributeDensity",
+    "Density",
+    "ImageDensity",
+    "VertexGroupDensity",
+    "density_at",
+    "image_luminance",
+    "image_pixels",
+]
 
 # Rec. 709, the primaries of Blender's default colour space.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -101,6 +109,18 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
     Raises:
         ProblemError: The image has no pixels, because its file is missing or is no image.
     """
+    pixels = image_pixels(image, key)
+    channels = pixels.shape[2]
+    grey = pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0]
+    return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
+
+
+def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
+    """Return the stored values of an image, shape ``[height, width, channels]``, float32, row 0 at the top.
+
+    Raises:
+        ProblemError: The image has no pixels, because its file is missing or is no image.
+    """
     width, height = image.size
     channels = image.channels
     if width * height * channels == 0 or len(image.pixels) != width * height * channels:
@@ -109,9 +129,7 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
         raise ProblemError(f'{key}: image "{image.name}" must have pixels; {where}')
     pixels = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(pixels)
-    pixels = pixels.reshape(height, width, channels)[::-1]
-    grey = pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0]
-    return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
+    return pixels.reshape(height, width, channels)[::-1]
 
 
 def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndarray:

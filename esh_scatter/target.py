@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..engine.errors import ProblemError
 from ..engine.checks import show
+from ..engine.errors import ProblemError
 
 __all__ = ["RESULT_TAG", "TriangleMesh", "check_target", "read_target", "read_triangles", "world_matrix"]
 

@@ -129,7 +129,11 @@ MISTAKES = {
     "seed": ("seed = 7", "seed = -7", "`seed` must be a whole number of at least 0 and below 2**63; got -7"),
     "seed fraction": ("seed = 7", "seed = 7.5", "`seed` must be a whole number"),
     "unknown top key": ("seed = 7", "sede = 7", "`sede` is not a known key; did you mean `seed`"),
-    "unknown key, far": ("seed = 7", "wxyz = 7", "`wxyz` is not a known key; known are version, seed, avoid_overlap, domain"),
+    "unknown key, far": (
+        "seed = 7",
+        "wxyz = 7",
+        "`wxyz` is not a known key; known are version, seed, avoid_overlap, domain",
+    ),
     "unknown domain key": ("boundary =", "boundry =", "`domain.boundry` is not a known key; did you mean `boundary`"),
     "unknown balance key": (
         "class_separation",

@@ -1,5 +1,6 @@
 """esh.scatter: counts, on the surface, replacing its result and nothing else, and a sentence for every bad input."""
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -11,6 +12,7 @@ import esh  # noqa: E402
 import trimesh  # noqa: E402
 from esh.esh_scatter.api import (  # noqa: E402
     AttributeDensity,
+    EshError,
     ImageDensity,
     ScatterClass,
     ScatterJob,
@@ -133,7 +135,8 @@ def test_steeper_ground_gets_more_of_it():
         "Roof", [(0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 10, 0), (20, 0, 17.32), (20, 10, 17.32)],
         [(0, 1, 2, 3), (1, 4, 5, 2)],
     )  # fmt: skip
-    x = points(scatter(ground, one_class(quad("Tree"), 300), **OPTIONS).object)[:, 0]
+    # Footprints that cannot fit would push each other evenly over the plan.
+    x = points(scatter(ground, one_class(quad("Tree"), 300), avoid_overlap=False, **OPTIONS).object)[:, 0]
     assert abs((x > 10).mean() - 2 / 3) < 0.02
 
 
@@ -201,3 +204,69 @@ def test_a_result_is_neither_target_nor_source():
     for target, source in ((made, tree), (ground, made)):
         with pytest.raises(esh.EshError, match="result of a scatter"):
             ScatterJob(target, one_class(source))
+
+
+def sticks(**changes):
+    """A long quad whose origin is at one end, on a flat ground of 20 m by 20 m."""
+    ground = new_object("Flat", [(0, 0, 0), (20, 0, 0), (20, 20, 0), (0, 20, 0)], [(0, 1, 2, 3)])
+    stick = new_object("Stick", [(0, -0.1, 0), (0, 0.1, 0), (0, 0.1, 1.6), (0, -0.1, 1.6)], [(0, 1, 2, 3)])
+    stick.rotation_euler = (0.0, math.pi / 2, 0.0)
+    bpy.context.view_layer.update()
+    size = ScatterSize("one", 120, stick, **changes)
+    return ground, [ScatterClass("stick", [size], direction=0.4)]
+
+
+def instance_ends(result):
+    """Both ends of every instance, as Blender evaluates it, shape [n, 2, 2]."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    ends = []
+    for instance in graph.object_instances:
+        if instance.is_instance and instance.parent and instance.parent.original == result:
+            matrix = np.array(instance.matrix_world)
+            corners = np.array([v.co[:] + (1.0,) for v in instance.object.data.vertices]) @ matrix.T
+            ends.append([corners[:2, :2].mean(axis=0), corners[2:, :2].mean(axis=0)])
+    return np.array(ends)
+
+
+def test_long_outlines_become_lines_that_lie_along_the_direction_and_do_not_overlap():
+    ground, classes = sticks()
+    result = scatter(ground, classes, device="cpu")
+    placement = result.placement
+    assert result.report.overlaps == 0
+    np.testing.assert_allclose(placement.length + placement.width, 1.6, rtol=0.02)
+    ends = instance_ends(result.object)
+    assert len(ends) == 120
+    np.testing.assert_allclose(ends.mean(axis=1), placement.position, atol=0.02)
+    way = ends[:, 1] - ends[:, 0]
+    np.testing.assert_allclose(np.hypot(*way.T), 1.6, rtol=1e-4)
+    np.testing.assert_allclose(np.sin(np.arctan2(way[:, 1], way[:, 0]) - placement.angle), 0.0, atol=0.02)
+    assert np.abs(np.sin(placement.angle - 0.4)).mean() < 0.1
+    # The axis stays inside; the round caps, half a width, may reach over the border.
+    assert (ends > -0.12).all() and (ends < 20.12).all()
+
+
+def test_lines_can_be_forbidden_and_areas_may_be_a_range():
+    ground, classes = sticks(line=False)
+    assert (scatter(ground, classes, **OPTIONS).placement.length == 0.0).all()
+    ground, classes = sticks(line=False, area=(0.1, 0.4))
+    result = scatter(ground, classes, **OPTIONS)
+    scale = np.empty(120 * 3, np.float32)
+    result.object.data.attributes["scale"].data.foreach_get("vector", scale)
+    np.testing.assert_allclose(0.32 * scale.reshape(-1, 3)[:, 0] ** 2, result.placement.area, rtol=0.03)
+    assert np.ptp(result.placement.area) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"line": "yes"}, "`line` of size"),
+        ({"area": (0.4, 0.1)}, "smallest area first"),
+        ({"share": 0.5}, "must not stand beside a `count`"),
+    ],
+)
+def test_lines_and_ranges_without_meaning(changes, complaint):
+    ground, classes = sticks(**changes)
+    with pytest.raises(EshError, match=complaint):
+        scatter(ground, classes, **OPTIONS)
+    with pytest.raises(EshError, match="`progress` must be something to call"):
+        scatter(*sticks(), progress=5)

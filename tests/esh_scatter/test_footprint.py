@@ -7,7 +7,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.errors import EshError  # noqa: E402
-from esh.esh_scatter.footprint import footprint_area  # noqa: E402
+from esh.esh_scatter.footprint import measure_footprint  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -15,8 +15,29 @@ def empty_file():
     bpy.ops.wm.read_homefile(use_empty=True)
 
 
+def footprint():
+    return measure_footprint(bpy.context.object, bpy.context, "`area`")
+
+
 def area():
-    return footprint_area(bpy.context.object, bpy.context, "`area`")
+    return footprint().area
+
+
+def test_the_long_axis_is_found_wherever_it_points_and_wherever_the_origin_is():
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(7.0, -3.0, 0.0))
+    for vertex in bpy.context.object.data.vertices:
+        vertex.co.x += 0.5
+    bpy.context.object.scale = (4.0, 1.0, 1.0)
+    for angle in (0.0, 0.5, 1.4, 2.6):
+        bpy.context.object.rotation_euler = (0.0, 0.0, angle)
+        found = footprint()
+        assert found.is_long
+        assert found.length == pytest.approx(4.0, rel=0.02)
+        assert found.width == pytest.approx(1.0, rel=0.05)
+        assert math.sin(found.angle - angle) == pytest.approx(0.0, abs=0.01)
+        assert found.center == pytest.approx((2.0 * math.cos(angle), 2.0 * math.sin(angle)), abs=0.03)
+    bpy.context.object.scale = (2.4, 1.0, 1.0)
+    assert not footprint().is_long
 
 
 def test_cube_turned_and_scaled():
