@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))
+# Steps for what is to end near a lattice.
+PATIENT = 800
 RED, BLUE, GREY = (0.82, 0.2, 0.16), (0.13, 0.33, 0.7), (0.25, 0.25, 0.27)
 
 
@@ -86,12 +88,12 @@ def grey_correction(run: Run) -> None:
         darkness = 1.0 - grey / 255.0
         rendered = {}
         for correction in (True, False):
-            # More dots than pixels where it is dark; the middle of the patch, away from its borders.
+            # The correction is made for a honeycomb: contact and patience bring the dots near one.
             patch = BodyClass(
                 "dot", [Size("dot", 1.0)], np.full((72, 72), darkness), "cover", density_correction=correction
             )
-            problem = Problem(Domain((72.0, 72.0), "periodic"), [patch])
-            placement = run.solve(problem)
+            problem = Problem(Domain((72.0, 72.0), "periodic"), [patch], avoid_overlap=True)
+            placement = run.solve(problem, max_steps=PATIENT)
             rendered[correction] = float(render_halftone(placement, pixels_per_metre=4.0, supersampling=4).mean())
         with_it, without = (abs(rendered[c] - grey / 255.0) for c in (True, False))
         run.row(
@@ -105,7 +107,7 @@ def grey_correction(run: Run) -> None:
     for name, correction in (("standard", False), ("with correction", True)):
         image = dark_word()
         classes = [BodyClass("dot", [Size("dot", 1.0)], image, "cover", density_correction=correction)]
-        placement = run.solve(Problem(pixels(image), classes))
+        placement = run.solve(Problem(pixels(image), classes, avoid_overlap=True), max_steps=PATIENT)
         pictures.append((name, render_halftone(placement, pixels_per_metre=4.0)))
     sheet(run.output / "figure-10-grey-correction.png", pictures, 1)
 
@@ -196,8 +198,9 @@ def separation_sweep(run: Run) -> None:
         for sixths in (1, 3, 5):
             two = [BodyClass(name, [Size("dot", 1.0, 512)]) for name in "ab"]
             problem = Problem(SQUARE, two, Balance(class_separation=sixths / 6), seed)
-            placement = run.solve(problem)
-            direct = direct_solve(problem, run.launcher)
+            # Where the classes hardly see each other, what is left moves slowly.
+            placement = run.solve(problem, max_steps=400)
+            direct = direct_solve(problem, run.launcher, steps=400)
             everything, own = np.ones(1024, dtype=bool), placement.class_index == 0
             unions.append(error(problem, placement.position, everything, 0.5))
             classes.append(error(problem, placement.position, own))

@@ -31,7 +31,7 @@ ROUNDS_WITHOUT_PROGRESS = 200
 # Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
 DAMPING = 0.9
 SLACK = 1e-3
-# Lines that may overlap still do not cross: their axes keep this share of their thickness.
+# Lines that may overlap still do not cross: footprints thinned to this share keep apart.
 AXIS_RADIUS = 0.25
 # Rounds between two looks at the number of overlaps that are left.
 ROUNDS_AT_ONCE = 10
@@ -141,7 +141,7 @@ class Contact:
         width = line_widths(problem, longest)
         radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi))
         if not problem.avoid_overlap:
-            radius = AXIS_RADIUS * np.where(width > 0.0, 0.5 * width, 0.0)
+            radius = AXIS_RADIUS * radius
         size = (domain.size[0] / unit, domain.size[1] / unit)
         # Lines whose length the forces change may be longer for a while.
         half = 0.5 * kernels_update.LONGEST_LINE * longest
