@@ -25,8 +25,7 @@ import terrain as land
 import trees
 from esh.engine.plan_plot import draw_plan
 from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterResult, ScatterSize, scatter
-from mathutils import Vector
-from PIL import Image
+from scene_parts import add_camera, collection, mesh_object, save, save_textures, set_render
 
 __all__ = ["build", "main", "test_final"]
 
@@ -52,21 +51,6 @@ def footprint(crown_radius: float) -> float:
     return math.pi * crown_radius**2
 
 
-def mesh_object(name: str, vertex: np.ndarray, face: np.ndarray, smooth: bool = False) -> bpy.types.Object:
-    """Make an object, not yet in any collection, of vertices ``[n, 3]`` and faces ``[m, 3 or 4]``."""
-    mesh = bpy.data.meshes.new(name)
-    sides = face.shape[1]
-    mesh.vertices.add(len(vertex))
-    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertex, np.float32).ravel())
-    mesh.loops.add(face.size)
-    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(face, np.int32).ravel())
-    mesh.polygons.add(len(face))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, face.size, sides, dtype=np.int32))
-    mesh.polygons.foreach_set("use_smooth", np.full(len(face), smooth))
-    mesh.update(calc_edges=True)
-    return bpy.data.objects.new(name, mesh)
-
-
 def tree_object(name: str, tree: trees.TreeMesh, surfaces: list[bpy.types.Material]) -> bpy.types.Object:
     """Make an object of a modelled tree; ``surfaces`` are its bark and its foliage."""
     item = mesh_object(name, tree.vertex, tree.face)
@@ -76,14 +60,6 @@ def tree_object(name: str, tree: trees.TreeMesh, surfaces: list[bpy.types.Materi
     tint = item.data.attributes.new("tint", "FLOAT", "FACE")
     tint.data.foreach_set("value", tree.tint.astype(np.float32))
     return item
-
-
-def collection(name: str, parent: bpy.types.Collection, hidden: bool = False) -> bpy.types.Collection:
-    """Make a collection below ``parent``; a hidden one holds what is only seen as instances."""
-    made = bpy.data.collections.new(name)
-    parent.children.link(made)
-    made.hide_viewport = made.hide_render = hidden
-    return made
 
 
 def model_trees(scene: bpy.types.Scene) -> dict[tuple[str, str], bpy.types.Collection]:
@@ -126,20 +102,6 @@ def model_trees(scene: bpy.types.Scene) -> dict[tuple[str, str], bpy.types.Colle
     return made
 
 
-def save_textures(textures: dict[str, np.ndarray], folder: Path) -> dict[str, bpy.types.Image]:
-    """Write the density textures as 8-bit PNG files and load them, as data and not as colour."""
-    loaded = {}
-    for name, texture in textures.items():
-        path = folder / f"forest-{name}.png"
-        Image.fromarray(np.round(255.0 * texture).astype(np.uint8)).save(path)
-        image = bpy.data.images.load(str(path.resolve()))
-        image.colorspace_settings.name = "Non-Color"
-        # Nothing in the scene shows it: without this it would not be saved.
-        image.use_fake_user = True
-        loaded[name] = image
-    return loaded
-
-
 def add_undergrowth(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
     """Put grass and rocks before the camera, where one is near enough to see them; each shares one of a few meshes."""
     rng = np.random.default_rng(SEED)
@@ -162,45 +124,6 @@ def add_undergrowth(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
             item.rotation_euler[2] = rng.uniform(0.0, 2.0 * math.pi)
             item.scale = [small + (large - small) * rng.random() ** 2] * 3
             group.objects.link(item)
-
-
-def add_camera(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
-    """Set the camera at :data:`EYE`, looking up the valley."""
-    points = [Vector((x, y, float(terrain.height_at([x], [y])[0]) + above)) for x, y, above in (EYE, AIM)]
-    data = bpy.data.cameras.new("Camera")
-    data.lens = 33.0
-    data.clip_end = 20_000.0
-    camera = bpy.data.objects.new("Camera", data)
-    camera.location = points[0]
-    camera.rotation_euler = (points[1] - points[0]).to_track_quat("-Z", "Y").to_euler()
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-
-
-def set_render(scene: bpy.types.Scene, width: int, samples: int) -> None:
-    """Choose Cycles with few samples, a denoiser where this Blender has one, and a filmic look."""
-    scene.render.engine = "CYCLES"
-    scene.render.resolution_x, scene.render.resolution_y = width, round(width * 9 / 16)
-    scene.render.resolution_percentage = 100
-    scene.render.use_persistent_data = True
-    cycles = scene.cycles
-    cycles.device = "CPU"
-    cycles.samples = samples
-    cycles.seed = SEED
-    cycles.use_adaptive_sampling = True
-    cycles.adaptive_threshold = 0.03
-    cycles.max_bounces, cycles.diffuse_bounces, cycles.transmission_bounces = 4, 2, 2
-    cycles.use_fast_gi = False
-    cycles.caustics_reflective = cycles.caustics_refractive = False
-    cycles.use_denoising = True
-    try:
-        cycles.denoiser = "OPENIMAGEDENOISE"
-    except TypeError:
-        cycles.use_denoising = False
-    scene.view_settings.view_transform = "AgX"
-    scene.view_settings.look = "AgX - Punchy"
-    scene.view_settings.exposure = 0.95
-    scene.render.image_settings.file_format = "PNG"
 
 
 def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terrain, dict[str, np.ndarray]]:
@@ -228,7 +151,7 @@ def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terra
     bpy.context.view_layer.update()
 
     textures = land.density_textures(terrain, keep_clear=CLEARINGS)
-    images = save_textures(textures, output)
+    images = save_textures({f"forest-{kind}": texture for kind, texture in textures.items()}, output)
     sources = model_trees(scene)
     classes = [
         ScatterClass(
@@ -237,7 +160,7 @@ def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terra
                 ScatterSize(size, count, sources[kind, size], area=footprint(radius))
                 for size, (count, _, radius) in sizes.items()
             ],
-            density=ImageDensity(images[kind]),
+            density=ImageDensity(images[f"forest-{kind}"]),
             color=COLORS[kind],
         )
         for kind, sizes in TREES.items()
@@ -250,18 +173,9 @@ def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terra
             layer.exclude = True
     add_undergrowth(scene, terrain)
     materials.set_sky(scene, SUN_ELEVATION, SUN_AZIMUTH)
-    add_camera(scene, terrain)
+    eye, aim = ((x, y, float(terrain.height_at([x], [y])[0]) + above) for x, y, above in (EYE, AIM))
+    scene.camera = add_camera(scene, "Camera", eye, aim, lens=33.0, clip_end=20_000.0)
     return result, terrain, textures
-
-
-def save(path: Path) -> None:
-    """Save the file with its textures inside, and their paths relative to it."""
-    for image in bpy.data.images:
-        if image.source == "FILE" and image.filepath:
-            image.pack()
-            image.filepath = f"//{Path(bpy.path.abspath(image.filepath)).name}"
-    bpy.context.preferences.filepaths.save_version = 0
-    bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
 
 
 def placed_trees(result: bpy.types.Object) -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
@@ -397,7 +311,8 @@ def main(arguments: list[str] | None = None) -> None:
     tell("built")
     draw_plan(result.placement, options.output / "forest-plan.png", colors=list(COLORS.values()))
     scene = bpy.context.scene
-    set_render(scene, options.width, options.samples)
+    set_render(scene, options.width, round(options.width * 9 / 16), options.samples, SEED)
+    scene.view_settings.exposure = 0.95
     blend = options.output / "forest.blend"
     save(blend)
     tell(f"wrote {blend} and forest-plan.png")

@@ -5,112 +5,55 @@ from __future__ import annotations
 import math
 
 import bpy
+from shader_nodes import (
+    Color,
+    add_bump,
+    add_node,
+    attribute,
+    calculate,
+    color_ramp,
+    mix_colors,
+    new_material,
+    noise,
+    per_instance,
+)
 
 __all__ = ["bark", "foliage", "grass", "ground", "set_sky"]
 
-Color = tuple[float, float, float]
 # Air: the distance over which two thirds of the light of a thing is lost [m], and the colour that takes its place.
 VISIBILITY = 1500.0
 HAZE: Color = (0.64, 0.58, 0.53)
 HAZE_STRENGTH = 0.6
 
 
-def _node(tree: bpy.types.NodeTree, kind: str, /, **values: object) -> bpy.types.Node:
-    node = tree.nodes.new(kind)
-    for key, value in values.items():
-        setattr(node, key, value)
-    return node
-
-
-def _ramp(
-    tree: bpy.types.NodeTree, factor: bpy.types.NodeSocket, stops: list[tuple[float, Color]]
-) -> bpy.types.NodeSocket:
-    node = _node(tree, "ShaderNodeValToRGB")
-    tree.links.new(factor, node.inputs[0])
-    elements = node.color_ramp.elements
-    while len(elements) < len(stops):
-        elements.new(1.0)
-    for element, (position, color) in zip(elements, stops, strict=True):
-        element.position = position
-        element.color = (*color, 1.0)
-    return node.outputs[0]
-
-
-def _math(tree: bpy.types.NodeTree, operation: str, *inputs: object) -> bpy.types.NodeSocket:
-    node = _node(tree, "ShaderNodeMath", operation=operation)
-    for socket, value in zip(node.inputs, inputs, strict=False):
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, socket)
-        else:
-            socket.default_value = value
-    return node.outputs[0]
-
-
-def _mix(tree: bpy.types.NodeTree, factor: object, a: object, b: object, blend: str = "MIX") -> bpy.types.NodeSocket:
-    node = _node(tree, "ShaderNodeMix", data_type="RGBA", blend_type=blend)
-    for socket, value in zip((node.inputs[0], node.inputs[6], node.inputs[7]), (factor, a, b), strict=True):
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, socket)
-        elif isinstance(value, tuple):
-            socket.default_value = (*value, 1.0)
-        else:
-            socket.default_value = value
-    return node.outputs[2]
-
-
-def _noise(tree: bpy.types.NodeTree, wavelength: float, detail: float = 4.0) -> bpy.types.NodeSocket:
-    """Noise in metres of the world, 0..1."""
-    place = _node(tree, "ShaderNodeNewGeometry")
-    node = _node(tree, "ShaderNodeTexNoise")
-    node.inputs["Scale"].default_value = 1.0 / wavelength
-    node.inputs["Detail"].default_value = detail
-    tree.links.new(place.outputs["Position"], node.inputs["Vector"])
-    return node.outputs[0]
-
-
-def _material(name: str) -> tuple[bpy.types.Material, bpy.types.NodeTree]:
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    material.node_tree.nodes.clear()
-    return material, material.node_tree
-
-
 def _finish(tree: bpy.types.NodeTree, shader: bpy.types.NodeSocket) -> None:
     """Put the air between the shader and the eye: cheaper than a volume, and free of noise."""
-    view = _node(tree, "ShaderNodeCameraData")
-    path = _node(tree, "ShaderNodeLightPath")
-    loss = _math(tree, "EXPONENT", _math(tree, "DIVIDE", view.outputs["View Distance"], -VISIBILITY))
-    amount = _math(tree, "MULTIPLY", _math(tree, "SUBTRACT", 1.0, loss), path.outputs["Is Camera Ray"])
-    air = _node(tree, "ShaderNodeEmission")
+    view = add_node(tree, "ShaderNodeCameraData")
+    path = add_node(tree, "ShaderNodeLightPath")
+    loss = calculate(tree, "EXPONENT", calculate(tree, "DIVIDE", view.outputs["View Distance"], -VISIBILITY))
+    amount = calculate(tree, "MULTIPLY", calculate(tree, "SUBTRACT", 1.0, loss), path.outputs["Is Camera Ray"])
+    air = add_node(tree, "ShaderNodeEmission")
     air.inputs["Color"].default_value = (*HAZE, 1.0)
     air.inputs["Strength"].default_value = HAZE_STRENGTH
-    mix = _node(tree, "ShaderNodeMixShader")
+    mix = add_node(tree, "ShaderNodeMixShader")
     tree.links.new(amount, mix.inputs[0])
     tree.links.new(shader, mix.inputs[1])
     tree.links.new(air.outputs[0], mix.inputs[2])
-    tree.links.new(mix.outputs[0], _node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
+    tree.links.new(mix.outputs[0], add_node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
 
 
 def _surface(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, roughness: float = 0.9) -> bpy.types.Node:
-    node = _node(tree, "ShaderNodeBsdfPrincipled")
+    node = add_node(tree, "ShaderNodeBsdfPrincipled")
     tree.links.new(color, node.inputs["Base Color"])
     node.inputs["Roughness"].default_value = roughness
     node.inputs["Specular IOR Level"].default_value = 0.15
     return node
 
 
-def _tint(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    return _node(tree, "ShaderNodeAttribute", attribute_name="tint").outputs["Fac"]
-
-
-def _per_instance(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    return _node(tree, "ShaderNodeObjectInfo").outputs["Random"]
-
-
 def bark(name: str, dark: Color, light: Color) -> bpy.types.Material:
     """Bark or stone: two colours, mottled."""
-    material, tree = _material(name)
-    color = _ramp(tree, _noise(tree, 0.5), [(0.3, dark), (0.7, light)])
+    material, tree = new_material(name)
+    color = color_ramp(tree, noise(tree, 0.5), [(0.3, dark), (0.7, light)])
     _finish(tree, _surface(tree, color).outputs[0])
     return material
 
@@ -124,13 +67,13 @@ def foliage(name: str, hues: list[tuple[float, Color]], shade: float, translucen
         shade: Brightness of the innermost leaves beside the outermost.
         translucent: Share of the light that shines through.
     """
-    material, tree = _material(name)
-    hue = _ramp(tree, _per_instance(tree), hues)
-    depth = _ramp(tree, _tint(tree), [(0.0, (shade,) * 3), (1.0, (1.4, 1.35, 1.2))])
-    color = _mix(tree, 1.0, hue, depth, "MULTIPLY")
-    through = _node(tree, "ShaderNodeBsdfTranslucent")
+    material, tree = new_material(name)
+    hue = color_ramp(tree, per_instance(tree), hues)
+    depth = color_ramp(tree, attribute(tree, "tint"), [(0.0, (shade,) * 3), (1.0, (1.4, 1.35, 1.2))])
+    color = mix_colors(tree, 1.0, hue, depth, "MULTIPLY")
+    through = add_node(tree, "ShaderNodeBsdfTranslucent")
     tree.links.new(color, through.inputs["Color"])
-    mix = _node(tree, "ShaderNodeMixShader")
+    mix = add_node(tree, "ShaderNodeMixShader")
     mix.inputs[0].default_value = translucent
     tree.links.new(_surface(tree, color, 0.65).outputs[0], mix.inputs[1])
     tree.links.new(through.outputs[0], mix.inputs[2])
@@ -157,16 +100,18 @@ def ground(name: str, low: float, high: float, wooded: bool) -> bpy.types.Materi
         high: Altitude of the tops [m].
         wooded: Paint a distant forest on it: the backdrop carries no trees.
     """
-    material, tree = _material(name)
-    place = _node(tree, "ShaderNodeNewGeometry")
-    split = _node(tree, "ShaderNodeSeparateXYZ")
+    material, tree = new_material(name)
+    place = add_node(tree, "ShaderNodeNewGeometry")
+    split = add_node(tree, "ShaderNodeSeparateXYZ")
     tree.links.new(place.outputs["Position"], split.inputs[0])
-    facing = _node(tree, "ShaderNodeSeparateXYZ")
+    facing = add_node(tree, "ShaderNodeSeparateXYZ")
     tree.links.new(place.outputs["Normal"], facing.inputs[0])
-    rise = _math(tree, "DIVIDE", _math(tree, "SUBTRACT", split.outputs[2], low), high - low)
-    altitude = _math(tree, "ADD", rise, _math(tree, "MULTIPLY", _math(tree, "SUBTRACT", _noise(tree, 45.0), 0.5), 0.45))
+    rise = calculate(tree, "DIVIDE", calculate(tree, "SUBTRACT", split.outputs[2], low), high - low)
+    altitude = calculate(
+        tree, "ADD", rise, calculate(tree, "MULTIPLY", calculate(tree, "SUBTRACT", noise(tree, 45.0), 0.5), 0.45)
+    )
     if wooded:
-        color = _ramp(
+        color = color_ramp(
             tree,
             altitude,
             [
@@ -176,10 +121,10 @@ def ground(name: str, low: float, high: float, wooded: bool) -> bpy.types.Materi
                 (0.60, (0.025, 0.045, 0.02)),
             ],
         )
-        canopy = _ramp(tree, _noise(tree, 9.0, 2.0), [(0.35, (0.35,) * 3), (0.65, (1.2,) * 3)])
-        color = _mix(tree, 1.0, color, canopy, "MULTIPLY")
+        canopy = color_ramp(tree, noise(tree, 9.0, 2.0), [(0.35, (0.35,) * 3), (0.65, (1.2,) * 3)])
+        color = mix_colors(tree, 1.0, color, canopy, "MULTIPLY")
     else:
-        color = _ramp(
+        color = color_ramp(
             tree,
             altitude,
             [
@@ -189,42 +134,44 @@ def ground(name: str, low: float, high: float, wooded: bool) -> bpy.types.Materi
                 (0.9, (0.10, 0.085, 0.05)),
             ],
         )
-        patch = _ramp(tree, _noise(tree, 5.0), [(0.3, (0.62, 0.62, 0.55)), (0.7, (1.25, 1.2, 1.1))])
-        color = _mix(tree, 1.0, color, patch, "MULTIPLY")
-        stubble = _ramp(tree, _noise(tree, 0.45, 2.0), [(0.35, (0.6,) * 3), (0.65, (1.3,) * 3)])
-        color = _mix(tree, 1.0, color, stubble, "MULTIPLY")
-        rock = _ramp(tree, _noise(tree, 1.6), [(0.3, (0.10, 0.095, 0.09)), (0.7, (0.27, 0.25, 0.225))])
+        patch = color_ramp(tree, noise(tree, 5.0), [(0.3, (0.62, 0.62, 0.55)), (0.7, (1.25, 1.2, 1.1))])
+        color = mix_colors(tree, 1.0, color, patch, "MULTIPLY")
+        stubble = color_ramp(tree, noise(tree, 0.45, 2.0), [(0.35, (0.6,) * 3), (0.65, (1.3,) * 3)])
+        color = mix_colors(tree, 1.0, color, stubble, "MULTIPLY")
+        rock = color_ramp(tree, noise(tree, 1.6), [(0.3, (0.10, 0.095, 0.09)), (0.7, (0.27, 0.25, 0.225))])
         # cos 27 degrees and cos 35 degrees.
-        bare = _math(tree, "ADD", facing.outputs[2], _math(tree, "MULTIPLY", _noise(tree, 6.0), 0.12))
-        steep = _ramp(tree, bare, [(0.87, (1.0,) * 3), (0.93, (0.0,) * 3)])
-        color = _mix(tree, steep, color, rock)
+        bare = calculate(tree, "ADD", facing.outputs[2], calculate(tree, "MULTIPLY", noise(tree, 6.0), 0.12))
+        steep = color_ramp(tree, bare, [(0.87, (1.0,) * 3), (0.93, (0.0,) * 3)])
+        color = mix_colors(tree, steep, color, rock)
     surface = _surface(tree, color, 0.95)
-    bump = _node(tree, "ShaderNodeBump")
-    bump.inputs["Strength"].default_value = 0.9 if wooded else 0.5
-    bump.inputs["Distance"].default_value = 12.0 if wooded else 0.35
-    tree.links.new(_noise(tree, 11.0 if wooded else 0.9, 3.0), bump.inputs["Height"])
-    tree.links.new(bump.outputs[0], surface.inputs["Normal"])
+    add_bump(
+        tree,
+        surface,
+        noise(tree, 11.0 if wooded else 0.9, 3.0),
+        depth=12.0 if wooded else 0.35,
+        strength=0.9 if wooded else 0.5,
+    )
     _finish(tree, surface.outputs[0])
     return material
 
 
 def _clouds(tree: bpy.types.NodeTree, sky: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Draw thin high clouds over ``sky``, drawn out along the wind and closer together towards the horizon."""
-    ray = _node(tree, "ShaderNodeTexCoord")
-    split = _node(tree, "ShaderNodeSeparateXYZ")
+    ray = add_node(tree, "ShaderNodeTexCoord")
+    split = add_node(tree, "ShaderNodeSeparateXYZ")
     tree.links.new(ray.outputs["Generated"], split.inputs[0])
-    rise = _math(tree, "ADD", _math(tree, "MAXIMUM", split.outputs[2], 0.0), 0.12)
-    plane = _node(tree, "ShaderNodeCombineXYZ")
-    tree.links.new(_math(tree, "DIVIDE", split.outputs[0], rise), plane.inputs[0])
-    tree.links.new(_math(tree, "MULTIPLY", _math(tree, "DIVIDE", split.outputs[1], rise), 1.9), plane.inputs[1])
-    noise = _node(tree, "ShaderNodeTexNoise")
+    rise = calculate(tree, "ADD", calculate(tree, "MAXIMUM", split.outputs[2], 0.0), 0.12)
+    plane = add_node(tree, "ShaderNodeCombineXYZ")
+    tree.links.new(calculate(tree, "DIVIDE", split.outputs[0], rise), plane.inputs[0])
+    tree.links.new(calculate(tree, "MULTIPLY", calculate(tree, "DIVIDE", split.outputs[1], rise), 1.9), plane.inputs[1])
+    noise = add_node(tree, "ShaderNodeTexNoise")
     noise.inputs["Scale"].default_value = 0.75
     noise.inputs["Detail"].default_value = 7.0
     noise.inputs["Distortion"].default_value = 0.35
     tree.links.new(plane.outputs[0], noise.inputs["Vector"])
-    cover = _ramp(tree, noise.outputs[0], [(0.45, (0.0,) * 3), (0.68, (0.9,) * 3)])
-    bright = _mix(tree, 1.0, sky, (1.7, 1.45, 1.25), "MULTIPLY")
-    return _mix(tree, cover, sky, _mix(tree, 0.55, bright, (5.6, 4.9, 4.2)))
+    cover = color_ramp(tree, noise.outputs[0], [(0.45, (0.0,) * 3), (0.68, (0.9,) * 3)])
+    bright = mix_colors(tree, 1.0, sky, (1.7, 1.45, 1.25), "MULTIPLY")
+    return mix_colors(tree, cover, sky, mix_colors(tree, 0.55, bright, (5.6, 4.9, 4.2)))
 
 
 def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
@@ -240,7 +187,7 @@ def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
     world.use_nodes = True
     tree = world.node_tree
     tree.nodes.clear()
-    sky = _node(tree, "ShaderNodeTexSky")
+    sky = add_node(tree, "ShaderNodeTexSky")
     kinds = sky.bl_rna.properties["sky_type"].enum_items.keys()
     # Blender 5 calls the Nishita model by how it scatters; its brighter successor would need another exposure.
     sky.sky_type = next(kind for kind in ("NISHITA", "SINGLE_SCATTERING") if kind in kinds)
@@ -251,10 +198,10 @@ def set_sky(scene: bpy.types.Scene, elevation: float, azimuth: float) -> None:
     for dust in ("dust_density", "aerosol_density"):
         if hasattr(sky, dust):
             setattr(sky, dust, 1.6)
-    light = _node(tree, "ShaderNodeBackground")
+    light = add_node(tree, "ShaderNodeBackground")
     light.inputs["Strength"].default_value = 0.19
     tree.links.new(_clouds(tree, sky.outputs[0]), light.inputs["Color"])
-    tree.links.new(light.outputs[0], _node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
+    tree.links.new(light.outputs[0], add_node(tree, "ShaderNodeOutputWorld").inputs["Surface"])
     sun = bpy.data.lights.new("Sun", "SUN")
     sun.energy = 11.0
     sun.color = (1.0, 0.79, 0.54)
