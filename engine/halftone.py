@@ -13,7 +13,7 @@ from .errors import EshError
 from .placement import Placement
 from .placement_files import write_files
 
-__all__ = ["ink_coverage", "render_halftone", "write_halftone_png", "write_halftone_svg"]
+__all__ = ["ink_coverage", "line_axis", "render_halftone", "write_halftone_png", "write_halftone_svg"]
 
 # Samples along each axis of a pixel. Discs are drawn exactly to half a sample.
 SUPERSAMPLING = 4
@@ -126,14 +126,14 @@ def write_halftone_svg(
             if placement.width[i] <= 0.0:
                 parts.append(f'<circle cx="{x:.7g}" cy="{y:.7g}" r="{radius[i]:.6g}"/>')
                 continue
-            points = " ".join(f"{p[0]:.7g},{height - p[1]:.7g}" for p in _axis(placement, i))
+            points = " ".join(f"{p[0]:.7g},{height - p[1]:.7g}" for p in line_axis(placement, i))
             parts.append(f'<polyline points="{points}" fill="none" stroke-width="{placement.width[i]:.6g}"/>')
         parts.append("</g>")
     parts.append("</svg>\n")
     _write(path, lambda file: file.write("\n".join(parts).encode("ascii")))
 
 
-def _axis(placement: Placement, i: int) -> np.ndarray:
+def line_axis(placement: Placement, i: int) -> np.ndarray:
     """Points along the axis of a line [m], shape ``[2 or more, 2]``."""
     if placement.bends is not None and np.isfinite(placement.bends[i, 0, 0]):
         points = placement.bends[i]
@@ -154,7 +154,7 @@ def _strokes(placement: Placement, bodies: np.ndarray) -> tuple[np.ndarray, np.n
     if placement.bends is not None:
         bent = np.isfinite(placement.bends[lines, 0, 0])
         for i in lines[bent].tolist():
-            points = _axis(placement, i)
+            points = line_axis(placement, i)
             starts.append(points[:-1])
             ends.append(points[1:])
             radii.append(np.full(len(points) - 1, 0.5 * placement.width[i]))

@@ -1,4 +1,4 @@
-"""The plan of a placement as a picture: every body a disc of its size, coloured by class, with a legend.
+"""The plan of a placement as a picture: every body a disc or a capsule of its size, coloured by class, with a legend.
 
 Drawn with Pillow at three times the size and averaged down: sharp down to bodies below a pixel, and 100,000 of them
 take a few seconds.
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from .errors import EshError
+from .halftone import line_axis
 from .placement_files import write_files
 
 if TYPE_CHECKING:
@@ -124,20 +125,32 @@ def _draw_bodies(
     # A disc larger than the picture fills it; Pillow need not know by how much.
     most = 4.0 * math.hypot(*image.size)
     radius = np.minimum(np.sqrt(placement.area / math.pi) * fine, most)
+    lines = placement.width > 0.0
+    radius = np.where(lines, np.minimum(0.5 * placement.width * fine, most), radius)
     center = np.column_stack(
         [margin + placement.position[:, 0] * fine, margin + fine_height - placement.position[:, 1] * fine]
     )
     body = np.arange(len(radius))
     if domain.periodic:
-        center, radius, body = _with_wrapped(center, radius, margin, (domain.size[0] * fine, domain.size[1] * fine))
+        reach = radius + 0.5 * placement.length * fine
+        period = (domain.size[0] * fine, domain.size[1] * fine)
+        center, radius, body = _with_wrapped(center, radius, reach, margin, period)
     # Large ones first: whatever overlaps, nothing is hidden altogether.
     order = np.argsort(-radius, kind="stable")
     class_index, size_index = placement.class_index[body].tolist(), placement.size_index[body].tolist()
     boxes = np.column_stack([center - radius[:, None], center + radius[:, None]]).tolist()
     rims = np.clip(radius * 0.08, 0, 1.2 * OVERSAMPLING).round().astype(int).tolist()
     rim_color = [[_mix(color, (0, 0, 0), 0.28) for color in shades] for shades in size_color]
+    # Points along the axes of lines, from the middles of their bodies, in pixels.
+    axes = {
+        int(i): (line_axis(placement, int(i)) - placement.position[i]) * [fine, -fine] for i in np.flatnonzero(lines)
+    }
     for index in order.tolist():
         c, s = class_index[index], size_index[index]
+        axis = axes.get(int(body[index]))
+        if axis is not None:
+            _draw_capsule(draw, center[index] + axis, radius[index], size_color[c][s])
+            continue
         draw.ellipse(boxes[index], fill=size_color[c][s], outline=rim_color[c][s], width=rims[index])
     if domain.periodic:
         inside = image.crop((margin, margin, margin + fine_width, margin + fine_height))
@@ -146,8 +159,17 @@ def _draw_bodies(
     return image.reduce(OVERSAMPLING)
 
 
+def _draw_capsule(draw: Any, points: np.ndarray, radius: float, color: Color) -> None:
+    """Draw a thick line with round ends through ``points``, on the picture's scale."""
+    corners = [tuple(point) for point in points.tolist()]
+    draw.line(corners, fill=color, width=max(1, round(2.0 * radius)), joint="curve")
+    if radius >= 1.0:
+        for x, y in (corners[0], corners[-1]):
+            draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=color)
+
+
 def _with_wrapped(
-    center: np.ndarray, radius: np.ndarray, margin: int, period: tuple[float, float]
+    center: np.ndarray, radius: np.ndarray, reach: np.ndarray, margin: int, period: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Add the copies of bodies that reach over a border and come in again at the opposite one."""
     centers, radii, bodies = [center], [radius], [np.arange(len(radius))]
@@ -156,7 +178,7 @@ def _with_wrapped(
             if step_x == step_y == 0:
                 continue
             moved = center + np.array([step_x * period[0], step_y * period[1]])
-            low, high = moved - radius[:, None], moved + radius[:, None]
+            low, high = moved - reach[:, None], moved + reach[:, None]
             seen = ((high > margin) & (low < margin + np.array(period))).all(axis=1)
             centers.append(moved[seen])
             radii.append(radius[seen])

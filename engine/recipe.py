@@ -58,7 +58,7 @@ from .errors import InputFileError, ProblemError
 from .image_files import read_color, read_density
 from .problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 
-__all__ = ["read_recipe", "recipe_densities"]
+__all__ = ["read_recipe", "recipe_colors", "recipe_densities"]
 
 VERSION = 1
 # Directions that are no names of images.
@@ -112,6 +112,25 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
     return recipe.build(
         lambda: Problem(domain, classes, Balance(class_separation, size_emphasis, non_overlap), own_seed, avoid_overlap)
     )
+
+
+def recipe_colors(path: str | Path, problem: Problem) -> list[tuple[float, float, float]] | None:
+    """Return the colours of the inks of a recipe's image, one per class of its problem; None where it has classes instead.
+
+    Args:
+        path: A recipe that has been read without complaint.
+        problem: What :func:`read_recipe` made of it.
+    """
+    image = _read_toml(Path(path)).get("image")
+    if not isinstance(image, dict):
+        return None
+    inks = (
+        [Ink(ink["name"], ink["cmy"]) for ink in image["inks"]]
+        if "inks" in image
+        else MODELS[image.get("model", "CMYK")].inks
+    )
+    color = {ink.name: ink.rgb for ink in inks}
+    return [color[body_class.name] for body_class in problem.classes]
 
 
 def recipe_densities(path: str | Path) -> list[Path]:

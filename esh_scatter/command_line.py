@@ -12,7 +12,7 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
@@ -101,6 +101,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--report", metavar="R.json", type=Path, help="write the report as JSON too")
     solve.add_argument("--plot", metavar="P.png", type=Path, help="draw the plan: bodies as discs of their size")
+    solve.add_argument(
+        "--halftone",
+        metavar="H",
+        type=Path,
+        help="draw the bodies as ink on paper: a .png or .svg; an [image]'s inks have colours",
+    )
+    solve.add_argument(
+        "--scale", metavar="S", type=_positive, default=4.0, help="pixels per metre of a .png halftone (default: 4)"
+    )
     solve.add_argument("--seed", metavar="N", type=_whole(0), help="use this seed instead of the recipe's")
     solve.add_argument(
         "--device", metavar="D", default="auto", help='"auto" (default: a GPU where there is one), "cpu" or "cuda:0"'
@@ -108,6 +117,14 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=150, help="steps at most (default: 150)")
     solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
     return parser
+
+
+def _positive(text: str) -> float:
+    """Type of an argument: a finite number above 0."""
+    with contextlib.suppress(ValueError):
+        if 0.0 < float(text) < math.inf:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"must be a number above 0; got {text!r}")
 
 
 class _whole:
@@ -138,6 +155,8 @@ def _solve(options: argparse.Namespace) -> int:
         from ..engine.plan_plot import draw_plan
 
         writers[options.plot] = lambda file: draw_plan(placement, file)
+    if options.halftone is not None:
+        writers[options.halftone] = _halftone_writer(options, placement)
     # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
     with _on_interruption(signal.SIG_IGN):
         write_files(writers)
@@ -145,6 +164,16 @@ def _solve(options: argparse.Namespace) -> int:
         print(placement.report)
         sys.stdout.flush()
     return 0
+
+
+def _halftone_writer(options: argparse.Namespace, placement: Placement) -> Callable[[BinaryIO], None]:
+    from ..engine.halftone import write_halftone_png, write_halftone_svg
+    from ..engine.recipe import recipe_colors
+
+    colors = recipe_colors(options.recipe, placement.problem)
+    if options.halftone.suffix.lower() == ".svg":
+        return lambda file: write_halftone_svg(file, placement, colors=colors)
+    return lambda file: write_halftone_png(file, placement, pixels_per_metre=options.scale, colors=colors)
 
 
 def _run(problem: Problem, options: argparse.Namespace) -> Placement:
@@ -254,7 +283,7 @@ def _check_outputs(options: argparse.Namespace) -> None:
     """Find out before the run, not after it, that something cannot be written."""
     from ..engine.placement_files import check_writable
 
-    endings = {"-o": (".npz", ".csv"), "--report": (".json",), "--plot": (".png",)}
+    endings = {"-o": (".npz", ".csv"), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
     seen: dict[Path, Path] = {}
     for option, path in _outputs(options):
         if path.suffix.lower() not in endings[option]:
@@ -279,7 +308,8 @@ def _check_not_inputs(options: argparse.Namespace, inputs: list[Path]) -> None:
 
 def _outputs(options: argparse.Namespace) -> list[tuple[str, Path]]:
     named = [("-o", path) for path in options.output]
-    return named + [(f"--{n}", getattr(options, n)) for n in ("report", "plot") if getattr(options, n) is not None]
+    more = [(f"--{n}", getattr(options, n)) for n in ("report", "plot", "halftone")]
+    return named + [(option, path) for option, path in more if path is not None]
 
 
 def _complain(sentence: str) -> None:
