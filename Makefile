@@ -25,10 +25,11 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo test extension lint format clean
+.PHONY: help demo figures test extension lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
+	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
 	@echo "make lint       check style and types"
@@ -39,6 +40,9 @@ help: ## Say what can be made
 
 demo: $(VENV)/.with-blender
 	$(RUN) demo_scenes/forest.py --output $(OUTPUT)
+
+figures: $(VENV)/.with-test
+	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures
 
 test: $(VENV)/.with-blender $(VENV)/.with-test $(if $(filter 3.11,$(VERSION)),$(VENV_OLDEST)/.with-oldest)
 	$(RUN) -m pytest $(PYTEST_ARGS)

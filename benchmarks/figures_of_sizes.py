@@ -107,7 +107,7 @@ def grey_correction(run: Run) -> None:
     for name, correction in (("standard", False), ("with correction", True)):
         image = dark_word()
         classes = [BodyClass("dot", [Size("dot", 1.0)], image, "cover", density_correction=correction)]
-        placement = run.solve(Problem(pixels(image), classes, avoid_overlap=True), max_steps=PATIENT)
+        placement = run.solve(Problem(pixels(image), classes))
         pictures.append((name, render_halftone(placement, pixels_per_metre=4.0)))
     sheet(run.output / "figure-10-grey-correction.png", pictures, 1)
 

@@ -34,7 +34,7 @@ from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensi
 from .footprint import Footprint, measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import body_rotations, find_result, write_result
-from .target import RESULT_TAG, check_target, read_target
+from .target import RESULT_TAG, check_exists, check_target, read_target
 
 __all__ = [
     "AttributeDensity",
@@ -383,6 +383,7 @@ def _check_result(result: object) -> bpy.types.Object | None:
         return None
     if not isinstance(result, bpy.types.Object):
         raise ProblemError(f"`result` must be an object that an earlier scatter made, or None; got {show(result)}")
+    check_exists(result, "`result`")
     if not result.get(RESULT_TAG) or result.type != "MESH":
         raise ProblemError(f'`result` must be an object that an earlier scatter made; "{result.name}" is not one')
     return result
@@ -416,6 +417,8 @@ def _check_classes(classes: object) -> list[ScatterClass]:
 
 def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[bpy.types.Object]:
     """Return the objects that a size instances: the source itself, or the variants in a collection, by name."""
+    if isinstance(source, bpy.types.Object | bpy.types.Collection):
+        check_exists(source, f"`source` of {key}")
     if isinstance(source, bpy.types.Collection):
         where = f'collection "{source.name}"'
         members = [item for item in source.all_objects if item.type in _INSTANCED_TYPES]

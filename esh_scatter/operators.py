@@ -6,7 +6,8 @@
 import random
 
 import bpy
-from bpy.props import EnumProperty
+import numpy as np
+from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from ..engine.errors import EshError
 from . import running
@@ -207,6 +208,69 @@ class ESH_OT_class_add(_Edit):
         return {"FINISHED"}
 
 
+class ESH_OT_classes_from_image(_Edit):
+    """Split a color image into inks: one class per ink, with its density and a colored dot"""
+
+    bl_idname = "esh.classes_from_image"
+    bl_label = "Classes from Image"
+
+    image: StringProperty(name="Image", description="Color image; stretched over the target seen from above")
+    model: EnumProperty(
+        name="Inks",
+        description="Which inks there are",
+        items=[(name, name, f"The inks {name}") for name in ("CMY", "CMYK", "CMY-RG-K", "CMY-RB-K", "CMY-RGB-K")],
+        default="CMYK",
+    )
+    dots: IntProperty(
+        name="Dots",
+        description="How many dots a black image would take; the dots' area follows from it",
+        default=20_000,
+        min=10,
+        soft_max=200_000,
+    )
+
+    @staticmethod
+    def _needs(context):
+        scatter = active_scatter(context)
+        return scatter and scatter.target
+
+    _missing = "Choose a target first"
+
+    def invoke(self, context, _event):
+        """Ask for image and inks."""
+        if not self.image and bpy.data.images:
+            self.image = next((i.name for i in bpy.data.images if i.type == "IMAGE"), "")
+        return context.window_manager.invoke_props_dialog(self, width=320)
+
+    def draw(self, _context):
+        """Draw the dialog."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop_search(self, "image", bpy.data, "images")
+        layout.prop(self, "model")
+        layout.prop(self, "dots")
+
+    def execute(self, context):
+        """Add the classes."""
+        from .inks import add_ink_classes
+        from .target import read_target
+
+        scatter = active_scatter(context)
+        image = bpy.data.images.get(self.image)
+        if image is None:
+            self.report({"ERROR"}, f'There is no image "{self.image}"; open one first')
+            return {"CANCELLED"}
+        try:
+            position = read_target(scatter.target, context, set()).position
+            ground = float(np.prod(np.ptp(position[:, :2], axis=0)))
+            count = add_ink_classes(scatter, image, self.model, ground / self.dots, ground)
+        except EshError as error:
+            self.report({"ERROR"}, _sentence(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Added {count} inks of {self.model}")
+        return {"FINISHED"}
+
+
 class _ClassEdit(_Edit):
     _missing = "Select a class first"
 
@@ -343,6 +407,7 @@ CLASSES = (
     ESH_OT_scatter_add,
     ESH_OT_scatter_remove,
     ESH_OT_class_add,
+    ESH_OT_classes_from_image,
     ESH_OT_class_remove,
     ESH_OT_class_move,
     ESH_OT_size_add,

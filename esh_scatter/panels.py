@@ -69,12 +69,14 @@ class ESH_PT_classes(_SubPanel, bpy.types.Panel):
         scatter = active_scatter(context)
         if scatter.classes:
             _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=3, move=True)
+            column.operator("esh.classes_from_image", icon="IMAGE_RGB")
             return
         _write_text(context, column, "A class is one kind of thing, e.g. pines, with a density of its own.")
         column.separator()
         row = column.row()
         row.scale_y = 1.5
         row.operator("esh.class_add", text="Add a Class", icon="ADD")
+        column.operator("esh.classes_from_image", icon="IMAGE_RGB")
 
 
 class _ClassPanel(_SubPanel):
@@ -116,6 +118,33 @@ class ESH_PT_density(_ClassPanel, bpy.types.Panel):
         column.prop(body_class, "invert")
 
 
+class ESH_PT_density_more(_ClassPanel, bpy.types.Panel):
+    """What is done to the density, and where long ones point."""
+
+    bl_label = "Direction and Detail"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        """Draw direction, sharpening, correction and which classes may overlap."""
+        column = self._column()
+        scatter = active_scatter(context)
+        body_class = scatter.active_class
+        column.prop(body_class, "direction_kind")
+        if body_class.direction_kind == "ANGLE":
+            column.prop(body_class, "direction_angle")
+        elif body_class.direction_kind == "IMAGE":
+            column.template_ID(body_class, "direction_image", open="image.open", text="Flow Image")
+        column.separator()
+        column.prop(body_class, "density_correction")
+        column.prop(body_class, "use_unsharp")
+        if body_class.use_unsharp:
+            column.prop(body_class, "unsharp_amount")
+            column.prop(body_class, "unsharp_radius")
+        if len(scatter.classes) > 1:
+            column.separator()
+            column.prop(body_class, "may_overlap")
+
+
 class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
     """The selected class's sizes."""
 
@@ -148,6 +177,11 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
         column.prop(size, "area_kind")
         if size.area_kind == "VALUE":
             column.prop(size, "area")
+        elif size.area_kind == "RANGE":
+            range_column = column.column(align=True)
+            range_column.prop(size, "area", text="Smallest")
+            range_column.prop(size, "area_largest")
+        column.prop(size, "shape")
 
 
 class ESH_PT_balance(_SubPanel, bpy.types.Panel):
@@ -162,6 +196,7 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
         scatter = active_scatter(context)
         column.prop(scatter, "class_separation", text="Separation", slider=True)
         column.prop(scatter, "size_emphasis")
+        column.prop(scatter, "avoid_overlap")
 
 
 class ESH_PT_placement(_SubPanel, bpy.types.Panel):
@@ -320,6 +355,7 @@ CLASSES = (
     ESH_PT_scatter,
     ESH_PT_classes,
     ESH_PT_density,
+    ESH_PT_density_more,
     ESH_PT_sizes,
     ESH_PT_balance,
     ESH_PT_placement,

@@ -107,6 +107,7 @@ class ESH_PG_size(PropertyGroup):
         items=(
             ("MESH", "From the Mesh", "Measure the object as seen from above", "MESH_DATA", 0),
             ("VALUE", "Area", "Give the area", "FIXED_SIZE", 1),
+            ("RANGE", "Range", "Give each one an area of its own, and scale it to that", "ARROW_LEFTRIGHT", 2),
         ),
         default="MESH",
     )
@@ -121,6 +122,27 @@ class ESH_PG_size(PropertyGroup):
         unit="AREA",
     )
 
+    area_largest: FloatProperty(
+        name="Largest",
+        description="Ground that the largest one takes; the areas are evenly spread from the smallest to this",
+        default=2.0,
+        min=1e-6,
+        soft_min=0.01,
+        soft_max=1000.0,
+        precision=3,
+        unit="AREA",
+    )
+    shape: EnumProperty(
+        name="Shape",
+        description="Whether it is round or long, seen from above; long ones are turned along the class's direction",
+        items=(
+            ("AUTO", "From the Mesh", "Long where the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
+            ("DOT", "Round", "Treat it as a disc, turned at random", "MESH_CIRCLE", 1),
+            ("LINE", "Long", "Treat it as a rod along the outline's longer side", "FIXED_SIZE", 2),
+        ),
+        default="AUTO",
+    )
+
     @property
     def source(self) -> bpy.types.Object | bpy.types.Collection | None:
         """The object or collection to place, or None while none is chosen."""
@@ -130,8 +152,9 @@ class ESH_PG_size(PropertyGroup):
         """Return this size as :func:`~esh.scatter` takes it."""
         from .api import ScatterSize
 
-        area = self.area if self.area_kind == "VALUE" else None
-        return ScatterSize(self.name, self.count, self.source, area=area)
+        area = {"VALUE": self.area, "RANGE": (self.area, self.area_largest)}.get(self.area_kind)
+        line = {"DOT": False, "LINE": True}.get(self.shape)
+        return ScatterSize(self.name, self.count, self.source, area=area, line=line)
 
 
 class ESH_PG_class(PropertyGroup):
@@ -186,6 +209,39 @@ class ESH_PG_class(PropertyGroup):
         name="Attribute", description="Attribute of the target that is followed; values must be 0 or more"
     )
     invert: BoolProperty(name="Invert", description="Swap many and none", default=False)
+    direction_kind: EnumProperty(
+        name="Direction",
+        description="Where long ones of this class point, seen from above",
+        items=(
+            ("DENSITY", "Along Edges", "Along the edges in the density, e.g. around its bright parts", "IMAGE_DATA", 0),
+            ("NONE", "Free", "However they lie best", "ORIENTATION_GIMBAL", 1),
+            ("ANGLE", "Angle", "All along one direction", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
+            ("IMAGE", "Flow Image", "Along an image whose red and green are x and y, 0.5 being none", "FORCE_WIND", 3),
+        ),
+        default="DENSITY",
+    )
+    direction_angle: FloatProperty(
+        name="Angle", description="Counter-clockwise from the x axis", subtype="ANGLE", default=0.0
+    )
+    direction_image: PointerProperty(
+        type=bpy.types.Image, name="Flow Image", description="Stretched over the target's extent in x and y"
+    )
+    density_correction: BoolProperty(
+        name="Cover Dark Areas",
+        description="Take the density as the share of the ground to cover, and place more where discs must overlap to cover it",
+        default=False,
+    )
+    use_unsharp: BoolProperty(name="Sharpen", description="Enhance the edges of the density", default=False)
+    unsharp_amount: FloatProperty(
+        name="Amount", description="Strength of the sharpening", default=1.0, min=0.0, soft_max=5.0
+    )
+    unsharp_radius: FloatProperty(
+        name="Radius", description="Width of the edges, in cells of the density", default=2.0, min=0.1, soft_max=20.0
+    )
+    may_overlap: StringProperty(
+        name="May Overlap",
+        description="Names of classes that may lie on this one, separated by commas; e.g. inks that mix",
+    )
     sizes: CollectionProperty(type=ESH_PG_size)
     size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
 
@@ -216,6 +272,8 @@ class ESH_PG_class(PropertyGroup):
                 return f'Class "{self.name}": "{target.name}" has no UV map; add one, or map the image from above'
             if self.uv_map and self.uv_map not in target.data.uv_layers:
                 return f'Class "{self.name}": "{target.name}" has no UV map "{self.uv_map}"'
+        if self.direction_kind == "IMAGE" and self.direction_image is None:
+            return f'Class "{self.name}": choose its flow image'
         if self.density_kind == "VERTEX_GROUP" and self.vertex_group not in target.vertex_groups:
             return f'Class "{self.name}": choose a vertex group of "{target.name}"'
         if self.density_kind == "ATTRIBUTE" and not self.attribute:
@@ -226,13 +284,15 @@ class ESH_PG_class(PropertyGroup):
             if size.source is None:
                 what = "an object" if size.source_kind == "OBJECT" else "a collection"
                 return f'Class "{self.name}", size "{size.name}": choose {what} to place'
+            if size.area_kind == "RANGE" and size.area_largest < size.area:
+                return f'Class "{self.name}", size "{size.name}": the largest area is smaller than the smallest'
             if size.source == target:
                 return f'Class "{self.name}", size "{size.name}": the target cannot be placed on itself'
         return None
 
     def as_argument(self):
         """Return this class as :func:`~esh.scatter` takes it."""
-        from .api import ScatterClass
+        from .api import ScatterClass, Unsharp
         from .densities import AttributeDensity, ImageDensity, VertexGroupDensity
 
         density = 1.0
@@ -243,7 +303,16 @@ class ESH_PG_class(PropertyGroup):
         elif self.density_kind == "ATTRIBUTE":
             density = AttributeDensity(self.attribute, invert=self.invert)
         sizes = [size.as_argument() for size in self.sizes]
-        return ScatterClass(self.name, sizes, density=density, color=tuple(self.color))
+        direction = {"NONE": "none", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
+        return ScatterClass(
+            self.name,
+            sizes,
+            density=density,
+            color=tuple(self.color),
+            direction=direction.get(self.direction_kind, "density"),
+            density_correction=self.density_correction,
+            unsharp=Unsharp(self.unsharp_amount, self.unsharp_radius) if self.use_unsharp else None,
+        )
 
 
 class ESH_PG_scatter(PropertyGroup):
@@ -277,6 +346,11 @@ class ESH_PG_scatter(PropertyGroup):
         min=1.0,
         soft_max=8.0,
         max=1e6,
+    )
+    avoid_overlap: BoolProperty(
+        name="Avoid Overlap",
+        description="Push apart what touches; counts stay as they are, and the report says what still overlaps",
+        default=True,
     )
     align_to_normal: FloatProperty(
         name="Align to Normal",
@@ -384,6 +458,8 @@ class ESH_PG_scatter(PropertyGroup):
         return (self.target, [body_class.as_argument() for body_class in self.classes]), {
             "class_separation": self.class_separation,
             "size_emphasis": self.size_emphasis,
+            "non_overlap": self.non_overlap(),
+            "avoid_overlap": self.avoid_overlap,
             "seed": self.seed,
             "device": DEVICE_ARGUMENT[self.device],
             "max_steps": self.max_steps,
@@ -393,6 +469,16 @@ class ESH_PG_scatter(PropertyGroup):
             "name": self.name,
             "result": self.result_in(scene),
         }
+
+    def non_overlap(self) -> list[list[float]] | None:
+        """Return which classes must keep apart as :func:`~esh.scatter` takes it; None where all must."""
+        names = [body_class.name for body_class in self.classes]
+        over = [{part.strip() for part in body_class.may_overlap.split(",")} for body_class in self.classes]
+        apart = [
+            [1.0 if i == j or not (names[j] in over[i] or names[i] in over[j]) else 0.0 for j in range(len(names))]
+            for i in range(len(names))
+        ]
+        return None if all(all(row) for row in apart) else apart
 
     def remember(self, result: bpy.types.Object, report: dict) -> None:
         """Keep what a run made and reached."""
@@ -437,6 +523,7 @@ class ESH_PG_scene(PropertyGroup):
 _SCATTER_SETTINGS = (
     "class_separation",
     "size_emphasis",
+    "avoid_overlap",
     "align_to_normal",
     "random_turn",
     "scale_jitter",
@@ -444,8 +531,14 @@ _SCATTER_SETTINGS = (
     "device",
     "max_steps",
 )
-_CLASS_SETTINGS = ("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert")
-_SIZE_SETTINGS = ("source_kind", "source_object", "source_collection", "count", "area_kind", "area")
+_CLASS_SETTINGS = (
+    *("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
+    *("direction_kind", "direction_angle", "direction_image", "density_correction", "may_overlap"),
+    *("use_unsharp", "unsharp_amount", "unsharp_radius"),
+)
+_SIZE_SETTINGS = (
+    *("source_kind", "source_object", "source_collection", "count", "area_kind", "area", "area_largest", "shape"),
+)
 
 
 def _values(group: PropertyGroup, names: tuple[str, ...]) -> list:

@@ -11,7 +11,15 @@ from mathutils import Matrix
 from ..engine.checks import show
 from ..engine.errors import ProblemError
 
-__all__ = ["RESULT_TAG", "TriangleMesh", "check_target", "read_target", "read_triangles", "world_matrix"]
+__all__ = [
+    "RESULT_TAG",
+    "TriangleMesh",
+    "check_exists",
+    "check_target",
+    "read_target",
+    "read_triangles",
+    "world_matrix",
+]
 
 # Custom property that marks the object, mesh and node group of a result; names mean nothing.
 RESULT_TAG = "esh_scatter"
@@ -52,10 +60,19 @@ class TriangleMesh:
     unusable_attribute: dict[str, str] = field(default_factory=dict)
 
 
+def check_exists(item: bpy.types.ID, key: str) -> None:
+    """Raise ProblemError if Blender has removed what ``item`` stood for."""
+    try:
+        item.name  # noqa: B018 - asking is what fails
+    except ReferenceError:
+        raise ProblemError(f"{key} must be in the file; what was given has been removed from it") from None
+
+
 def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object:
     """Return ``target``; raise ProblemError unless it is a mesh object of the view layer and no result."""
     if not isinstance(target, bpy.types.Object):
         raise ProblemError(f"`target` must be a mesh object; got {show(target)}")
+    check_exists(target, "`target`")
     name = f'target "{target.name}"'
     if target.type != "MESH":
         raise ProblemError(f"{name} must be a mesh object; it is of type {target.type}")

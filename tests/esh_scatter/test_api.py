@@ -270,3 +270,14 @@ def test_lines_and_ranges_without_meaning(changes, complaint):
         scatter(ground, classes, **OPTIONS)
     with pytest.raises(EshError, match="`progress` must be something to call"):
         scatter(*sticks(), progress=5)
+
+
+def test_what_was_removed_from_the_file_is_said_so():
+    ground, tree = quad(), quad("Tree")
+    classes = one_class(tree)
+    bpy.data.objects.remove(tree)
+    with pytest.raises(EshError, match=r"`source` of size .* has been removed"):
+        scatter(ground, classes, **OPTIONS)
+    bpy.data.objects.remove(ground)
+    with pytest.raises(EshError, match="`target` must be in the file"):
+        scatter(ground, classes, **OPTIONS)

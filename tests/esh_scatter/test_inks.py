@@ -1,0 +1,88 @@
+"""Classes from an image: inks with their densities, dots, and which may overlap; scattered as they are."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.engine.color_separation import MODELS, separate  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+
+
+@pytest.fixture
+def scatter_settings():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    bpy.ops.mesh.primitive_plane_add(size=20.0)
+    bpy.ops.esh.scatter_add()
+    yield bpy.context.scene.esh_scatter.active
+    registration.unregister()
+
+
+def picture(width=16, height=12):
+    rng = np.random.default_rng(3)
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = rng.random((height, width, 3))
+    image = bpy.data.images.new("Photo", width, height, float_buffer=True)
+    image.pixels.foreach_set(pixels[::-1].ravel())
+    return image, pixels[..., :3]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_one_class_per_ink_with_its_channel_and_counts(scatter_settings, model):
+    image, pixels = picture()
+    assert bpy.ops.esh.classes_from_image(image=image.name, model=model, dots=1000) == {"FINISHED"}
+    channels = separate(pixels, model)
+    names = [f"Photo {ink.name}" for ink in MODELS[model].inks]
+    assert [c.name for c in scatter_settings.classes] == names
+    for body_class, channel, ink in zip(scatter_settings.classes, channels, MODELS[model].inks, strict=True):
+        stored = np.empty(4 * channel.size, np.float32)
+        body_class.image.pixels.foreach_get(stored)
+        np.testing.assert_allclose(stored.reshape(*channel.shape, 4)[::-1, :, 0], channel, atol=1e-6)
+        assert body_class.image.packed_file is not None or body_class.image.packed_files
+        assert abs(body_class.count - 1000 * channel.mean()) <= 0.5
+        assert tuple(body_class.color) == pytest.approx(ink.rgb)
+        assert body_class.sizes[0].area == pytest.approx(0.4)
+    matrix = scatter_settings.non_overlap()
+    np.testing.assert_array_equal(np.ones((len(names),) * 2) if matrix is None else matrix, MODELS[model].non_overlap)
+
+
+def test_inks_scatter_as_colored_dots(scatter_settings):
+    image, _ = picture()
+    bpy.ops.esh.classes_from_image(image=image.name, model="CMYK", dots=600)
+    scatter_settings.max_steps = 5
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    graph = bpy.context.evaluated_depsgraph_get()
+    colors = [i.object.data.materials[0].name for i in graph.object_instances if i.is_instance]
+    assert len(colors) == sum(c.count for c in scatter_settings.classes)
+    assert set(colors) == {"C dot", "M dot", "Y dot", "K dot"}
+
+
+def test_an_image_that_is_not_there_or_white_changes_nothing(scatter_settings):
+    with pytest.raises(RuntimeError, match='There is no image "Nothing"'):
+        bpy.ops.esh.classes_from_image(image="Nothing")
+    white = bpy.data.images.new("White", 4, 4)
+    white.pixels.foreach_set(np.ones(64, np.float32))
+    with pytest.raises(RuntimeError, match="needs no ink"):
+        bpy.ops.esh.classes_from_image(image="White")
+    assert len(scatter_settings.classes) == 0
+
+
+def test_settings_of_lines_ranges_and_overlap_reach_the_api(scatter_settings):
+    body_class = scatter_settings.add_class()
+    size = body_class.sizes[0]
+    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0, 0, -50))
+    size.source_object = bpy.context.object
+    size.area_kind, size.area, size.area_largest, size.shape = "RANGE", 0.02, 0.06, "DOT"
+    body_class.direction_kind, body_class.direction_angle = "ANGLE", 0.3
+    body_class.use_unsharp, body_class.unsharp_amount = True, 0.7
+    scatter_settings.avoid_overlap = False
+    (target, (made,)), named = scatter_settings.arguments(bpy.context.scene)
+    assert target == scatter_settings.target
+    assert made.sizes[0].area == pytest.approx((0.02, 0.06))
+    assert made.sizes[0].line is False
+    assert made.direction == pytest.approx(0.3)
+    assert (made.unsharp.amount, made.unsharp.radius) == pytest.approx((0.7, 2.0))
+    assert named["avoid_overlap"] is False and named["non_overlap"] is None
+    size.area_largest = 0.01
+    assert "largest area is smaller" in scatter_settings.obstacle(bpy.context.scene)
