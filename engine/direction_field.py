@@ -44,7 +44,7 @@ class DirectionField:
 
 
 def structure_tensor(
-    image: np.ndarray, sigma: float = 1.0, rho: float = 3.0
+    image: np.ndarray, sigma: float = 1.0, rho: float = 3.0, pixel_size: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smoothed structure tensor of equation 8: ``K_rho * (grad u_sigma grad u_sigma^T)`` with ``u_sigma = K_sigma * u``.
 
@@ -52,23 +52,30 @@ def structure_tensor(
         image: Shape ``[height, width]``, row 0 at the top.
         sigma: Standard deviation of the inner Gaussian [pixels].
         rho: Of the outer one [pixels].
+        pixel_size: Extent of a pixel along x and y, in any unit: an image that is stretched over a domain of another aspect has
+            its edges at other angles there. Only the ratio of the two matters.
 
     Returns:
         Its entries xx, xy and yy, y pointing up, each of shape ``[height, width]``, float64.
     """
     smooth = gaussian_blur(image, sigma)
     padded = np.pad(smooth, 1, mode="symmetric")
-    x = 0.5 * (padded[1:-1, 2:] - padded[1:-1, :-2])
-    y = 0.5 * (padded[:-2, 1:-1] - padded[2:, 1:-1])
+    # The finer side of a pixel counts as 1, so that neither gradient grows beyond the image's own.
+    finer = min(pixel_size)
+    x = 0.5 * finer / pixel_size[0] * (padded[1:-1, 2:] - padded[1:-1, :-2])
+    y = 0.5 * finer / pixel_size[1] * (padded[:-2, 1:-1] - padded[2:, 1:-1])
     return gaussian_blur(x * x, rho), gaussian_blur(x * y, rho), gaussian_blur(y * y, rho)
 
 
-def density_directions(image: np.ndarray, sigma: float = 1.0, rho: float = 3.0) -> DirectionField:
+def density_directions(
+    image: np.ndarray, sigma: float = 1.0, rho: float = 3.0, pixel_size: tuple[float, float] = (1.0, 1.0)
+) -> DirectionField:
     """Directions along the edges of an image: orthogonal to the eigenvector of its structure tensor's largest eigenvalue.
 
     The weight is that eigenvalue over the largest one in the image; an image without any edge has weight 0 everywhere.
+    The arguments are those of :func:`structure_tensor`.
     """
-    xx, xy, yy = structure_tensor(image, sigma, rho)
+    xx, xy, yy = structure_tensor(image, sigma, rho, pixel_size)
     half_gap = np.hypot(0.5 * (xx - yy), xy)
     largest = 0.5 * (xx + yy) + half_gap
     # The eigenvector of the largest eigenvalue has the doubled angle atan2(2 xy, xx - yy).
@@ -84,7 +91,11 @@ def density_directions(image: np.ndarray, sigma: float = 1.0, rho: float = 3.0) 
 
 
 def direction_field(
-    direction: str | float | np.ndarray, density: np.ndarray, sigma: float = 1.0, rho: float = 3.0
+    direction: str | float | np.ndarray,
+    density: np.ndarray,
+    sigma: float = 1.0,
+    rho: float = 3.0,
+    pixel_size: tuple[float, float] = (1.0, 1.0),
 ) -> DirectionField:
     """Return the directions that ``Line.direction`` means.
 
@@ -94,14 +105,19 @@ def direction_field(
         density: The density that ``"density"`` looks at.
         sigma: Inner standard deviation of its structure tensor [pixels].
         rho: Outer one.
+        pixel_size: Extent of a pixel of the density along x and y, of which only the ratio matters. Angles and vectors that are
+            given are angles and vectors in the domain already.
+
+    Returns:
+        An image of directions, of the density's shape, of the given image's, or of shape ``[1, 1]`` where all are alike.
 
     Raises:
-        ProblemError: Anything else.
+        ProblemError: Anything else, NaN, another shape, vectors that are all 0.
     """
     direction = check_direction(direction, "`direction`")
     if isinstance(direction, str):
         if direction == "density":
-            return density_directions(density, sigma, rho)
+            return density_directions(density, sigma, rho, pixel_size)
         return DirectionField(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)))
     given = np.atleast_2d(np.asarray(direction, dtype=np.float64))
     if given.ndim == 2:
@@ -118,7 +134,7 @@ def direction_from_rg(image: np.ndarray) -> np.ndarray:
         image: Shape ``[height, width, channels]``, at least two channels.
 
     Returns:
-        Shape ``[height, width, 2]``, float32, x to the right and y up; values within half a step of 8 bits of 0.5 are 0.
+        Shape ``[height, width, 2]``, float32, x to the right and y up. 8 bits have no value for 0.5: those next to it are 0.
     """
     image = np.asarray(image)
     if image.ndim != 3 or image.shape[2] < 2:
