@@ -65,6 +65,7 @@ GAP = 0.0008
 # Between the middles of two pizzas [m].
 APART = 0.40
 BOARD = 0.02
+EXPOSURE = -0.4
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,21 @@ def serve(
     return Serving(pizza, place, wanted, result)
 
 
-def build(output: Path, max_steps: int = 400) -> list[Serving]:
+def add_garnish(scene: bpy.types.Scene) -> None:
+    """Leave some ingredients on the table in front, by hand: name, x, y [m], turn [rad]."""
+    for name, x, y, turn in (
+        ("chilli large 2", -0.415, -0.165, 0.4),
+        ("chilli large 3", -0.400, -0.150, 1.2),
+        ("chilli small 1", -0.385, -0.185, -0.3),
+        ("mushroom large 1", -0.130, -0.405, 0.5),
+        ("mushroom large 3", -0.160, -0.425, 2.1),
+    ):
+        item = bpy.data.objects.new("Garnish", bpy.data.objects[name].data)
+        item.location, item.rotation_euler[2] = (x, y, 0.001 - BOARD), turn
+        scene.collection.objects.link(item)
+
+
+def build(output: Path, max_steps: int = 200) -> list[Serving]:
     """Build the whole scene in an empty file.
 
     Args:
@@ -227,7 +242,7 @@ def build(output: Path, max_steps: int = 400) -> list[Serving]:
         np.array([(-3, -3, -BOARD), (3, -3, -BOARD), (3, 3, -BOARD), (-3, 3, -BOARD)]),
         np.array([(0, 1, 2, 3)]),
     )
-    table.data.materials.append(materials.wood("Table", (0.020, 0.013, 0.010), (0.085, 0.055, 0.038), plank=0.145))
+    table.data.materials.append(materials.wood("Table", (0.016, 0.008, 0.005), (0.085, 0.046, 0.026), plank=0.145))
     scene.collection.objects.link(table)
     servings = []
     for number in range(len(MENU)):
@@ -236,6 +251,7 @@ def build(output: Path, max_steps: int = 400) -> list[Serving]:
     for layer in scene.view_layers[0].layer_collection.children:
         if layer.name == "Ingredients":
             layer.exclude = True
+    add_garnish(scene)
     materials.set_light(scene)
     return servings
 
@@ -254,23 +270,28 @@ def render_plans(servings: list[Serving], side: int, output: Path) -> None:
         scene.render.filepath = str(path.resolve())
         bpy.ops.render.render(write_still=True)
         picture = Image.open(path).convert("RGB")
-        add_inset(picture, serving.densities)
+        add_inset(picture, serving)
         picture.save(path)
         pictures.append(picture)
     sheet_of(pictures).save(output / "pizza-plans.png")
 
 
-def density_picture(wanted: dict[str, np.ndarray], side: int) -> Image.Image:
-    """Draw densities as a disc of dots in the ingredients' colours on white, as many of each as its density says.
+def density_picture(wanted: dict[str, np.ndarray], charges: dict[str, float], side: int) -> Image.Image:
+    """Draw densities as a disc of dots in the ingredients' colours on white.
 
     Dots, and no mixture: two mixed colours look like a third ingredient.
+
+    Args:
+        wanted: Densities by ingredient.
+        charges: Area of all pieces of each ingredient [m²]: what the densities, which have no scale, add up to.
+        side: Width of the disc [pixels].
     """
-    cells = 46
+    cells = 56
     at = ((np.arange(cells) + 0.5) / cells * PIXELS).astype(int)
-    stack = np.stack([image[np.ix_(at, at)] for image in wanted.values()])
-    upper = np.cumsum(stack, axis=0) / max(stack.sum(axis=0).max(), 1.0)
+    share = np.stack([charges[kind] * image[np.ix_(at, at)] / image.sum() for kind, image in wanted.items()])
+    upper = np.cumsum(share, axis=0) / share.sum(axis=0).max()
     row, column = np.indices((cells, cells))
-    # Thresholds of a low-discrepancy lattice: neighbours differ much, and there is no pattern to be seen.
+    # Thresholds of a low-discrepancy lattice: neighbours differ much.
     threshold = (0.7548776662 * column + 0.5698402910 * row) % 1.0
     color = np.array([*(COLORS[kind] for kind in wanted), (1.0, 1.0, 1.0)])
     picture = Image.fromarray(np.round(255 * color[(threshold >= upper).sum(axis=0)]).astype(np.uint8))
@@ -281,7 +302,7 @@ def density_picture(wanted: dict[str, np.ndarray], side: int) -> Image.Image:
     return picture.resize((side, side), Image.Resampling.LANCZOS)
 
 
-def add_inset(picture: Image.Image, wanted: dict[str, np.ndarray]) -> None:
+def add_inset(picture: Image.Image, serving: Serving) -> None:
     """Put the densities into the lower right corner of a pizza's picture."""
     side = round(0.205 * picture.width)
     rim = max(side // 40, 1)
@@ -289,7 +310,8 @@ def add_inset(picture: Image.Image, wanted: dict[str, np.ndarray]) -> None:
     ring = Image.new("L", (4 * inset.width, 4 * inset.height))
     ImageDraw.Draw(ring).ellipse((0, 0, ring.width - 1, ring.height - 1), fill=255)
     inset.paste((255, 255, 255, 255), (0, 0), ring.resize(inset.size, Image.Resampling.LANCZOS))
-    disc = density_picture(wanted, side)
+    charges = {c.name: sum(s.area * s.placed for s in c.sizes) for c in serving.result.report.classes}
+    disc = density_picture(serving.densities, charges, side)
     inset.paste(disc, (rim, rim), disc)
     corner = picture.width - inset.width - round(0.015 * picture.width)
     shadow = Image.new("L", picture.size)
@@ -324,10 +346,10 @@ def render_table(width: int, output: Path) -> None:
     scene.render.resolution_x, scene.render.resolution_y = width, round(width * 10 / 16)
     # Along the table's diagonal: one pizza in front, two beside it, one behind.
     near = np.array([-0.5 * APART, -0.5 * APART, 0.0])
-    camera = add_camera(scene, "Table", (-0.62, -0.62, 0.40), (-0.135, -0.135, 0.0), lens=46.0)
+    camera = add_camera(scene, "Table", (-0.62, -0.62, 0.42), (-0.15, -0.15, 0.0), lens=45.0)
     camera.data.dof.use_dof = True
     camera.data.dof.focus_distance = float(np.linalg.norm(np.array(camera.location) - near))
-    camera.data.dof.aperture_fstop = 4.0
+    camera.data.dof.aperture_fstop = 6.3
     scene.camera = camera
     scene.render.filepath = str((output / "pizza.png").resolve())
     bpy.ops.render.render(write_still=True)
@@ -418,9 +440,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the scene from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("output"), help="folder for the pictures and the .blend")
-    parser.add_argument("--width", type=int, default=1280, help="width of the picture at an angle in pixels (16:10)")
-    parser.add_argument("--side", type=int, default=640, help="width of each picture from above in pixels")
-    parser.add_argument("--samples", type=int, default=32, help="Cycles samples per pixel")
+    parser.add_argument("--width", type=int, default=1200, help="width of the picture at an angle in pixels (16:10)")
+    parser.add_argument("--side", type=int, default=600, help="width of each picture from above in pixels")
+    parser.add_argument("--samples", type=int, default=16, help="Cycles samples per pixel")
     parser.add_argument("--quick", action="store_true", help="tiny pictures of few samples, to try the scene out")
     options = parser.parse_args(arguments)
     if options.quick:
@@ -437,6 +459,9 @@ def main(arguments: list[str] | None = None) -> None:
     tell("built")
     scene = bpy.context.scene
     set_render(scene, options.width, options.width, options.samples, SEED)
+    # Food wants its reds and yellows as they are: no film curve.
+    scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
+    scene.view_settings.exposure = EXPOSURE
     render_plans(servings, options.side, options.output)
     tell("rendered pizza-plans.png")
     render_table(options.width, options.output)

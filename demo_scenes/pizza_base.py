@@ -68,7 +68,7 @@ def dough(seed: int) -> Piece:
     vertex = vertex + (on_rim * (0.0026 * blister + 0.0010 * rough))[:, None] * out
     # Baked most at the top, on the blisters, and more on one side of the oven than on the other.
     oven = perlin(vertex / 0.07, seed + 7, 2)
-    brown = 0.10 + 0.42 * np.clip(level - 0.25, 0, 1) + 0.42 * blister**2 * on_rim + 0.34 * oven + 0.14 * rough
+    brown = 0.19 + 0.46 * np.clip(level - 0.25, 0, 1) + 0.42 * blister**2 * on_rim + 0.34 * oven + 0.14 * rough
     char = np.clip(perlin(vertex / 0.016, seed + 8, 2) - 0.28, 0, 1) * 1.9 * on_rim * np.clip(oven + 0.7, 0, 1)
     flour = np.clip(perlin(vertex / 0.02, seed + 9, 3) + 0.25 - 0.5 * np.clip(level, 0, 1), 0, 1)
     return Piece(vertex, face, {"brown": np.clip(brown + char, 0, 1), "flour": flour})
@@ -103,16 +103,15 @@ def bed(seed: int, points: int = 330) -> Piece:
     reach = np.clip((shore - r) / 0.007, -1.0, 1.0)
     cover = np.clip(0.55 + 1.25 * pool, 0.0, 1.0) * np.clip(0.5 + 0.5 * reach, 0.0, 1.0)
     cheese = cover * cover * (3.0 - 2.0 * cover)
-    blister = _spots(at, 240, (0.0025, 0.0085), at[r < BED_RADIUS - 0.006], seed + 5) * np.clip(
-        2.0 * cheese - 0.6, 0, 1
-    )
+    blister = _spots(at, 330, (0.002, 0.0085), at[r < BED_RADIUS - 0.006], seed + 5) * np.clip(2.0 * cheese - 0.6, 0, 1)
     ripple = perlin(melted / 0.011, seed + 6, 3)
     height = FLOOR + 0.0006 + 0.0013 * cheese + 0.0008 * blister + 0.0004 * ripple * (0.4 + cheese)
     height = height + 0.0003 * perlin(flat / 0.0035, seed + 7, 2) * (1.0 - cheese)
     # It runs up to the rim and dips under it.
     height = height + 0.0030 * np.clip((r - BED_RADIUS + 0.012) / 0.016, 0, 1) ** 2
     toast = blister**1.5 * np.clip(0.55 + 1.1 * perlin(flat / 0.05, seed + 8, 2), 0.0, 1.0)
-    toast = toast + np.clip(perlin(melted / 0.02, seed + 9, 3) - 0.22, 0, 1) * 0.9 * cheese
+    # Leopard spots: where the cheese lies thick it is scorched between the blisters too.
+    toast = toast + np.clip(perlin(melted / 0.017, seed + 9, 3) - 0.16, 0.0, 1.0) * 1.15 * cheese
     vertex = np.column_stack([flat, height])
     return Piece(vertex, face, {"cheese": cheese, "toast": np.clip(toast, 0, 1)})
 

@@ -134,9 +134,9 @@ def bed() -> bpy.types.Material:
         uneven,
         [
             (0.10, (0.62, 0.115, 0.016)),
-            (0.34, (0.80, 0.31, 0.050)),
-            (0.62, (0.90, 0.58, 0.20)),
-            (0.95, (0.93, 0.75, 0.44)),
+            (0.34, (0.74, 0.27, 0.040)),
+            (0.60, (0.84, 0.50, 0.16)),
+            (0.95, (0.86, 0.68, 0.39)),
         ],
     )
     share = color_ramp(tree, uneven, [(0.06, (0.0,) * 3), (0.30, (1.0,) * 3)])
@@ -148,9 +148,9 @@ def bed() -> bpy.types.Material:
         calculate(tree, "MULTIPLY_ADD", noise(tree, 0.003, 4.0, place), 0.3, -0.16),
     )
     browned = color_ramp(
-        tree, toast, [(0.42, (0.72, 0.33, 0.06)), (0.72, (0.40, 0.13, 0.022)), (0.98, (0.13, 0.04, 0.012))]
+        tree, toast, [(0.30, (0.74, 0.34, 0.06)), (0.58, (0.42, 0.14, 0.022)), (0.90, (0.13, 0.04, 0.012))]
     )
-    color = mix_colors(tree, color_ramp(tree, toast, [(0.20, (0.0,) * 3), (0.62, (1.0,) * 3)]), color, browned)
+    color = mix_colors(tree, color_ramp(tree, toast, [(0.12, (0.0,) * 3), (0.46, (1.0,) * 3)]), color, browned)
     # Oregano.
     herb = _cells(tree, 0.0052, _distort(tree, place, 0.002, 0.0012), "Distance")
     where = color_ramp(tree, noise(tree, 0.018, 2.0, place), [(0.48, (0.0,) * 3), (0.56, (1.0,) * 3)])
@@ -186,30 +186,28 @@ def salami() -> bpy.types.Material:
 
 
 def ham() -> bpy.types.Material:
-    """Cooked ham: pink, with paler fibres and a browner edge."""
+    """Cooked ham: pink, with paler fibres, browned along folds and edges."""
     material, tree = new_material("Ham")
     place = object_place(tree)
-    streak = noise(tree, 0.006, 5.0, _distort(tree, object_place(tree, (1.0, 0.35, 1.0)), 0.012, 0.004))
+    streak = noise(tree, 0.006, 5.0, _distort(tree, object_place(tree, (1.0, 0.4, 1.0)), 0.012, 0.004))
     color = color_ramp(
         tree,
         streak,
         [
-            (0.28, (0.66, 0.20, 0.155)),
-            (0.5, (0.77, 0.31, 0.245)),
-            (0.68, (0.83, 0.43, 0.345)),
-            (0.80, (0.87, 0.60, 0.49)),
+            (0.28, (0.55, 0.17, 0.12)),
+            (0.48, (0.68, 0.28, 0.20)),
+            (0.64, (0.74, 0.37, 0.27)),
+            (0.78, (0.80, 0.54, 0.42)),
         ],
     )
-    color = _vary(tree, color, (0.90, 0.84, 0.82), (1.06, 1.04, 1.02))
-    edge = calculate(
-        tree,
-        "MULTIPLY",
-        attribute(tree, "edge"),
-        color_ramp(tree, noise(tree, 0.008, 3.0, place), [(0.4, (0.0,) * 3), (0.75, (0.75,) * 3)]),
+    color = _vary(tree, color, (0.88, 0.82, 0.78), (1.06, 1.03, 1.0))
+    scorch = color_ramp(tree, noise(tree, 0.008, 3.0, place), [(0.40, (0.0,) * 3), (0.70, (0.8,) * 3)])
+    exposed = calculate(
+        tree, "MAXIMUM", attribute(tree, "edge"), calculate(tree, "MULTIPLY", attribute(tree, "fold"), 0.8)
     )
-    color = mix_colors(tree, edge, color, (0.46, 0.125, 0.050))
-    surface = _food(tree, color, roughness=0.36, below=(0.004, (1.0, 0.32, 0.22)), oil=0.45)
-    add_bump(tree, surface, noise(tree, 0.0022, 5.0, place), 0.0005, 0.45)
+    color = mix_colors(tree, calculate(tree, "MULTIPLY", exposed, scorch), color, (0.36, 0.095, 0.035))
+    surface = _food(tree, color, roughness=0.42, below=(0.003, (1.0, 0.32, 0.22)), oil=0.16)
+    add_bump(tree, surface, noise(tree, 0.0020, 5.0, place), 0.0006, 0.6)
     _output(tree, surface)
     return material
 
@@ -223,10 +221,10 @@ def mushroom() -> bpy.types.Material:
         tree,
         roast,
         [
-            (0.30, (0.86, 0.74, 0.55)),
-            (0.50, (0.80, 0.63, 0.40)),
-            (0.66, (0.62, 0.40, 0.19)),
-            (0.80, (0.44, 0.23, 0.085)),
+            (0.30, (0.74, 0.60, 0.42)),
+            (0.48, (0.66, 0.48, 0.28)),
+            (0.62, (0.50, 0.29, 0.125)),
+            (0.78, (0.32, 0.15, 0.052)),
         ],
     )
     color = mix_colors(tree, calculate(tree, "MULTIPLY", attribute(tree, "edge"), 0.45), color, (0.52, 0.29, 0.12))
@@ -269,19 +267,23 @@ def calyx() -> bpy.types.Material:
 
 
 def anchovy() -> bpy.types.Material:
-    """Anchovy in oil: rosy brown flesh, silvery along the middle and the edges."""
+    """Anchovy in oil: rosy brown flesh, dark along the middle, a remainder of silver skin along its edges."""
     material, tree = new_material("Anchovy")
-    fibre = noise(tree, 0.005, 5.0, object_place(tree, (0.45, 1.5, 1.0)))
+    fibre = noise(tree, 0.0032, 5.0, object_place(tree, (0.35, 1.8, 1.0)))
     color = color_ramp(
-        tree, fibre, [(0.30, (0.20, 0.062, 0.030)), (0.5, (0.33, 0.125, 0.065)), (0.72, (0.46, 0.215, 0.125))]
+        tree, fibre, [(0.30, (0.20, 0.050, 0.022)), (0.5, (0.40, 0.135, 0.062)), (0.70, (0.60, 0.29, 0.165))]
     )
-    across = attribute(tree, "across")
-    away = calculate(tree, "ABSOLUTE", calculate(tree, "SUBTRACT", across, 0.5))
-    silver = color_ramp(tree, away, [(0.01, (0.35,) * 3), (0.07, (0.0,) * 3), (0.30, (0.0,) * 3), (0.47, (0.95,) * 3)])
-    color = mix_colors(tree, silver, color, (0.52, 0.50, 0.47))
-    surface = _food(tree, color, roughness=0.30, below=(0.002, (1.0, 0.4, 0.25)), oil=0.95)
-    connect(tree, calculate(tree, "MULTIPLY", silver, 0.35), surface.inputs["Metallic"])
-    add_bump(tree, surface, fibre, 0.0007, 0.6)
+    away = calculate(tree, "ABSOLUTE", calculate(tree, "SUBTRACT", attribute(tree, "across"), 0.5))
+    middle = color_ramp(tree, away, [(0.02, (0.85,) * 3), (0.10, (0.0,) * 3)])
+    color = mix_colors(tree, middle, color, (0.12, 0.026, 0.014))
+    patch = color_ramp(tree, noise(tree, 0.007, 3.0, object_place(tree)), [(0.40, (0.0,) * 3), (0.62, (0.8,) * 3)])
+    edge = color_ramp(tree, away, [(0.26, (0.0,) * 3), (0.44, (1.0,) * 3)])
+    silver = calculate(tree, "MULTIPLY", patch, edge)
+    color = mix_colors(tree, silver, color, (0.50, 0.47, 0.43))
+    color = _vary(tree, color, (0.80, 0.78, 0.76), (1.15, 1.12, 1.1))
+    surface = _food(tree, color, roughness=0.36, below=(0.002, (1.0, 0.4, 0.25)), oil=0.45)
+    connect(tree, calculate(tree, "MULTIPLY", silver, 0.4), surface.inputs["Metallic"])
+    add_bump(tree, surface, fibre, 0.0009, 0.8)
     _output(tree, surface)
     return material
 
@@ -358,11 +360,11 @@ def _lamp(scene: bpy.types.Scene, name: str, place: tuple, size: float, power: f
 
 def set_light(scene: bpy.types.Scene) -> None:
     """Light food as a photographer does: a window from behind and the left, a warm fill from the front, a dim room."""
-    _lamp(scene, "Window", (-1.25, 0.85, 1.15), 0.75, 62.0, (1.0, 0.94, 0.85))
-    _lamp(scene, "Fill", (1.2, -0.9, 1.2), 1.2, 15.0, (1.0, 0.80, 0.60))
+    _lamp(scene, "Window", (-2.0, 1.35, 1.9), 1.2, 225.0, (1.0, 0.95, 0.88))
+    _lamp(scene, "Fill", (1.8, -1.4, 1.8), 1.8, 20.0, (1.0, 0.80, 0.60))
     world = bpy.data.worlds.new("Kitchen")
     scene.world = world
     world.use_nodes = True
     background = world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (1.0, 0.88, 0.74, 1.0)
-    background.inputs["Strength"].default_value = 0.35
+    background.inputs["Strength"].default_value = 0.26

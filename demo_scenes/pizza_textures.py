@@ -86,8 +86,8 @@ def _spiral_direction(twist: float) -> Field:
 
 
 def _arms_and_between() -> tuple[Field, Field]:
-    arms = _arms(2, 3.2, 4.0)
-    return arms, lambda x, y: np.clip(1.0 - 1.5 * arms(x, y), 0.0, 1.0)
+    arms = _arms(3, 2.6, 7.0)
+    return arms, lambda x, y: np.clip(1.0 - 1.6 * arms(x, y), 0.0, 1.0)
 
 
 _ARMS, _BETWEEN = _arms_and_between()
@@ -106,25 +106,25 @@ MENU = (
     Pizza(
         "Rings",
         {
-            "salami": Topping((6, 8, 9), _ring(0.80, 0.12)),
-            "chilli": Topping((3, 3), _ring(0.50, 0.07), _tangent),
-            "mushroom": Topping((1, 3, 4), _ring(0.0, 0.26)),
+            "salami": Topping((7, 9, 12), _ring(0.78, 0.12)),
+            "chilli": Topping((4, 3), _ring(0.48, 0.07), _tangent),
+            "mushroom": Topping((2, 3, 4), _ring(0.0, 0.26)),
         },
     ),
     Pizza(
         "From left to right",
         {
-            "ham": Topping((3, 4, 5), lambda x, y: np.clip(0.5 - 0.75 * x, 0.0, 1.0) ** 1.6),
-            "salami": Topping((4, 6, 9), lambda x, y: np.clip(0.5 + 0.75 * x, 0.0, 1.0) ** 1.6),
-            "anchovy": Topping((3, 3), lambda x, y: 1.0 - 0.5 * np.hypot(x, y), _radial),
+            "ham": Topping((3, 5, 6), lambda x, y: np.clip(0.5 - 0.75 * x, 0.0, 1.0) ** 1.6),
+            "salami": Topping((4, 7, 11), lambda x, y: np.clip(0.5 + 0.75 * x, 0.0, 1.0) ** 1.6),
+            "anchovy": Topping((4, 4), lambda x, y: 1.0 - 0.5 * np.hypot(x, y), _radial),
         },
     ),
     Pizza(
         "Spiral",
         {
-            "chilli": Topping((5, 5), _ARMS, _spiral_direction(3.2)),
-            "mushroom": Topping((4, 6, 7), _BETWEEN),
-            "ham": Topping((2, 3, 4), _BETWEEN),
+            "chilli": Topping((5, 5), _ARMS, _spiral_direction(2.6)),
+            "mushroom": Topping((4, 7, 9), _BETWEEN),
+            "ham": Topping((3, 4, 5), _BETWEEN),
         },
     ),
 )

@@ -115,8 +115,8 @@ def _round_edge(share: np.ndarray, edge: float) -> np.ndarray:
 def _fan(outline: np.ndarray, rings: int) -> tuple[np.ndarray, np.ndarray]:
     """Points ``[rings, sides, 2]`` that fill an outline ``[sides, 2]`` seen from the origin, and their radius 0..1."""
     # Denser towards the edge, where the shape turns down; ring 0 is small, and not a point, so that no face is empty.
-    share = np.linspace(0.02, 1.0, rings) ** 0.75
-    share[-1] = 1.0
+    share = np.linspace(0.0, 1.0, rings) ** 0.75
+    share[0] = 0.002
     return share[:, None, None] * outline, np.broadcast_to(share[:, None], (rings, len(outline)))
 
 
@@ -141,39 +141,51 @@ def salami(radius: float, seed: int) -> Piece:
 
 
 def ham(radius: float, seed: int) -> Piece:
-    """Model a torn slice of cooked ham, thin, wavy, with one fold (values ``edge`` and ``fold``).
+    """Model a torn slice of cooked ham, thin and rumpled, pushed together into folds (values ``edge`` and ``fold``).
 
     Args:
         radius: Of the circle around it [m].
         seed: Another seed, another slice.
     """
     rng = np.random.default_rng(seed)
-    angle = np.arange(128) * 2 * np.pi / 128
+    angle = np.arange(160) * 2 * np.pi / 160
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     # Between a circle and a square, torn.
-    square = (np.abs(circle) ** 3.4).sum(axis=1) ** (-1.0 / 3.4)
-    stretch = np.array([1.0, rng.uniform(0.8, 0.95)])
-    outline = circle * square[:, None] * stretch
-    outline = outline * (1.0 + 0.10 * perlin(1.1 * circle, seed) + 0.04 * perlin(3.6 * circle, seed + 1, 2))[:, None]
-    point, share = _fan(outline, 44)
-    x, y = point[..., 0], point[..., 1]
+    square = (np.abs(circle) ** 2.7).sum(axis=1) ** (-1.0 / 2.7)
+    outline = circle * square[:, None] * [1.0, rng.uniform(0.78, 0.95)]
+    torn = (
+        0.13 * perlin(1.1 * circle, seed)
+        + 0.07 * perlin(3.0 * circle, seed + 1)
+        + 0.035 * perlin(9.0 * circle, seed + 2)
+    )
+    outline = outline * (1.0 + torn)[:, None]
+    point, share = _fan(outline, 56)
     turn = rng.uniform(0, np.pi)
-    across = np.cos(turn) * x + np.sin(turn) * y
-    along = -np.sin(turn) * x + np.cos(turn) * y
-    # Soft waves that grow outwards, and a ridge where the slice was pushed together.
-    wave = np.sin(across * rng.uniform(4.0, 5.5) + 0.9 * perlin(point * 1.3, seed + 4) + rng.uniform(0, 6))
-    ridge = rng.uniform(-0.25, 0.25) + 0.22 * perlin(np.stack([along * 0.9, 0 * along], -1), seed + 5)
-    fold = np.exp(-(((across - ridge) / 0.20) ** 2)) * (0.70 + 0.30 * np.cos(2.0 * along))
-    height = 0.06 * (wave + 0.4) * share**1.3 + 0.15 * fold + 0.05 * perlin(point * 1.9, seed + 6, 2)
-    # What is folded is missing in width.
-    pull = 0.07 * np.tanh((across - ridge) / 0.20)
-    point = point - pull[..., None] * np.array([np.cos(turn), np.sin(turn)])
+    height = np.zeros(share.shape)
+    shift = np.zeros(point.shape)
+    fold = np.zeros(share.shape)
+    # Folds cross the slice side by side, each with a course, a steepness and an end of its own.
+    for number, middle in enumerate(rng.uniform(-0.12, 0.12) + np.array([-0.52, 0.0, 0.5])):
+        course = turn + rng.normal(0.0, 0.35)
+        normal, along = np.array([np.cos(course), np.sin(course)]), np.array([-np.sin(course), np.cos(course)])
+        across = (
+            point @ normal - middle - 0.20 * perlin(np.stack([1.2 * point @ along, 0 * share], -1), seed + 10 + number)
+        )
+        steep = rng.uniform(0.10, 0.19)
+        high = rng.uniform(0.10, 0.22) * np.clip(0.6 + rng.uniform(-0.7, 0.7) * (point @ along), 0.0, 1.0)
+        ridge = np.exp(-((across / steep) ** 2))
+        # It leans over to one side.
+        height += high * ridge
+        shift -= (0.45 * high * np.tanh(across / steep) - 0.5 * high * ridge)[..., None] * normal
+        fold = np.maximum(fold, ridge * high / 0.22)
+    height += 0.07 * np.maximum(perlin(1.6 * point, seed + 4, 2) + 0.1, 0.0) * (0.3 + share**2)
+    point = point + shift
     _, reach = enclosing_circle(point[-1])
     scale = radius / reach
-    thickness = np.full(share.shape, 0.0013) * _round_edge(share, 0.04)
-    top = np.dstack([point * scale, np.maximum(height * scale, 0.0) + 0.0005 + thickness])
+    thickness = 0.0012 * _round_edge(share, 0.03)
+    top = np.dstack([point * scale, height * scale + 0.0006 + thickness])
     vertex, face = _slab(top, thickness + 0.0003)
-    values = {"edge": np.tile(np.clip((share - 0.8) / 0.2, 0, 1).ravel(), 2), "fold": np.tile(fold.ravel(), 2)}
+    values = {"edge": np.tile(np.clip((share - 0.82) / 0.18, 0, 1).ravel(), 2), "fold": np.tile(fold.ravel(), 2)}
     return _centred(Piece(vertex, face, values))
 
 
@@ -296,24 +308,23 @@ def chilli(length: float, seed: int) -> Piece:
 
 
 def anchovy(length: float, seed: int) -> Piece:
-    """Model an anchovy fillet: slim, flat, wavy, with a furrow along its middle (values ``across`` 0..1, ``along``)."""
+    """Model an anchovy fillet: slim, flat, wavy, blunt in front (values ``across`` and ``along``, 0..1)."""
     rng = np.random.default_rng(seed)
-    t = np.linspace(0.0, 1.0, 90)
-    wide = 0.098 * length * rng.uniform(0.9, 1.1)
-    outline = wide * (np.sin(np.pi * t**0.7) ** 0.75) * (1.0 - 0.25 * t) + 0.0004
-    outline = outline * (1.0 + 0.10 * perlin(np.stack([t * 6, 0 * t], -1), seed))
-    sway = 0.034 * length * np.sin(2.2 * np.pi * t * rng.uniform(0.6, 1.0) + rng.uniform(0, 6))
-    path = np.column_stack([(t - 0.5) * length, sway, 0.0012 + 0.0006 * np.sin(3 * np.pi * t + rng.uniform(0, 6))])
-    sides = 32
-    vertex, face = _tube(path, outline, sides, 0.36)
+    t = np.linspace(0.0, 1.0, 110)
+    wide = 0.108 * length * rng.uniform(0.92, 1.08)
+    blunt = np.sqrt(np.clip(1.0 - (1.0 - np.clip(t / 0.12, 0, 1)) ** 2, 0.0, 1.0))
+    outline = wide * blunt * (1.0 - 0.80 * t**1.9) * np.clip((1.0 - t) / 0.05, 0.12, 1.0) ** 0.5 + 0.0002
+    outline = outline * (1.0 + 0.12 * perlin(np.stack([t * 5, 0 * t], -1), seed))
+    sway = 0.05 * length * np.sin(2.0 * np.pi * t * rng.uniform(0.6, 1.0) + rng.uniform(0, 6))
+    path = np.column_stack([(t - 0.5) * length, sway, 0.0015 + 0.0007 * np.sin(3 * np.pi * t + rng.uniform(0, 6))])
+    sides = 40
+    vertex, face = _tube(path, outline, sides, 0.22)
     turn = np.tile(np.arange(sides) * 2 * np.pi / sides, len(t))
-    across = np.cos(turn)
-    upper = np.sin(turn) > 0
-    # The furrow between the two halves of the fillet, and the ragged ridges of the flesh.
-    furrow = np.exp(-((across / 0.16) ** 2)) * upper
-    vertex[:, 2] -= 0.16 * np.repeat(outline, sides) * furrow
-    vertex[:, 2] += (
-        0.00016 * upper * perlin(np.stack([np.repeat(t, sides) * 26 + 3 * across**2, across * 2.5], -1), seed + 1, 2)
-    )
-    values = {"across": 0.5 + 0.5 * across, "along": np.repeat(t, sides)}
-    return _centred(Piece(vertex, face, values))
+    across, upper = np.cos(turn), np.sin(turn) > 0
+    # The line along its middle, and flakes of flesh that run aslant from it.
+    furrow = np.exp(-((across / 0.13) ** 2)) * upper
+    slant = np.repeat(t, sides) * length / 0.0034 - 0.9 * np.abs(across)
+    flake = np.abs((slant + 0.3 * perlin(np.stack([slant * 0.4, across * 2], -1), seed + 2)) % 1.0 - 0.5)
+    local = np.repeat(outline, sides) * upper
+    vertex[:, 2] += local * (-0.10 * furrow + 0.13 * flake * (1.0 - across**2))
+    return _centred(Piece(vertex, face, {"across": 0.5 + 0.5 * across, "along": np.repeat(t, sides)}))
