@@ -12,9 +12,8 @@ __all__ = ["correct_density", "tone_map"]
 
 # Covered share of touching discs in a honeycomb: up to here they cover what they add up to.
 LARGEST_WITHOUT_OVERLAP = math.pi / (2.0 * math.sqrt(3.0))
-SMALLEST_C = math.sqrt(3.0) / 2.0
-# Bisection halves the interval of c, 0.134 wide, until neighbouring floats remain.
-BISECTIONS = 60
+# Bisection halves an interval of pi / 6 until neighbouring floats remain.
+BISECTIONS = 64
 
 
 def tone_map(grey: np.ndarray) -> np.ndarray:
@@ -29,14 +28,14 @@ def tone_map(grey: np.ndarray) -> np.ndarray:
     grey = np.asarray(grey, dtype=np.float64)
     dark = grey < 1.0 - LARGEST_WITHOUT_OVERLAP
     result = grey.copy()
-    wanted = 1.0 - grey[dark]
-    # The covered share falls as c, half the distance of neighbouring dots over their radius, rises.
-    low, high = np.full(wanted.shape, SMALLEST_C), np.ones(wanted.shape)
+    wanted = np.maximum(grey[dark], 0.0)
+    low, high = np.zeros(wanted.shape), np.full(wanted.shape, math.pi / 6.0)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        too_much = _covered_share(middle) > wanted
-        low, high = np.where(too_much, middle, low), np.where(too_much, high, middle)
-    result[dark] = 1.0 - LARGEST_WITHOUT_OVERLAP / (0.5 * (low + high)) ** 2
+        too_bright = _uncovered_share(middle) > wanted
+        low, high = np.where(too_bright, low, middle), np.where(too_bright, middle, high)
+    c = np.cos(math.pi / 6.0 - 0.5 * (low + high))
+    result[dark] = 1.0 - LARGEST_WITHOUT_OVERLAP / c**2
     return result
 
 
@@ -61,7 +60,12 @@ def correct_density(density: np.ndarray, key: str = "`density`") -> np.ndarray:
     return 1.0 - tone_map(1.0 - density)
 
 
-def _covered_share(c: np.ndarray) -> np.ndarray:
-    """Share of the plane that discs in a honeycomb cover, neighbours being 2 c radii apart: the left side of equation 5."""
-    overlap = np.arctan(np.sqrt(np.maximum(1.0 / c**2 - 1.0, 0.0))) - c * np.sqrt(np.maximum(1.0 - c**2, 0.0))
-    return LARGEST_WITHOUT_OVERLAP / c**2 * (1.0 - 6.0 / math.pi * overlap)
+def _uncovered_share(opening: np.ndarray) -> np.ndarray:
+    """Share of the plane that discs in a honeycomb leave free: 1 minus the left side of equation 5.
+
+    Written in ``opening`` = pi/6 - arccos c, in which nothing cancels where the discs cover nearly all: 0 is c = sqrt(3)/2, full
+    cover, and pi/6 is c = 1, discs that touch.
+    """
+    c = np.cos(math.pi / 6.0 - opening)
+    free = 2.0 * math.sqrt(3.0) * np.sin(opening) ** 2 - 3.0 * (2.0 * opening - np.sin(2.0 * opening))
+    return free / (2.0 * math.sqrt(3.0) * c**2)
