@@ -130,7 +130,9 @@ def lines_and_dots(run: Run) -> None:
     ):
         area = area_for(image, 2 * count)
         classes = [
-            BodyClass("lines", [Size("line", area, count, line=Line(4.0, turn_weights=(0.25, 0.5)))], image, unsharp=of_lines),
+            BodyClass(
+                "lines", [Size("line", area, count, line=Line(4.0, turn_weights=(0.25, 0.5)))], image, unsharp=of_lines
+            ),
             BodyClass("dots", [Size("dot", area, count)], image, unsharp=of_dots),
         ]
         # One picture by both: all repel each other alike.
