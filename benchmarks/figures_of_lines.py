@@ -127,6 +127,7 @@ def lines_and_dots(run: Run) -> None:
         ("no edge enhancement", None, None),
         ("edge enhancement", enhanced, enhanced),
         ("for the lines only", enhanced, None),
+        ("for the dots only", None, enhanced),
     ):
         area = area_for(image, 2 * count)
         classes = [

@@ -61,7 +61,15 @@ class LineRules:
         self._factor = np.ones(max(len(kinds), 1))
         rules = [size.line for _, size in kinds if size.line is not None]
         self._directions = [
-            direction_field(line.direction, c.density_image, *line.tensor_scales).double_angle_vectors()
+            direction_field(
+                line.direction,
+                c.density_image,
+                *line.tensor_scales,
+                pixel_size=(
+                    problem.domain.size[0] / c.density_image.shape[1],
+                    problem.domain.size[1] / c.density_image.shape[0],
+                ),
+            ).double_angle_vectors()
             for (c, _), line in zip(kinds, rules, strict=True)
         ]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
