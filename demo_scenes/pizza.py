@@ -210,11 +210,11 @@ def serve(
 def add_garnish(scene: bpy.types.Scene) -> None:
     """Leave some ingredients on the table in front, by hand: name, x, y [m], turn [rad]."""
     for name, x, y, turn in (
-        ("chilli large 2", -0.415, -0.165, 0.4),
-        ("chilli large 3", -0.400, -0.150, 1.2),
-        ("chilli small 1", -0.385, -0.185, -0.3),
-        ("mushroom large 1", -0.130, -0.405, 0.5),
-        ("mushroom large 3", -0.160, -0.425, 2.1),
+        ("chilli large 2", -0.450, -0.185, 0.4),
+        ("chilli large 3", -0.435, -0.170, 1.2),
+        ("chilli small 1", -0.428, -0.213, -0.3),
+        ("mushroom large 1", -0.105, -0.428, 0.5),
+        ("mushroom large 3", -0.140, -0.446, 2.1),
     ):
         item = bpy.data.objects.new("Garnish", bpy.data.objects[name].data)
         item.location, item.rotation_euler[2] = (x, y, 0.001 - BOARD), turn

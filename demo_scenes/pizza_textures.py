@@ -114,8 +114,8 @@ MENU = (
     Pizza(
         "From left to right",
         {
-            "ham": Topping((3, 5, 6), lambda x, y: np.clip(0.5 - 0.75 * x, 0.0, 1.0) ** 1.6),
-            "salami": Topping((4, 7, 11), lambda x, y: np.clip(0.5 + 0.75 * x, 0.0, 1.0) ** 1.6),
+            "ham": Topping((3, 5, 6), lambda x, y: np.clip(0.5 - 0.8 * x, 0.0, 1.0) ** 2.2),
+            "salami": Topping((4, 7, 11), lambda x, y: np.clip(0.5 + 0.8 * x, 0.0, 1.0) ** 2.2),
             "anchovy": Topping((4, 4), lambda x, y: 1.0 - 0.5 * np.hypot(x, y), _radial),
         },
     ),
