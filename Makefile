@@ -15,6 +15,7 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
 OUTPUT ?= output
 PLATFORM ?=
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 
 # The first of these that runs and that has a bpy wheel; with PYTHON=…, only that one.
 PYTHON ?=
@@ -25,11 +26,12 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo figures test extension lint format clean
+.PHONY: help demo figures bench test extension lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
+	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
 	@echo "make lint       check style and types"
@@ -43,6 +45,12 @@ demo: $(VENV)/.with-blender
 
 figures: $(VENV)/.with-test
 	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures
+
+# fmm2dpy needs NumPy 1, so it has an environment of its own; without it (no compiler, no wheel) its columns stay empty.
+bench: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)-fmm/.python-$(VERSION)
+	@$(VENV)-fmm/bin/python $(PIP_INSTALL) 'numpy<2' fmm2dpy finufft || echo "fmm2dpy and finufft cannot be installed here"
+	$(RUN) benchmarks/bench.py --output $(OUTPUT)/bench.md $(BENCH_ARGS) \
+		$$($(VENV)-fmm/bin/python -c 'import finufft, fmm2dpy; print("--fmm $(VENV)-fmm/bin/python")' 2>/dev/null)
 
 test: $(VENV)/.with-blender $(VENV)/.with-test $(if $(filter 3.11,$(VERSION)),$(VENV_OLDEST)/.with-oldest)
 	$(RUN) -m pytest $(PYTEST_ARGS)
@@ -64,7 +72,7 @@ format: $(VENV)/.with-lint
 	$(RUN) -m ruff format .
 
 clean:
-	rm -rf $(VENV) $(VENV_OLDEST) build dist $(OUTPUT) *.egg-info
+	rm -rf $(VENV) $(VENV_OLDEST) $(VENV)-fmm build dist $(OUTPUT) *.egg-info
 
 # One stamp for the environment, and one for each set of packages in it; a new pyproject.toml installs anew.
 $(VENV)/.with-%: pyproject.toml $(VENV)/.python-$(VERSION)
@@ -80,7 +88,7 @@ $(VENV_OLDEST)/.with-oldest: pyproject.toml $(VENV_OLDEST)/.python-$(VERSION)
 	@touch $@
 
 # An environment of another Python is made anew. Debian's Python comes without ensurepip, but pip can serve itself.
-$(VENV)/.python-$(VERSION) $(VENV_OLDEST)/.python-$(VERSION):
+$(VENV)/.python-$(VERSION) $(VENV_OLDEST)/.python-$(VERSION) $(VENV)-fmm/.python-$(VERSION):
 	@if [ $(VERSION) = none ]; then \
 		echo "Python 3.11 or 3.13 is needed (pip's bpy is built for these only), and none of '$(CANDIDATES)' is one: say which to use with PYTHON=…, for example make demo PYTHON=/usr/bin/python3.11" >&2; exit 1; fi
 	@rm -rf $(@D)

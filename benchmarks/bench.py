@@ -1,0 +1,219 @@
+"""All timings in one run, as Markdown tables: ours, direct summation, fmm2dpy, finufft, Blender's own Poisson disks.
+
+    python benchmarks/bench.py --output output/bench.md [--device cuda:0] [--bodies 10000 100000] [--fmm .venv-fmm/bin/python]
+
+Medians of ``--repeat`` warm runs; what is compared alternates. Machines differ and are shared: look at the ratios.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+from direct_summation import DirectSummation, direct_solve
+from esh.engine.device import Launcher, resolve_device
+from esh.engine.problem import BodyClass, Domain, Problem, Size
+from esh.engine.quality import coverage_error
+from esh.engine.relaxation import _Relaxation, solve
+
+SQUARE = Domain((64.0, 64.0))
+UNIFORM = np.ones((1, 1), dtype=np.float32)
+# Where direct summation is compared over a whole run.
+DIRECT_BODIES = 16_384
+# Steps that the paper's scheme takes, and direct descent with our step lengths.
+PAPER_STEPS, DIRECT_STEPS = 1000, 300
+
+
+def problem_of(count: int, groups: int = 1) -> Problem:
+    """One group; or classes of two sizes. A third of the space is covered."""
+    area = SQUARE.area / count / 3.0
+    if groups == 1:
+        return Problem(SQUARE, [BodyClass("a", [Size("s", area, count)])])
+    each = count // groups
+    sizes = [Size("s", 0.5 * area, each), Size("l", 1.5 * area, each)]
+    return Problem(SQUARE, [BodyClass(f"class {c}", sizes) for c in range(groups // 2)])
+
+
+def timed(run: Callable[[], object]) -> float:
+    """Seconds of one call."""
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
+
+
+def peak_memory(count: int, groups: int, device: str) -> float:
+    """Peak resident size [GB] of a process that solves a problem of this size."""
+    script = (
+        "import resource, sys; sys.path.insert(0, sys.argv[1]); from bench import problem_of; "
+        "from esh.engine.relaxation import solve; "
+        f"solve(problem_of({count}, {groups}), device='{device}', max_steps=3); "
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    command = [sys.executable, "-c", script, str(Path(__file__).parent)]
+    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout) / 1e6
+
+
+def whole_runs(device: str, counts: list[int], repeat: int) -> list[str]:
+    """Table of whole runs, and how time grows."""
+    lines = ["| bodies | one group | six groups | coverage error | peak memory, one / six |", "|---|---|---|---|---|"]
+    median: dict[tuple[int, int], float] = {}
+    for count in counts:
+        for groups in (1, 6):
+            solve(problem_of(count, groups), device=device, max_steps=2)
+        seconds: dict[int, list[float]] = {1: [], 6: []}
+        for _ in range(repeat if count <= 200_000 else 1):
+            for groups in (1, 6):
+                problem = problem_of(count, groups)
+                start = time.perf_counter()
+                report = solve(problem, device=device).report
+                seconds[groups].append(time.perf_counter() - start)
+                if groups == 1:
+                    error = report.coverage_error
+        for groups in (1, 6):
+            median[count, groups] = statistics.median(seconds[groups])
+        memory = " / ".join(f"{peak_memory(count, groups, device):.1f} GB" for groups in (1, 6))
+        lines.append(f"| {count:,} | {median[count, 1]:.2f} s | {median[count, 6]:.2f} s | {error:.4f} | {memory} |")
+        print(lines[-1], flush=True)
+    if len(counts) > 1:
+        growth = [
+            math.log(median[counts[-1], g] / median[counts[0], g]) / math.log(counts[-1] / counts[0]) for g in (1, 6)
+        ]
+        lines += ["", f"Time grows as n^{growth[0]:.2f} (one group) and n^{growth[1]:.2f} (six groups)."]
+    return lines
+
+
+def against_direct(launcher: Launcher, repeat: int) -> list[str]:
+    """Our whole run against direct summation of the same problem."""
+    problem = problem_of(DIRECT_BODIES)
+    device = launcher.device.alias
+    solve(problem, device=device, max_steps=2)
+    sums = DirectSummation(problem, launcher, double=False)
+    position = np.random.default_rng(0).random((DIRECT_BODIES, 2)) * sums.size
+    sums.repulsion(position)
+    ours, step = [], []
+    for _ in range(repeat):
+        ours.append(timed(lambda: solve(problem, device=device)))
+        step.append(timed(lambda: (sums.repulsion(position), sums.attraction(position))))
+    per_step = statistics.median(step)
+    reached = direct_solve(problem, launcher, steps=DIRECT_STEPS, double=False)
+    theirs = coverage_error(reached, np.ones(DIRECT_BODIES), UNIFORM, SQUARE)
+    own = solve(problem, device=device).report.coverage_error
+    run = statistics.median(ours)
+    return [
+        "| 16,384 bodies | seconds | coverage error | times ours |",
+        "|---|---|---|---|",
+        f"| ours, whole run | {run:.2f} | {own:.4f} | 1 |",
+        f"| direct summation, our step lengths, {DIRECT_STEPS} steps | {DIRECT_STEPS * per_step:.1f} | {theirs:.4f} | "
+        f"{DIRECT_STEPS * per_step / run:.0f} |",
+        f"| direct summation, the paper's scheme, {PAPER_STEPS} steps | {PAPER_STEPS * per_step:.1f} | | "
+        f"{PAPER_STEPS * per_step / run:.0f} |",
+    ]
+
+
+def evaluate(relaxation: _Relaxation, points: wp.array) -> None:
+    """Evaluate all forces once, to the end."""
+    relaxation.field.evaluate(points, relaxation.field_at_charge)
+    wp.synchronize_device(relaxation.launcher.device)
+
+
+def force_evaluations(launcher: Launcher, counts: list[int], repeat: int, fmm: Path | None) -> list[str]:
+    """One evaluation of all forces: ours, direct, fmm2dpy, finufft."""
+    lines = ["| charges | ours | direct, float32 | fmm2dpy | finufft, far part only |", "|---|---|---|---|---|"]
+    for count in counts:
+        relaxation = _Relaxation(problem_of(count), launcher)
+        rng = np.random.default_rng(0)
+        position = (rng.random((count, 2)) * relaxation.size).astype(np.float32)
+        points = wp.array(position, dtype=wp.vec2, device=launcher.device)
+        evaluate(relaxation, points)
+        ours: list[float] = []
+        others: list[dict[str, float]] = []
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "points.npz"
+            # Modes that resolve the same split: as many as our mesh has nodes.
+            modes = max(relaxation.field.layout.padded)
+            np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)
+            for _ in range(repeat):
+                ours.append(timed(partial(evaluate, relaxation, points)))
+                if fmm is not None:
+                    command = [str(fmm), str(Path(__file__).parent / "other_libraries.py"), str(path)]
+                    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+                    others.append(json.loads(output.splitlines()[-1]))
+        own = statistics.median(ours)
+        cells = [f"{own:.4f} s"]
+        if count <= 100_000:
+            sums = DirectSummation(problem_of(count), launcher, double=False)
+            scaled = rng.random((count, 2)) * sums.size
+            sums.repulsion(scaled)
+            seconds = timed(partial(sums.repulsion, scaled))
+            cells.append(f"{seconds:.2f} s ({seconds / own:.0f} times)")
+        else:
+            cells.append("-")
+        for name in ("fmm2dpy", "finufft"):
+            if others:
+                seconds = statistics.median(entry[name] for entry in others)
+                cells.append(f"{seconds:.2f} s ({seconds / own:.1f} times)")
+            else:
+                cells.append("-")
+        lines.append(f"| {count:,} | {' | '.join(cells)} |")
+        print(lines[-1], flush=True)
+    return lines
+
+
+def main() -> None:
+    """Print and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("output/bench.md"))
+    parser.add_argument("--device", default="auto")
+    parser.add_argument("--bodies", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--fmm", type=Path, help="Python that has fmm2dpy and finufft")
+    options = parser.parse_args()
+    device = resolve_device(options.device)
+    launcher = Launcher(device)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    large = [count for count in options.bodies if count >= 100_000] or options.bodies
+    sections = [
+        f"# Benchmark\n\n{device.name} ({device.alias}), {processor()}, {cores} cores used, {platform.machine()}; "
+        f"medians of {options.repeat} (1 above 200,000 bodies).",
+        "## Whole runs\n\n" + "\n".join(whole_runs(device.alias, options.bodies, options.repeat)),
+        "## Against direct summation\n\n" + "\n".join(against_direct(launcher, options.repeat)),
+        "## One evaluation of the forces\n\n"
+        + "\n".join(force_evaluations(launcher, large, options.repeat, options.fmm)),
+    ]
+    if importlib.util.find_spec("bpy") is not None:
+        command = [sys.executable, str(Path(__file__).parent / "blender_poisson.py"), "--bodies"]
+        counts = [str(count) for count in options.bodies if count <= 100_000] or ["10000"]
+        table = subprocess.run([*command, *counts], capture_output=True, text=True, check=True).stdout
+        sections.append("## Blender's own distribution\n\n" + table[table.index("|") :].strip())
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text("\n\n".join(sections) + "\n", encoding="utf-8")
+    print("\n\n".join(sections))
+
+
+def processor() -> str:
+    """Name of this machine's processor."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="ascii").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or "unknown processor"
+
+
+if __name__ == "__main__":
+    main()
