@@ -11,6 +11,7 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
 
@@ -18,6 +19,7 @@ import warp as wp
 
 from .errors import DeviceError
 from .native_output import muted
+from .profile import Profile
 
 __all__ = ["Launcher", "resolve_device"]
 
@@ -73,12 +75,18 @@ class Launcher:
 
     Args:
         device: From :func:`resolve_device`.
+        profile: Gets the time that every :meth:`phase` takes.
     """
 
-    def __init__(self, device: wp.Device) -> None:
+    def __init__(self, device: wp.Device, profile: Profile | None = None) -> None:
         self.device = device
+        self._profile = profile
         self.thread_count = 1 if device.is_cuda else core_count()
         self._pool = ThreadPoolExecutor(self.thread_count) if self.thread_count > 1 else None
+
+    def phase(self, name: str) -> AbstractContextManager[None]:
+        """Count the time of a block as that of a phase, where somebody asked for a profile."""
+        return nullcontext() if self._profile is None else self._profile.phase(name, self.device)
 
     def close(self) -> None:
         """Give the threads back."""

@@ -184,31 +184,35 @@ class Field:
             position: Charge positions inside the domain, ``wp.vec2``, shape ``[n]``.
             field: Receives the result, ``wp.vec2``, shape ``[n]``.
         """
-        self._sort(position)
-        self._deposit()
-        self._solve_far_field()
-        self.launcher.launch(
-            kernels_field.evaluate_field,
-            self.charge_count,
-            [
-                self._order,
-                *self._sorted,
-                self._sorted_group,
-                self._cell_start,
-                self.cells,
-                self.cutoff**2,
-                -math.log2(math.e) / (2.0 * self.split**2),
-                self._interaction,
-                self.group_count,
-                self.mesh,
-                self._potential,
-                self._fine_mesh,
-                self._correction.potential,
-                self._correction.row,
-                self._correction.scale,
-            ],
-            [field],
-        )
+        with self.launcher.phase("sort"):
+            self._sort(position)
+        with self.launcher.phase("deposit"):
+            self._deposit()
+        with self.launcher.phase("FFT"):
+            self._solve_far_field()
+        with self.launcher.phase("near field, interpolation"):
+            self.launcher.launch(
+                kernels_field.evaluate_field,
+                self.charge_count,
+                [
+                    self._order,
+                    *self._sorted,
+                    self._sorted_group,
+                    self._cell_start,
+                    self.cells,
+                    self.cutoff**2,
+                    -math.log2(math.e) / (2.0 * self.split**2),
+                    self._interaction,
+                    self.group_count,
+                    self.mesh,
+                    self._potential,
+                    self._fine_mesh,
+                    self._correction.potential,
+                    self._correction.row,
+                    self._correction.scale,
+                ],
+                [field],
+            )
 
     def _sort(self, position: wp.array) -> None:
         n = self.charge_count

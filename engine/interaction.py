@@ -99,6 +99,9 @@ def _size_emphases(problem: Problem, body_class: BodyClass) -> list[float]:
 
 def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut areas into levels of equal width: the level of every body, and the mean emphasis of every level that has bodies."""
+    if most == LEVELS:
+        # A handful of bodies has no use for so many, each of which costs a transform.
+        most = max(4, min(most, math.ceil(0.5 * math.sqrt(len(area)))))
     low, high = float(area.min()), float(area.max())
     width = (high - low) / most
     if width <= 0.0:

@@ -30,6 +30,7 @@ from .measurement import measure, survey
 from .memory import check_memory
 from .placement import Placement
 from .problem import Problem
+from .profile import Profile
 from .report import NO_REPORT
 
 __all__ = ["Progress", "solve"]
@@ -70,6 +71,7 @@ def solve(
     device: str = "auto",
     max_steps: int = 150,
     progress: Callable[[Progress], bool | None] | None = None,
+    profile: Profile | None = None,
 ) -> Placement:
     """Place the bodies of ``problem``.
 
@@ -79,6 +81,7 @@ def solve(
         max_steps: Steps of the relaxation at most, >= 1.
         progress: Called after every step with a :class:`Progress`; returning False stops the run, which then returns what
             is there, with ``report.converged`` False.
+        profile: Gets the seconds that every phase takes.
 
     Returns:
         The placement, with exact counts and its report. ``report.converged`` is True when the last steps were small: an RMS
@@ -90,15 +93,18 @@ def solve(
     """
     start_time = time.perf_counter()
     max_steps = check_count(max_steps, "`max_steps`")
-    launcher = Launcher(resolve_device(device))
+    launcher = Launcher(resolve_device(device), profile)
     try:
         check_memory(problem)
-        relaxation = _Relaxation(problem, launcher)
+        with launcher.phase("set-up"):
+            relaxation = _Relaxation(problem, launcher)
         steps, converged = relaxation.run(max_steps, progress)
-        if relaxation.contact is not None and problem.avoid_overlap:
-            relaxation.contact.separate(relaxation.pose, relaxation.bend)
-        placement = _placement(problem, relaxation)
-        report = measure(placement, launcher)
+        with launcher.phase("contact"):
+            if relaxation.contact is not None and problem.avoid_overlap:
+                relaxation.contact.separate(relaxation.pose, relaxation.bend)
+        with launcher.phase("report"):
+            placement = _placement(problem, relaxation)
+            report = measure(placement, launcher)
         seconds = time.perf_counter() - start_time
         report = replace(report, steps=steps, converged=converged, seconds=seconds)
         return replace(placement, report=report)
@@ -191,13 +197,48 @@ class _Relaxation:
         t = 1.0
         residual = math.inf
         for step in range(1, max_steps + 1):
+            self._place_charges(domain, periodic)
+            self.field.evaluate(self.charge_position, self.field_at_charge)
+            self._move_bodies(domain)
+            if self.contact is not None:
+                with self.launcher.phase("contact"):
+                    self.contact.push(self.pose, self.bend, self.displacement)
+            with self.launcher.phase("readback"):
+                uphill, moved, *lengths = self._read_sums()
+            self.rules.meet_lengths(lengths)
+            residual = math.sqrt(moved / self.body_count)
+            if uphill > 0.0:
+                t = 1.0
+            following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * t * t))
+            momentum = (t - 1.0) / following
+            t = following
+            with self.launcher.phase("update"):
+                self.launcher.launch(
+                    kernels_update.look_ahead,
+                    self.body_count,
+                    [self.pose, self.displacement, momentum, domain, periodic],
+                    [self.ahead],
+                )
+            if progress is not None:
+                with self.launcher.phase("progress"):
+                    go_on = progress(Progress(step, max_steps, residual, self.position_in_metres()))
+                if go_on is False:
+                    return step, False
+            if residual < TOLERANCE:
+                return step, True
+        return max_steps, residual < SETTLED
+
+    def _place_charges(self, domain: wp.vec2, periodic: int) -> None:
+        with self.launcher.phase("update"):
             self.launcher.launch(
                 kernels_update.place_charges,
                 self.charge_count,
                 [self.ahead, self.charge_body, self.bodies, self.bend, domain, periodic],
                 [self.charge_position],
             )
-            self.field.evaluate(self.charge_position, self.field_at_charge)
+
+    def _move_bodies(self, domain: wp.vec2) -> None:
+        with self.launcher.phase("update"):
             self.sums.zero_()
             self.launcher.launch(
                 kernels_update.move_bodies,
@@ -217,29 +258,6 @@ class _Relaxation:
                 ],
                 [self.pose, self.bend, self.displacement, self.sums],
             )
-            if self.contact is not None:
-                self.contact.push(self.pose, self.bend, self.displacement)
-            uphill, moved, *lengths = self._read_sums()
-            self.rules.meet_lengths(lengths)
-            residual = math.sqrt(moved / self.body_count)
-            if uphill > 0.0:
-                t = 1.0
-            following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * t * t))
-            momentum = (t - 1.0) / following
-            t = following
-            self.launcher.launch(
-                kernels_update.look_ahead,
-                self.body_count,
-                [self.pose, self.displacement, momentum, domain, periodic],
-                [self.ahead],
-            )
-            if progress is not None:
-                state = Progress(step, max_steps, residual, self.position_in_metres())
-                if progress(state) is False:
-                    return step, False
-            if residual < TOLERANCE:
-                return step, True
-        return max_steps, residual < SETTLED
 
     def _read_sums(self) -> list[float]:
         sums = self.sums.numpy().reshape(-1, kernels_update.SLOTS).sum(axis=1)

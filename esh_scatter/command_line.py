@@ -22,6 +22,7 @@ from ..engine.errors import EshError, ProblemError
 if TYPE_CHECKING:
     from ..engine.placement import Placement
     from ..engine.problem import Problem
+    from ..engine.profile import Profile
     from ..engine.relaxation import Progress
 
 __all__ = ["main"]
@@ -115,6 +116,7 @@ def _parser() -> argparse.ArgumentParser:
         "--device", metavar="D", default="auto", help='"auto" (default: a GPU where there is one), "cpu" or "cuda:0"'
     )
     solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=150, help="steps at most (default: 150)")
+    solve.add_argument("--profile", action="store_true", help="print where the time went")
     solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
     return parser
 
@@ -147,7 +149,10 @@ def _solve(options: argparse.Namespace) -> int:
 
     problem = read_recipe(options.recipe, seed=options.seed)
     _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
-    placement = _run(problem, options)
+    from ..engine.profile import Profile
+
+    profile = Profile() if options.profile else None
+    placement = _run(problem, options, profile)
     writers = {path: placement_writer(path, placement) for path in options.output}
     if options.report is not None:
         writers[options.report] = lambda file: _write_report(file, placement)
@@ -162,6 +167,9 @@ def _solve(options: argparse.Namespace) -> int:
         write_files(writers)
     if not options.quiet:
         print(placement.report)
+    if profile is not None:
+        print(profile)
+    if profile is not None or not options.quiet:
         sys.stdout.flush()
     return 0
 
@@ -176,7 +184,7 @@ def _halftone_writer(options: argparse.Namespace, placement: Placement) -> Calla
     return lambda file: write_halftone_png(file, placement, pixels_per_metre=options.scale, colors=colors)
 
 
-def _run(problem: Problem, options: argparse.Namespace) -> Placement:
+def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None) -> Placement:
     import warp
 
     from ..engine.native_output import muted
@@ -205,7 +213,9 @@ def _run(problem: Problem, options: argparse.Namespace) -> Placement:
             return not pressed
 
         try:
-            placement = solve(problem, device=options.device, max_steps=options.max_steps, progress=on_progress)
+            placement = solve(
+                problem, device=options.device, max_steps=options.max_steps, progress=on_progress, profile=profile
+            )
         except ProblemError as error:
             raise ProblemError(f"{options.recipe}: {error}") from None
     if pressed:

@@ -59,7 +59,7 @@ def test_classes_that_may_overlap_do_not_see_each_other():
 
 def test_a_range_of_areas_has_nearly_the_papers_continuous_matrix():
     """Figure 12: i / (A_j A_k) = min(A_j², A_k²), over that of the smallest body."""
-    problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", (0.5, 2.0), 500)])])
+    problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", (0.5, 2.0), 3000)])])
     groups = group_bodies(problem)
     squared = problem.body_areas() ** 2
     wanted = np.minimum(squared[:, None], squared[None])
