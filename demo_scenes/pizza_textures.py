@@ -107,22 +107,22 @@ MENU = (
         "Rings",
         {
             "salami": Topping((7, 9, 12), _ring(0.78, 0.12)),
-            "chilli": Topping((4, 3), _ring(0.48, 0.07), _tangent),
+            "chilli": Topping((3, 3), _ring(0.48, 0.07), _tangent),
             "mushroom": Topping((2, 3, 4), _ring(0.0, 0.26)),
         },
     ),
     Pizza(
         "From left to right",
         {
-            "ham": Topping((3, 5, 6), lambda x, y: np.clip(0.5 - 0.8 * x, 0.0, 1.0) ** 2.2),
-            "salami": Topping((4, 7, 11), lambda x, y: np.clip(0.5 + 0.8 * x, 0.0, 1.0) ** 2.2),
+            "ham": Topping((3, 4, 6), lambda x, y: np.clip(0.5 - 0.8 * x, 0.0, 1.0) ** 2.2),
+            "salami": Topping((4, 7, 10), lambda x, y: np.clip(0.5 + 0.8 * x, 0.0, 1.0) ** 2.2),
             "anchovy": Topping((4, 4), lambda x, y: 1.0 - 0.5 * np.hypot(x, y), _radial),
         },
     ),
     Pizza(
         "Spiral",
         {
-            "chilli": Topping((5, 5), _ARMS, _spiral_direction(2.6)),
+            "chilli": Topping((4, 4), _ARMS, _spiral_direction(2.6)),
             "mushroom": Topping((4, 7, 9), _BETWEEN),
             "ham": Topping((3, 4, 5), _BETWEEN),
         },
