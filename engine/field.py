@@ -170,12 +170,20 @@ class Field:
         # In the plane the kernel has no transform of its own; that of its samples on the padded mesh, which no pair of
         # nodes of the unpadded one reaches around, convolves exactly.
         rows, columns = self.layout.padded
-        step = self.layout.spacing[0]
-        y = np.minimum(np.arange(rows), rows - np.arange(rows))[:, None] * step
-        x = np.minimum(np.arange(columns), columns - np.arange(columns))[None, :] * step
-        kernel = np.fft.rfft2(_far_kernel(x**2 + y**2, self.split)).real
-        full = np.concatenate([kernel, kernel[:, 1 : columns - columns // 2][:, ::-1]], axis=1)
-        return full[: rows // 2 + 1] * self.layout.window()
+        quarter = _far_kernel((rows // 2 + 1, columns // 2 + 1), self.layout.spacing[0], self.split)
+        kernel = np.empty((rows, columns // 2 + 1))
+        kernel[: rows // 2 + 1] = quarter
+        kernel[rows // 2 + 1 :] = quarter[1 : rows - rows // 2][::-1]
+        # Even along both axes, so both transforms are real.
+        half = np.fft.rfft(kernel, axis=0).real
+        mirrored = np.empty((rows // 2 + 1, columns))
+        mirrored[:, : columns // 2 + 1] = half
+        mirrored[:, columns // 2 + 1 :] = half[:, 1 : columns - columns // 2][:, ::-1]
+        spectrum = np.fft.rfft(mirrored, axis=1).real
+        mirrored[:, : columns // 2 + 1] = spectrum
+        mirrored[:, columns // 2 + 1 :] = spectrum[:, 1 : columns - columns // 2][:, ::-1]
+        mirrored *= self.layout.window()
+        return mirrored
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -277,16 +285,18 @@ def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], 
     return images, charge
 
 
-def _far_kernel(squared_distance: np.ndarray, split: float) -> np.ndarray:
-    """-log r convolved with a Gaussian of standard deviation ``split``: -(log r² + E1(r²/2s²)) / 2."""
-    z = squared_distance / (2.0 * split**2)
-    result = np.empty_like(z)
-    # E1(z) < 1e-18 beyond 38: the plain logarithm.
-    far = z > 38.0
-    result[far] = -0.5 * np.log(squared_distance[far])
-    near, inverse = np.unique(z[~far], return_inverse=True)
-    smooth = np.array([_log_plus_e1(value) for value in near])
-    result[~far] = -0.5 * (smooth[inverse.ravel()] + math.log(2.0 * split**2))
+def _far_kernel(shape: tuple[int, int], step: float, split: float) -> np.ndarray:
+    """-log r convolved with a Gaussian of standard deviation ``split``: -(log r² + E1(r²/2s²)) / 2, on nodes from r = 0 on."""
+    squared = (np.arange(shape[0]) * step)[:, None] ** 2 + (np.arange(shape[1]) * step)[None, :] ** 2
+    squared[0, 0] = 1.0
+    result = -0.5 * np.log(squared)
+    squared[0, 0] = 0.0
+    # E1(z) < 1e-18 beyond z = 38: the plain logarithm.
+    reach = math.ceil(math.sqrt(2.0 * 38.0) * split / step)
+    near = squared[:reach, :reach] / (2.0 * split**2)
+    value, inverse = np.unique(near, return_inverse=True)
+    smooth = np.array([_log_plus_e1(z) for z in value])
+    result[:reach, :reach] = -0.5 * (smooth[inverse.reshape(near.shape)] + math.log(2.0 * split**2))
     return result
 
 

@@ -95,10 +95,12 @@ def _potentials(
     rows: np.ndarray,
 ) -> wp.array:
     kx, ky = layout.wave_numbers()
+    kernel = np.exp(-0.5 * blur**2 * ky**2) * np.exp(-0.5 * blur**2 * kx**2)
+    kernel -= np.exp(-0.5 * split**2 * ky**2) * np.exp(-0.5 * split**2 * kx**2)
     k2 = kx**2 + ky**2
-    safe = np.where(k2 > 0.0, k2, 1.0)
-    kernel = 2.0 * np.pi / safe * (np.exp(-0.5 * blur**2 * k2) - np.exp(-0.5 * split**2 * k2))
-    kernel = np.where(k2 > 0.0, kernel, np.pi * (split**2 - blur**2))
+    k2[0, 0] = 1.0
+    kernel *= 2.0 * np.pi / k2
+    kernel[0, 0] = np.pi * (split**2 - blur**2)
     convolution = Convolution(launcher, layout.shape, layout.padded)
     influence = convolution.influence_array(kernel * layout.window() / layout.node_area)
     deposited = [
