@@ -26,10 +26,11 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo figures bench test extension lint format clean
+.PHONY: help demo pizza figures bench test extension lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
+	@echo "make pizza      model, scatter and render four pizzas into $(OUTPUT)/"
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
@@ -42,6 +43,9 @@ help: ## Say what can be made
 
 demo: $(VENV)/.with-blender
 	$(RUN) demo_scenes/forest.py --output $(OUTPUT)
+
+pizza: $(VENV)/.with-blender
+	$(RUN) demo_scenes/pizza.py --output $(OUTPUT)
 
 figures: $(VENV)/.with-test
 	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures
