@@ -30,6 +30,9 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 # A square of 16384: more than any texture, and 4 GB of work already. A file of a few bytes can claim any size.
 MOST_PIXELS = 2**28
 ACCEPTED = "a density is a PNG, JPEG, EXR or .npy file"
+SAVE_AGAIN = "save or copy it again"
+# What the first bytes of a PNG and of a JPEG are.
+SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
 
 
 def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
@@ -146,9 +149,9 @@ def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
             f"{path} claims too many pixels; at most {2 * (Image.MAX_IMAGE_PIXELS or 0)} are read"
         ) from None
     except Image.UnidentifiedImageError:
-        raise InputFileError(f"{path} is neither a PNG nor a JPEG, whatever its ending; {ACCEPTED}") from None
+        raise InputFileError(f"{path} {_what_pillow_does_not_know(path)}") from None
     except Exception as error:  # decoders raise whatever damaged bytes lead them to: struct.error, OverflowError, ...
-        raise InputFileError(f"{path} cannot be read ({_reason(error)}); {ACCEPTED}") from None
+        raise InputFileError(f"{path} {_damage(error)}") from None
     with image:
         _check_pixel_count(path, *image.size)
         try:
@@ -158,7 +161,27 @@ def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
             upright = ImageOps.exif_transpose(image)
             return _shallow(upright)
         except Exception as error:
-            raise InputFileError(f"{path} is damaged or cut short ({_reason(error)}); write it anew") from None
+            raise InputFileError(f"{path} {_damage(error)}") from None
+
+
+def _damage(error: Exception) -> str:
+    """Say what an error of Pillow's decoders means."""
+    if isinstance(error, OSError) and error.errno is not None:  # the system's, not the decoder's
+        return f"cannot be read ({_reason(error)}); {ACCEPTED}"
+    if "truncated" in str(error).lower():
+        return f"is cut short: {SAVE_AGAIN}"
+    return f"is damaged ({_reason(error)}): {SAVE_AGAIN}"
+
+
+def _what_pillow_does_not_know(path: Path) -> str:
+    """Say what is wrong with a picture whose header Pillow cannot read."""
+    with path.open("rb") as file:
+        start = file.read(8)
+    if not start:
+        return f"is empty: {SAVE_AGAIN}"
+    if any(start.startswith(signature) or signature.startswith(start) for signature in SIGNATURES):
+        return f"is cut short or damaged in its header: {SAVE_AGAIN}"
+    return f"is neither a PNG nor a JPEG, whatever its ending; {ACCEPTED}"
 
 
 def _shallow(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:

@@ -361,6 +361,8 @@ def _read_toml(path: Path) -> dict[str, Any]:
             raise InputFileError(f"{path} is a folder; a recipe is a TOML file")
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
+    except InputFileError:  # it is a ValueError, too
+        raise
     except FileNotFoundError:
         raise InputFileError(f"{path} does not exist; a recipe is a TOML file") from None
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
@@ -402,7 +404,7 @@ class _Table:
         """Refuse a key that this table does not have, and say which one was probably meant."""
         for name in self.entries:
             if name not in known:
-                nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
+                nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
                 meant = f"did you mean `{nearest[0]}`" if nearest else f"known are {', '.join(known)}"
                 raise self.error(show(name).strip('"'), f"is not a known key; {meant}")
 

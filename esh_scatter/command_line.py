@@ -130,16 +130,23 @@ def _positive(text: str) -> float:
 
 
 class _whole:
-    """Type of an argument: a whole number of at least ``least``."""
+    """Type of an argument: a whole number of at least ``least`` and below 2**63."""
 
     def __init__(self, least: int) -> None:
         self.least = least
 
     def __call__(self, text: str) -> int:
-        with contextlib.suppress(ValueError):
-            if int(text) >= self.least:
-                return int(text)
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least {self.least}; got {text!r}")
+        shown = repr(text if len(text) <= 60 else f"{text[:57]}...")
+        try:
+            number = int(text)
+        except ValueError:
+            # Python reads no whole numbers of thousands of digits.
+            number = 2**63 if text.isdecimal() else self.least - 1
+        if number >= 2**63:
+            raise argparse.ArgumentTypeError(f"must be below 2**63 = {2**63}; got {shown}")
+        if number < self.least:
+            raise argparse.ArgumentTypeError(f"must be a whole number of at least {self.least}; got {shown}")
+        return number
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -296,6 +303,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
     endings = {"-o": (".npz", ".csv"), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
     seen: dict[Path, Path] = {}
     for option, path in _outputs(options):
+        if path.name.lower() in endings[option]:
+            raise EshError(f"{option} {path} must have a name before its ending, for example plan{path.name}")
         if path.suffix.lower() not in endings[option]:
             raise EshError(
                 f"{option} {path} must end in {' or '.join(endings[option])}; got the ending {path.suffix!r}"

@@ -249,7 +249,7 @@ def test_files_that_are_not_there_or_of_another_kind(tmp_path):
         "absent.png": "does not exist",
         "folder.png": "is a folder",
         "text.png": "is neither a PNG nor a JPEG",
-        "empty.jpg": "is neither a PNG nor a JPEG",
+        "empty.jpg": "is empty: save or copy it again",
         "image.tiff": "not of a kind that can be read.*got the ending '.tiff'",
         "image": "got the ending ''",
         "nul\0.png": "png",
@@ -257,6 +257,22 @@ def test_files_that_are_not_there_or_of_another_kind(tmp_path):
     }.items():
         with pytest.raises(InputFileError, match=complaint):
             read_density(tmp_path / name, False)
+
+
+@pytest.mark.parametrize("name", ["whole.png", "whole.jpg"])
+def test_a_picture_that_was_cut_short_is_called_so(tmp_path, name):
+    path = tmp_path / name
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64)).astype(np.uint8)
+    Image.fromarray(noise).save(path)
+    whole = path.read_bytes()
+    assert read_density(path).shape == (64, 64)
+    for length in (3, 20, len(whole) // 2, len(whole) - 50):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputFileError) as refusal:
+            read_density(path)
+        sentence = str(refusal.value)
+        assert sentence.startswith(f"{path} is cut short") and sentence.endswith(": save or copy it again")
+        assert "neither" not in sentence and sentence.count("cut short") == 1 and "(" not in sentence
 
 
 @given(data=st.data())

@@ -134,6 +134,11 @@ MISTAKES = {
         "wxyz = 7",
         "`wxyz` is not a known key; known are version, seed, avoid_overlap, domain",
     ),
+    "unknown class key, of a colour": (
+        "density = 0.5",
+        'density = 0.5\ncolour = "red"',
+        '`class[2].colour` (class "beech") is not a known key; ',
+    ),
     "unknown domain key": ("boundary =", "boundry =", "`domain.boundry` is not a known key; did you mean `boundary`"),
     "unknown balance key": (
         "class_separation",
@@ -261,8 +266,9 @@ def test_what_is_not_text(folder):
 def test_what_is_not_a_file(tmp_path):
     with pytest.raises(InputFileError, match=r"absent\.toml does not exist; a recipe is a TOML file"):
         read_recipe(tmp_path / "absent.toml")
-    with pytest.raises(InputFileError, match="is a folder; a recipe is a TOML file"):
+    with pytest.raises(InputFileError) as refusal:
         read_recipe(tmp_path)
+    assert str(refusal.value) == f"{tmp_path} is a folder; a recipe is a TOML file"
     with pytest.raises(InputFileError, match="cannot be read"):
         read_recipe(tmp_path / "nul\0.toml")
     with pytest.raises(InputFileError, match="cannot be read"):
