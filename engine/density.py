@@ -8,7 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["box_integrals", "sample_density", "settle_on_full_pixels", "spline_deposit"]
+__all__ = ["box_integrals", "sample_density", "settle_on_full_pixels", "spline_bands", "spline_deposit"]
+
+# Nodes beyond either end of a periodic mesh that splines within it reach.
+FOLD = 3
+# Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
+# the weights of it and the following ones, shape [cells, reach].
+Band = tuple[np.ndarray, np.ndarray]
 
 
 def box_integrals(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -48,18 +54,31 @@ def spline_deposit(
         Share of the image's integral at every node, shape ``shape``, float64, sum 1; row 0 at the bottom.
     """
     upright = np.asarray(image, dtype=np.float64)[::-1]
-    # A periodic mesh gets three nodes more at either end, which are then folded onto the nodes that they stand for.
-    fold = 3 if periodic else 0
-    bands = [
-        _spline_band(np.arange(-fold, nodes + fold) - margin, length / pixels / step, pixels)
-        for nodes, pixels, length, step in zip(shape, upright.shape, size[::-1], spacing[::-1], strict=True)
-    ]
-    result = _apply(bands, upright)
+    result = _apply(spline_bands(image.shape, size, shape, spacing, margin, periodic), upright)
     if periodic:
         for axis in (0, 1):
-            result = _fold(np.moveaxis(result, axis, 0), fold)
+            result = _fold(np.moveaxis(result, axis, 0), FOLD)
             result = np.moveaxis(result, 0, axis)
     return result / result.sum()
+
+
+def spline_bands(
+    image_shape: tuple[int, ...],
+    size: tuple[float, float],
+    shape: tuple[int, int],
+    spacing: tuple[float, float],
+    margin: int,
+    periodic: bool,
+) -> list[Band]:
+    """Weights of an image's pixels at the nodes along y and along x, bottom first; see :func:`spline_deposit`.
+
+    A periodic mesh gets ``FOLD`` nodes more at either end, which are to be folded onto the nodes that they stand for.
+    """
+    fold = FOLD if periodic else 0
+    return [
+        _spline_band(np.arange(-fold, nodes + fold) - margin, length / pixels / step, pixels)
+        for nodes, pixels, length, step in zip(shape, image_shape, size[::-1], spacing[::-1], strict=True)
+    ]
 
 
 def sample_density(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
@@ -88,11 +107,6 @@ def settle_on_full_pixels(image: np.ndarray, position: np.ndarray, size: tuple[f
         inside = np.clip(result[body], low[candidates] + 1e-3 * pixel, low[candidates] + (1.0 - 1e-3) * pixel)
         result[body] = inside[np.argmin(((inside - result[body]) ** 2).sum(axis=1))]
     return result
-
-
-# Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
-# the weights of it and the following ones, shape [cells, reach].
-Band = tuple[np.ndarray, np.ndarray]
 
 
 def _apply(bands: list[Band], image: np.ndarray) -> np.ndarray:

@@ -19,10 +19,10 @@ import warp as wp
 
 from . import kernels_cells, kernels_field, kernels_mesh
 from .convolution import Convolution
-from .density import spline_deposit
 from .device import Launcher
 from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from .target_correction import TargetCorrection
+from .target_deposit import deposit_images, mix_images
 
 __all__ = ["Field", "FieldTarget"]
 
@@ -62,7 +62,10 @@ class Field:
         split: Standard deviation of the Gaussian that splits the kernel.
         cutoff: Distance beyond which the near part is left out.
         blur: Standard deviation of the Gaussian by which the targets are smoothed.
-        attraction: Sum over h of M[g, h] u_h as charge per node, shape ``[group_count, rows, columns]``.
+        images: The distinct images of the targets.
+        deposited: Share of every image's integral at every node, flat, one image after the other.
+        attraction: Sum over h of M[g, h] u_h as charge per node, flat, one group after the other.
+        mean_attraction: Its mean as charge per area, shape ``[group_count]``.
     """
 
     def __init__(
@@ -110,12 +113,10 @@ class Field:
 
         images, charge_of_image = _distinct_images(targets)
         attracting = interaction @ charge_of_image
-        layout = self.layout
-        deposited = [
-            spline_deposit(image, size, layout.shape, layout.spacing, layout.margin, periodic) for image in images
-        ]
-        self.attraction = np.tensordot(attracting, np.stack(deposited), axes=1)
-        self._target = wp.array(self.attraction.astype(np.float32).ravel(), dtype=float, device=device)
+        self.images = images
+        self.deposited = deposit_images(launcher, images, self.layout)
+        self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
+        self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
         self._influence = self._convolution.influence_array(self._far_influence())
         self._correction = TargetCorrection(
             launcher,
@@ -264,7 +265,7 @@ class Field:
             self.launcher.launch(
                 kernels_mesh.mix_groups,
                 self.node_count,
-                [self._node_charge, self._interaction, self._target, self.group_count, g, self.node_count],
+                [self._node_charge, self._interaction, self.attraction, self.group_count, g, self.node_count],
                 self._mixed,
             )
             second = self._potentials[g + 1] if g + 1 < self.group_count else self._spare

@@ -54,6 +54,9 @@ LINE_HEIGHT = 40
 # Where the sizes begin beside the name of their class, and what one takes besides its text.
 LEGEND_INDENT = 300
 ENTRY_GAP = 84
+# Radius and half the length of the axis of what stands for lines there, and how it is turned.
+SWATCH_LINE = (3.5, 11.0)
+SWATCH_ANGLE = math.radians(25.0)
 # Sizes of one class that the legend lists; the rest is counted together.
 MOST_SIZES_LISTED = 8
 
@@ -149,7 +152,10 @@ def _draw_bodies(
         c, s = class_index[index], size_index[index]
         axis = axes.get(int(body[index]))
         if axis is not None:
-            _draw_capsule(draw, center[index] + axis, radius[index], size_color[c][s])
+            points, rim = center[index] + axis, rims[index]
+            if rim:
+                _draw_capsule(draw, points, radius[index], rim_color[c][s])
+            _draw_capsule(draw, points, radius[index] - rim, size_color[c][s])
             continue
         draw.ellipse(boxes[index], fill=size_color[c][s], outline=rim_color[c][s], width=rims[index])
     if domain.periodic:
@@ -159,7 +165,7 @@ def _draw_bodies(
     return image.reduce(OVERSAMPLING)
 
 
-def _draw_capsule(draw: Any, points: np.ndarray, radius: float, color: Color) -> None:
+def _draw_capsule(draw: Any, points: np.ndarray, radius: float, color: Color | int) -> None:
     """Draw a thick line with round ends through ``points``, on the picture's scale."""
     corners = [tuple(point) for point in points.tolist()]
     draw.line(corners, fill=color, width=max(1, round(2.0 * radius)), joint="curve")
@@ -186,8 +192,9 @@ def _with_wrapped(
     return np.concatenate(centers), np.concatenate(radii), np.concatenate(bodies)
 
 
-# What stands on one line of the legend: (kind, colour, radius or None, text), laid out from left to right.
-_Entry = tuple[Color, float, str]
+# What stands on one line of the legend, laid out from left to right: colour, radius of the swatch, half the length of
+# its axis (0: a disc), text.
+_Entry = tuple[Color, float, float, str]
 _Line = list[_Entry]
 
 
@@ -201,16 +208,23 @@ def _legend_lines(
         entries: _Line = []
         for s, size in enumerate(body_class.sizes[:MOST_SIZES_LISTED]):
             count = int((in_class & (placement.size_index == s)).sum())
-            radius = min(max(math.sqrt(size.mean_area / math.pi) * scale, 5.0), 15.0)
-            entries.append((size_color[c][s], radius, f"{_short(size.name)}  {count:,}"))
+            text = f"{_short(size.name)}  {count:,}"
+            if isinstance(size.area, tuple):
+                text += f", {size.area[0]:.3g} to {size.area[1]:.3g} m²"
+            if size.line is None:
+                radius, half = min(max(math.sqrt(size.mean_area / math.pi) * scale, 5.0), 15.0), 0.0
+            else:
+                radius, half = SWATCH_LINE
+            entries.append((size_color[c][s], radius, half, text))
         rest = int((in_class & (placement.size_index >= MOST_SIZES_LISTED)).sum())
         if rest:
-            entries.append((class_color[c], 6.0, f"{len(body_class.sizes) - MOST_SIZES_LISTED} more sizes  {rest:,}"))
+            more = f"{len(body_class.sizes) - MOST_SIZES_LISTED} more sizes  {rest:,}"
+            entries.append((class_color[c], 6.0, 0.0, more))
         name = f"{_short(body_class.name)}  {int(in_class.sum()):,}"
         line: _Line = []
         used = float(LEGEND_INDENT)
         for entry in entries:
-            needed = ENTRY_GAP + _font(22, entry[2]).getlength(entry[2])
+            needed = ENTRY_GAP + _font(22, entry[-1]).getlength(entry[-1])
             if line and used + needed > width:
                 lines.append((name, class_color[c], line))
                 name, line, used = "", [], float(LEGEND_INDENT)
@@ -249,8 +263,8 @@ def _compose(
         if name:
             _write(draw, (x, y), name, _mix(color, (0, 0, 0), 0.25), 24, "lm")
         x += LEGEND_INDENT
-        for entry_color, radius, text in entries:
-            _draw_smooth_disc(canvas, (x, y), radius, entry_color)
+        for entry_color, radius, half, text in entries:
+            _draw_swatch(canvas, (x, y), radius, half, entry_color)
             _write(draw, (x + 26, y), text, INK, 22, "lm")
             x += int(ENTRY_GAP + _font(22, text).getlength(text))
     return canvas
@@ -267,13 +281,14 @@ def _draw_scale_bar(draw: Any, right: int, y: int, scale: float, width: float) -
     _write(draw, (right - pixels - 12, y), f"{length:g} m", FAINT_INK, 20, "rs")
 
 
-def _draw_smooth_disc(canvas: Image.Image, center: tuple[int, int], radius: float, color: Color) -> None:
+def _draw_swatch(canvas: Image.Image, center: tuple[int, int], radius: float, half_length: float, color: Color) -> None:
+    """Draw a disc, or a capsule rising to the right, with smooth edges."""
     from PIL import Image, ImageDraw
 
-    half, fine = math.ceil(radius) + 1, 8
+    half, fine = math.ceil(radius + half_length) + 1, 8
     mask = Image.new("L", (2 * half * fine, 2 * half * fine))
-    low, high = (half - radius) * fine, (half + radius) * fine
-    ImageDraw.Draw(mask).ellipse((low, low, high, high), fill=255)
+    end = half_length * np.array([math.cos(SWATCH_ANGLE), -math.sin(SWATCH_ANGLE)])
+    _draw_capsule(ImageDraw.Draw(mask), (half + np.array([-end, end])) * fine, radius * fine, 255)
     mask = mask.reduce(fine)
     canvas.paste(color, (center[0] - half, center[1] - half), mask)
 

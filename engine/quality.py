@@ -117,7 +117,7 @@ def _nearest(
 
 
 def _cloud_in_cell(position: np.ndarray, charge: np.ndarray, domain: Domain, rows: int, columns: int) -> np.ndarray:
-    grid = np.zeros((rows, columns))
+    grid = np.zeros(rows * columns)
     u = position[:, 0] / domain.size[0] * columns - 0.5
     v = position[:, 1] / domain.size[1] * rows - 0.5
     left, low = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
@@ -126,8 +126,8 @@ def _cloud_in_cell(position: np.ndarray, charge: np.ndarray, domain: Domain, row
             # Charge within half a cell of an open edge stays inside: the domain ends there.
             at_row = row % rows if domain.periodic else np.clip(row, 0, rows - 1)
             at_column = column % columns if domain.periodic else np.clip(column, 0, columns - 1)
-            np.add.at(grid, (at_row, at_column), charge * weight_x * weight_y)
-    return grid
+            grid += np.bincount(at_row * columns + at_column, charge * weight_x * weight_y, rows * columns)
+    return grid.reshape(rows, columns)
 
 
 def _blur(grid: np.ndarray, sigma_x: float, sigma_y: float, periodic: bool) -> np.ndarray:

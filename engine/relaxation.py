@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from . import kernels_update
+from . import kernels_density, kernels_update
 from .body_charges import charges_of
 from .checks import check_count
 from .contact import Contact
-from .density import settle_on_full_pixels, spline_deposit
+from .density import settle_on_full_pixels
 from .device import Launcher, resolve_device
 from .field import Field, FieldTarget
 from .full_pixels import images_for_kernels
@@ -32,6 +32,7 @@ from .placement import Placement
 from .problem import Problem
 from .profile import Profile
 from .report import NO_REPORT
+from .target_deposit import mix_images
 
 __all__ = ["Progress", "solve"]
 
@@ -174,21 +175,37 @@ class _Relaxation:
     def _prepare_steps(self) -> None:
         field = self.field
         layout = field.layout
-        attraction = field.attraction / layout.node_area
-        floor = SMALLEST_DENSITY * attraction.mean(axis=(1, 2), keepdims=True)
-        # A group that nothing attracts keeps a finite step.
-        step_length = 1.0 / (2.0 * np.pi * np.maximum(np.maximum(attraction, floor), 1e-12))
-        number = sum(
-            c.body_count
-            * spline_deposit(c.density_image, self.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
-            for c in self.problem.classes
-        )
-        spacing = 1.0 / np.sqrt(
-            np.maximum(number / layout.node_area, SMALLEST_DENSITY * self.body_count / self.charge_count)
-        )
         device = self.launcher.device
-        self.step_length = wp.array(step_length.astype(np.float32).ravel(), dtype=float, device=device)
-        self.step_limit = wp.array((STEP_LIMIT * spacing).astype(np.float32).ravel(), dtype=float, device=device)
+        # A group that nothing attracts keeps a finite step.
+        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-12)
+        self.step_length = wp.empty(self.groups.count * layout.node_count, dtype=float, device=device)
+        self.launcher.launch(
+            kernels_density.find_step_lengths,
+            self.groups.count * layout.node_count,
+            [
+                field.attraction,
+                layout.node_count,
+                1.0 / layout.node_area,
+                wp.array(least, dtype=float, device=device),
+            ],
+            [self.step_length],
+        )
+        count = np.zeros((1, len(field.images)))
+        for c in self.problem.classes:
+            count[0, [image is c.density_image for image in field.images].index(True)] += c.body_count
+        number = mix_images(self.launcher, field.deposited, count, layout.node_count)
+        self.step_limit = wp.empty(layout.node_count, dtype=float, device=device)
+        self.launcher.launch(
+            kernels_density.find_step_limits,
+            layout.node_count,
+            [
+                number,
+                1.0 / layout.node_area,
+                SMALLEST_DENSITY * self.body_count / self.charge_count,
+                STEP_LIMIT,
+            ],
+            [self.step_limit],
+        )
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None) -> tuple[int, bool]:
         """Relax; return the steps taken and whether they converged."""

@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 
 from .convolution import Convolution
-from .density import spline_deposit
 from .device import Launcher
 from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from .target_deposit import deposit_images, mix_images
 
 __all__ = ["TargetCorrection"]
 
@@ -103,16 +103,22 @@ def _potentials(
     kernel[0, 0] = np.pi * (split**2 - blur**2)
     convolution = Convolution(launcher, layout.shape, layout.padded)
     influence = convolution.influence_array(kernel * layout.window() / layout.node_area)
-    deposited = [
-        spline_deposit(image, layout.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
-        for image in images
+    result = mix_images(launcher, deposit_images(launcher, images, layout), rows, layout.node_count)
+    spare = wp.empty(layout.node_count, dtype=float, device=launcher.device)
+    fields = [
+        wp.array(
+            ptr=result.ptr + 4 * row * layout.node_count,
+            shape=(layout.node_count,),
+            dtype=float,
+            device=launcher.device,
+        )
+        for row in range(len(rows))
     ]
-    device = launcher.device
-    result = wp.empty(len(rows) * layout.node_count, dtype=float, device=device)
-    for index, weights in enumerate(rows):
-        mixed = sum(weight * image for weight, image in zip(weights, deposited, strict=True))
-        field = wp.array(np.asarray(mixed, dtype=np.float32).ravel(), dtype=float, device=device)
-        nothing = wp.zeros_like(field)
-        convolution.apply(influence, (field, nothing), (field, nothing))
-        wp.copy(result, field, dest_offset=index * layout.node_count, count=layout.node_count)
+    for first in range(0, len(fields), 2):
+        if first + 1 < len(fields):
+            pair = (fields[first], fields[first + 1])
+        else:
+            spare.zero_()
+            pair = (fields[first], spare)
+        convolution.apply(influence, pair, pair)
     return result

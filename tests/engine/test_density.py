@@ -50,3 +50,23 @@ def test_sample_density_reads_the_pixel_under_a_point():
     image = np.array([[1.0, 2.0], [3.0, 4.0]])
     at = np.array([[0.1, 2.9], [3.9, 2.9], [0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
     np.testing.assert_array_equal(sample_density(image, at, (4.0, 3.0)), [1.0, 2.0, 3.0, 4.0, 2.0])
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_devices_deposit_equals_the_hosts(periodic):
+    from esh.engine.device import Launcher, resolve_device
+    from esh.engine.mesh_layout import open_mesh, periodic_mesh
+    from esh.engine.target_deposit import deposit_images, mix_images
+
+    size = (5.0, 3.0)
+    layout = periodic_mesh(size, 0.08, on_gpu=False) if periodic else open_mesh(size, 0.08, on_gpu=False)
+    images = [IMAGE, np.random.default_rng(1).random((97, 150)).astype(np.float32), np.ones((1, 1), np.float32)]
+    launcher = Launcher(resolve_device("cpu"))
+    deposited = deposit_images(launcher, images, layout)
+    expected = [spline_deposit(image, size, layout.shape, layout.spacing, layout.margin, periodic) for image in images]
+    actual = deposited.numpy().reshape(3, *layout.shape)
+    np.testing.assert_allclose(actual, expected, rtol=2e-5, atol=1e-10)
+    weight = np.array([[1.0, 2.0, 0.0], [0.0, -1.0, 4.0]])
+    mixed = mix_images(launcher, deposited, weight, layout.node_count).numpy().reshape(2, *layout.shape)
+    np.testing.assert_allclose(mixed, np.tensordot(weight, expected, axes=1), rtol=1e-4, atol=1e-9)
+    launcher.close()
