@@ -210,7 +210,7 @@ def _legend_lines(
             count = int((in_class & (placement.size_index == s)).sum())
             text = f"{_short(size.name)}  {count:,}"
             if isinstance(size.area, tuple):
-                text += f", {size.area[0]:.3g} to {size.area[1]:.3g} m²"
+                text += f", areas {size.area[0]:.3g} to {size.area[1]:.3g}"
             if size.line is None:
                 radius, half = min(max(math.sqrt(size.mean_area / math.pi) * scale, 5.0), 15.0), 0.0
             else:

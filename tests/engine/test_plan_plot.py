@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
 from esh.engine.plan_plot import GROUND, MARGIN, PLAN_PIXELS, draw_plan
+from esh.engine.problem import Line
 from PIL import Image
 
 RED, BLUE = (255, 0, 0), (0, 0, 255)
@@ -71,6 +74,85 @@ def test_a_periodic_plan_can_be_tiled():
 
 
 RED_NAME = "#ff0000"
+
+
+def place_lines(domain, classes, position, angle, length, width, bends=None) -> Placement:
+    return replace(
+        place(domain, classes, position),
+        angle=np.array(angle, float),
+        length=np.array(length, float),
+        width=np.array(width, float),
+        bends=bends,
+    )
+
+
+def distance_to_axis(plan: np.ndarray, metre: float, points: np.ndarray) -> np.ndarray:
+    """Distance of every pixel's middle from a polyline [m], in a domain whose lower left corner is the origin."""
+    rows, columns = np.indices(plan.shape[:2])
+    pixel = np.stack([columns + 0.5, plan.shape[0] - rows - 0.5], axis=-1) / metre
+    nearest = np.full(plan.shape[:2], np.inf)
+    for start, end in itertools.pairwise(points):
+        axis = end - start
+        share = np.clip((pixel - start) @ axis / (axis @ axis), 0.0, 1.0)
+        nearest = np.minimum(nearest, np.linalg.norm(pixel - start - share[..., None] * axis, axis=-1))
+    return nearest
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, math.pi / 2, 2.5])
+def test_lines_are_capsules_where_they_lie(angle):
+    size = Size("s", 1.0, 1, line=Line(3.0))
+    placement = place_lines(Domain((8.0, 6.0)), [BodyClass("a", [size])], [[3.0, 3.5]], [angle], [3.0], [0.6])
+    plan = plan_of(placement, colors=["red"])
+    metre = plan.shape[1] / 8.0
+    half = 1.5 * np.array([math.cos(angle), math.sin(angle)])
+    distance = distance_to_axis(plan, metre, np.array([[3.0, 3.5] - half, [3.0, 3.5] + half]))
+    red = is_color(plan, RED)
+    assert red[distance < 0.3 - 2 / metre].all()
+    assert not red[distance > 0.3 + 2 / metre].any()
+
+
+def test_bending_lines_are_polylines_beside_straight_ones():
+    bending, straight = Line(3.0, straightness=0.1, charges=4), Line(1.0)
+    classes = [BodyClass("a", [Size("s", 1.0, 1, line=bending)]), BodyClass("b", [Size("s", 1.0, 1, line=straight)])]
+    way = np.array([[1.0, 1.0], [2.0, 1.0], [2.5, 2.0], [2.0, 3.0]])
+    bends = np.full((2, 4, 2), np.nan)
+    bends[0] = way
+    middle = way.mean(axis=0)
+    placement = place_lines(
+        Domain((8.0, 6.0)), classes, [middle, [6.0, 3.0]], [0.9, 0.0], [2.2, 1.0], [0.3, 0.5], bends
+    )
+    plan = plan_of(placement, colors=["red", "blue"])
+    metre = plan.shape[1] / 8.0
+    for color, points, half_width in ((RED, way, 0.15), (BLUE, np.array([[5.5, 3.0], [6.5, 3.0]]), 0.25)):
+        distance = distance_to_axis(plan, metre, points)
+        drawn = is_color(plan, color)
+        # A rim as dark as a third of a shadow may go uncounted; round joints stand out a pixel at most.
+        assert drawn[distance < half_width - 3 / metre].all()
+        assert not drawn[distance > half_width + 2 / metre].any()
+
+
+@pytest.mark.parametrize("middle", [[0.1, 0.2], [9.9, 5.0], [5.0, 0.0], [0.0, 0.0]])
+def test_lines_come_in_again_at_the_opposite_border(middle):
+    line = BodyClass("a", [Size("s", 1.0, 1, line=Line(4.0))])
+    shapes = [0.7], [4.0], [0.5]
+    domain = Domain((10.0, 10.0), "periodic")
+    inside = is_color(plan_of(place_lines(domain, [line], [[5.0, 5.0]], *shapes), colors=["red"]), RED)
+    moved = is_color(plan_of(place_lines(domain, [line], [middle], *shapes), colors=["red"]), RED)
+    metre = inside.shape[0] / 10.0
+    shift = round((5.0 - middle[1]) * metre), round((middle[0] - 5.0) * metre)
+    # The frame, one pixel along the border, is drawn under the bodies: what differs are pixels at the rim.
+    assert (np.roll(inside, shift, axis=(0, 1)) != moved).sum() < 0.04 * inside.sum()
+
+
+def test_every_body_of_a_range_is_as_large_as_it_is():
+    areas = np.array([0.5, 1.0, 2.0, 4.0])
+    size = Size("any", (0.5, 4.0), 4, distribution=areas)
+    center = np.array([[2.0, 4.0], [6.0, 4.0], [10.0, 4.0], [14.0, 4.0]])
+    plan = is_color(plan_of(place(Domain((16.0, 8.0)), [BodyClass("a", [size])], center), colors=["red"]), RED)
+    metre = plan.shape[1] / 16.0
+    quarters = np.split(plan, 4, axis=1)
+    for quarter, area in zip(quarters, areas, strict=True):
+        assert quarter.sum() / metre**2 == pytest.approx(area, rel=0.05)
 
 
 def test_small_bodies_lie_on_top_of_large_ones():
