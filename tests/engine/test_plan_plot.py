@@ -131,7 +131,7 @@ def test_bending_lines_are_polylines_beside_straight_ones():
         assert not drawn[distance > half_width + 2 / metre].any()
 
 
-@pytest.mark.parametrize("middle", [[0.1, 0.2], [9.9, 5.0], [5.0, 0.0], [0.0, 0.0]])
+@pytest.mark.parametrize("middle", [[0.0, 0.0], [9.9, 5.0], [5.0, 0.0], [1.0, 5.0], [8.9, 9.1]])
 def test_lines_come_in_again_at_the_opposite_border(middle):
     line = BodyClass("a", [Size("s", 1.0, 1, line=Line(4.0))])
     shapes = [0.7], [4.0], [0.5]
