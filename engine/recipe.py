@@ -16,6 +16,7 @@
     invert = false                 # default
     density_correction = false     # default; true: densities are covered shares, and dark ones come out dark
     unsharp = { amount = 1.0, radius = 2.0 }   # default: none
+    color = [0.0, 0.6, 0.3]        # of a halftone's ink: red, green and blue 0..1; default: black
     count = 300                    # of all sizes, which then have shares; or "cover"; default: every size has a count
     [[class.size]]
     name = "large"
@@ -115,15 +116,19 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
 
 
 def recipe_colors(path: str | Path, problem: Problem) -> list[tuple[float, float, float]] | None:
-    """Return the colours of the inks of a recipe's image, one per class of its problem; None where it has classes instead.
+    """Return the colours that a halftone of a recipe is printed in, one per class; None where it names none.
+
+    Those of an [image] are its inks'; classes without a colour are black beside those that have one.
 
     Args:
         path: A recipe that has been read without complaint.
         problem: What :func:`read_recipe` made of it.
     """
-    image = _read_toml(Path(path)).get("image")
+    recipe = _read_toml(Path(path))
+    image = recipe.get("image")
     if not isinstance(image, dict):
-        return None
+        colors = [table.get("color") for table in recipe["class"]]
+        return [_check_color(c or [0, 0, 0], "`color`") for c in colors] if any(colors) else None
     inks = (
         [Ink(ink["name"], ink["cmy"]) for ink in image["inks"]]
         if "inks" in image
@@ -157,10 +162,11 @@ def recipe_densities(path: str | Path) -> list[Path]:
 
 def _read_class(table: _Table) -> BodyClass:
     table.name_it("class")
-    table.check_keys("name", "density", "invert", "size", "count", "density_correction", "unsharp")
+    table.check_keys("name", "density", "invert", "size", "count", "density_correction", "unsharp", "color")
     name = table.take("name", checks.check_name)
     density = table.take("density", _check_density)
     invert = table.take("invert", checks.check_switch, False)
+    table.take_optional("color", _check_color)
     count = table.take_optional("count", checks.check_class_count)
     correction = table.take("density_correction", checks.check_switch, False)
     unsharp = None
@@ -339,6 +345,16 @@ def _check_scales(value: object, key: str) -> tuple[float, float]:
         raise ProblemError(f"{key} must be two standard deviations in pixels; got {show(value)}")
     inner, outer = (checks.check_positive(entry, key) for entry in entries)
     return inner, outer
+
+
+def _check_color(value: object, key: str) -> tuple[float, float, float]:
+    entries = value if isinstance(value, list) else []
+    parts = [checks.as_float(entry) for entry in entries]
+    if len(parts) == 3:
+        red, green, blue = (-1.0 if part is None else part for part in parts)
+        if min(red, green, blue) >= 0.0 and max(red, green, blue) <= 1.0:
+            return red, green, blue
+    raise ProblemError(f"{key} must be three numbers between 0 and 1, red, green and blue; got {show(value)}")
 
 
 def _check_model(value: object, key: str) -> str:

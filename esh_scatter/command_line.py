@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
-        return _solve(options)
+        return {"solve": _solve, "separate": _separate}[options.command](options)
     except EshError as error:
         _complain(str(error))
         return BAD_INPUT
@@ -118,6 +118,26 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=150, help="steps at most (default: 150)")
     solve.add_argument("--profile", action="store_true", help="print where the time went")
     solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
+    separate = commands.add_parser(
+        "separate",
+        help="split a colour image into inks",
+        description="Split a colour image into inks: one channel image each, and a recipe that prints them.",
+    )
+    separate.add_argument("image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR; transparent places are white")
+    separate.add_argument(
+        "--model", metavar="M", default="CMYK", help="CMY, CMYK (default), CMY-RG-K, CMY-RB-K or CMY-RGB-K"
+    )
+    separate.add_argument(
+        "--area", metavar="A", type=_positive, default=1.0, help="area of a dot, in pixels of the image (default: 1)"
+    )
+    separate.add_argument(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        type=Path,
+        required=True,
+        help="where to write C.png, ... and recipe.toml; made if need be",
+    )
     return parser
 
 
@@ -178,6 +198,40 @@ def _solve(options: argparse.Namespace) -> int:
         print(profile)
     if profile is not None or not options.quiet:
         sys.stdout.flush()
+    return 0
+
+
+def _separate(options: argparse.Namespace) -> int:
+    from ..engine.channel_files import channel_writers
+    from ..engine.color_separation import MODELS
+    from ..engine.placement_files import write_files
+
+    folder: Path = options.output
+    if options.model not in MODELS:
+        raise EshError(f"--model must be one of {', '.join(MODELS)}; got {options.model!r}")
+    if folder.exists() and not folder.is_dir():
+        raise EshError(f"-o {folder} must be a folder; it is a file")
+    if not folder.resolve().parent.is_dir():
+        raise EshError(f"-o {folder} cannot be made: there is no folder {folder.resolve().parent}")
+    writers = channel_writers(options.image, options.model, folder, area=options.area)
+    for path in writers:
+        if path.exists() and path.samefile(options.image):
+            raise EshError(
+                f"-o {folder} would overwrite {options.image}, which is read for this run; name another folder"
+            )
+    made = not folder.exists()
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise EshError(f"-o {folder} cannot be made: {(error.strerror or str(error)).lower()}") from None
+    try:
+        write_files(writers)
+    except BaseException:
+        if made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+    print(f"wrote {', '.join(path.name for path in writers)} into {folder}")
     return 0
 
 

@@ -137,7 +137,7 @@ MISTAKES = {
     "unknown class key, of a colour": (
         "density = 0.5",
         'density = 0.5\ncolour = "red"',
-        '`class[2].colour` (class "beech") is not a known key; ',
+        '`class[2].colour` (class "beech") is not a known key; did you mean `color`',
     ),
     "unknown domain key": ("boundary =", "boundry =", "`domain.boundry` is not a known key; did you mean `boundary`"),
     "unknown balance key": (
