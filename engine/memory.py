@@ -27,10 +27,10 @@ MOST_BODIES = 2**31 - 1
 def required_memory(problem: Problem) -> int:
     """Estimate the memory that solving ``problem`` takes [bytes].
 
-    ``300 MB + bodies * (600 + 400 * groups)``, where a group is one size of one class. A whole number, exact for counts
+    ``300 MB + charges * (600 + 400 * groups)``: a dot has one charge, a line several; a group is one size of one class. A whole number, exact for counts
     of any size.
     """
-    return BYTES_FIXED + problem.body_count * _bytes_per_body(problem)
+    return BYTES_FIXED + problem.charge_count * _bytes_per_body(problem)
 
 
 def _bytes_per_body(problem: Problem) -> int:
