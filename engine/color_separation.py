@@ -6,11 +6,12 @@ Colours mix subtractively: an ink is described by how much of cyan, magenta and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .checks import FOREIGN_ERRORS, check_name, check_non_overlap, check_unique, show
+from .apportionment import apportion
+from .checks import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
 from .errors import ProblemError
 from .problem import Balance, BodyClass, Domain, Problem, Size
 
@@ -32,10 +33,11 @@ class Ink:
     def __post_init__(self) -> None:
         check_name(self.name, "`name` of an ink")
         try:
-            parts = tuple(int(part) for part in self.cmy if part in (0, 1))
+            given = tuple(self.cmy)
+            parts = tuple(int(part) for part in given if part in (0, 1))
         except FOREIGN_ERRORS:
-            parts = ()
-        if len(parts) != 3 or len(self.cmy) != 3 or not any(parts):
+            given, parts = (), ()
+        if len(given) != 3 or len(parts) != 3 or not any(parts):
             raise ProblemError(
                 f'`cmy` of ink "{self.name}" must be three of 0 and 1 (cyan, magenta, yellow), not all 0; got {show(self.cmy)}'
             )
@@ -63,9 +65,8 @@ class InkModel:
     non_overlap: np.ndarray | Sequence[Sequence[float]]
 
     def __post_init__(self) -> None:
-        inks = tuple(self.inks)
-        if not inks or not all(isinstance(ink, Ink) for ink in inks):
-            raise ProblemError(f"`inks` must be a list of Ink; got {show(self.inks)}")
+        check_name(self.name, "`name` of an ink model")
+        inks = as_tuple(self.inks, Ink, "`inks`")
         check_unique([ink.name for ink in inks], "ink names")
         check_unique([str(ink.cmy) for ink in inks], "`cmy` of the inks")
         for wanted, color in (((1, 0, 0), "cyan"), ((0, 1, 0), "magenta"), ((0, 0, 1), "yellow")):
@@ -155,7 +156,8 @@ def halftone_problem(
 ) -> Problem:
     """Return the problem of halftoning an image with dots: one class per ink that the image needs.
 
-    Every ink gets as many dots as it takes for them to add up to its channel.
+    Every ink gets as many dots as it takes for them to add up to its channel. Inks that have less than half a dot to print are
+    left out; so are, for one ink, the sizes of which it is too little to print one.
 
     Args:
         image: See :func:`separate`.
@@ -169,25 +171,52 @@ def halftone_problem(
         seed: Of the problem.
 
     Raises:
-        ProblemError: As :func:`separate`, or an image without any ink.
+        ProblemError: As :func:`separate`, an image without any ink, or one too small for the dots.
     """
     found = _find_model(model)
     channels = separate(image, found)
     if domain is None:
         domain = Domain((float(channels.shape[2]), float(channels.shape[1])))
-    sizes = list(sizes) if sizes is not None else [Size("dot", area)]
-    smallest = sum((size.share or 1.0) * 0.5 * size.mean_area for size in sizes)
-    ink = channels.mean(axis=(1, 2)) * domain.area
-    # An ink that half a dot would be enough for has nothing to print.
-    used = np.flatnonzero(ink >= smallest)
-    if not len(used):
-        raise ProblemError("the image is white: no ink has half a dot to print")
-    classes = [
-        BodyClass(found.inks[i].name, sizes, channels[i], count="cover", density_correction=density_correction)
-        for i in used
-    ]
+    if not isinstance(domain, Domain):
+        raise ProblemError(f"`domain` must be a Domain, or None; got {show(domain)}")
+    given = as_tuple(sizes, Size, "`sizes`") if sizes is not None else (Size("dot", area),)
+    most = int(channels.mean(axis=(1, 2)).argmax())
+    if not channels[most].any():
+        raise ProblemError("the image is white: there is no ink to print")
+    classes, used = [], []
+    for i, ink in enumerate(found.inks):
+        if not channels[i].any():
+            continue
+        body_class = BodyClass(ink.name, given, channels[i], count="cover", density_correction=density_correction)
+        # The density as the class holds it, so that both round alike.
+        covered = float(body_class.density_image.mean(dtype=np.float64)) * domain.area
+        kept = _printable(body_class.sizes, covered)
+        if kept and i != most:
+            body_class = replace(body_class, sizes=kept)
+        # Sizes of which even the most used ink has too little are for the problem to complain about.
+        if kept:
+            classes.append(body_class)
+            used.append(i)
+    if not classes:
+        smallest = min(size.mean_area for size in given)
+        raise ProblemError(
+            f"`area` must be smaller: {smallest:g} m² is more than twice what ink {found.inks[most].name} covers, "
+            f"{channels[most].mean() * domain.area:.3g} m², and the other inks cover less"
+        )
     balance = Balance(class_separation, size_emphasis, np.asarray(found.non_overlap)[np.ix_(used, used)])
     return Problem(domain, classes, balance, seed)
+
+
+def _printable(sizes: Sequence[Size], covered: float) -> list[Size]:
+    """The sizes that get a dot when all of them together cover so much [m²]; the scarcest go first, none if none does."""
+    left = list(sizes)
+    while left:
+        share = np.array([size.share for size in left], dtype=np.float64)
+        exact = covered * share / share.sum() / np.array([size.mean_area for size in left])
+        if exact.sum() >= 0.5 and apportion(max(round(exact.sum()), 1), exact).all():
+            return [replace(size, share=value) for size, value in zip(left, share / share.sum(), strict=True)]
+        left.pop(int(exact.argmin()))
+    return []
 
 
 def ink_colors(problem: Problem, model: str | InkModel) -> list[tuple[float, float, float]]:
@@ -206,7 +235,10 @@ def _find_model(model: str | InkModel) -> InkModel:
 
 def _rgb(image: np.ndarray) -> np.ndarray:
     """Colours 0..1, shape ``[height, width, 3]``, on white where the image is transparent."""
-    given = np.asarray(image)
+    try:
+        given = np.asarray(image)
+    except FOREIGN_ERRORS:  # rows of unequal length
+        given = np.empty(0)
     if given.dtype.kind not in "buif" or given.ndim not in (2, 3) or not given.size:
         raise ProblemError(f"`image` must be an array [height, width] or [height, width, channels]; got {show(image)}")
     if given.ndim == 2:

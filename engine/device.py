@@ -88,6 +88,11 @@ class Launcher:
         """Count the time of a block as that of a phase, where somebody asked for a profile."""
         return nullcontext() if self._profile is None else self._profile.phase(name, self.device)
 
+    @property
+    def profiled(self) -> bool:
+        """Whether somebody asked for a profile, whose phases are waited for."""
+        return self._profile is not None
+
     def close(self) -> None:
         """Give the threads back."""
         if self._pool is not None:

@@ -14,6 +14,7 @@ wp.set_module_options({"enable_backward": False})
 # Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads wait for
 # each other; the unit is 2^-24.
 SLOTS = wp.constant(1024)
+SLOTS_AT_ONCE = wp.constant(32)
 SUM_SCALE = wp.constant(16777216.0)
 LARGEST_SUMMAND = wp.constant(1.0e8)
 # What is summed: the work against the field (positive: the momentum points the wrong way), the squared displacement over the
@@ -26,6 +27,11 @@ PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
 LONGEST_LINE = wp.constant(2.0)
 LARGEST_TURN = wp.constant(0.5)
+# Charges that repel one another compress lines. The desired length is raised until the mean length reached is the one asked for, by
+# this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown.
+LENGTH_GAIN = wp.constant(0.05)
+LARGEST_FACTOR = wp.constant(3.0)
+GROWN = wp.constant(0.6)
 SIDE_BY_SIDE = wp.constant(1.0)
 
 
@@ -408,11 +414,56 @@ def move_bodies(
 
 
 @wp.kernel
+def add_up(
+    first: int,
+    sums: wp.array(dtype=wp.int64),
+    # outputs
+    totals: wp.array(dtype=wp.int64),
+):
+    """Add the slots of every sum; an element takes ``SLOTS_AT_ONCE`` of them."""
+    i = first + wp.tid()
+    total = wp.int64(0)
+    for k in range(SLOTS_AT_ONCE):
+        total += sums[i * SLOTS_AT_ONCE + k]
+    wp.atomic_add(totals, i * SLOTS_AT_ONCE / SLOTS, total)
+
+
+@wp.kernel
+def decide_momentum(
+    first: int,
+    totals: wp.array(dtype=wp.int64),
+    kind_count: int,
+    line_count: wp.array(dtype=float),
+    pressed: wp.array(dtype=float),
+    # outputs
+    state: wp.array(dtype=float),
+    length_factor: wp.array(dtype=float),
+):
+    """Nesterov's momentum, restarted where it points uphill (O'Donoghue and Candes), and what makes up for compressed lines.
+
+    ``state`` is (t, momentum, squared displacement over squared spacing, summed over the bodies).
+    """
+    state[2] = float(totals[MOVED]) / SUM_SCALE
+    t = state[0]
+    if totals[UPHILL] > wp.int64(0):
+        t = 1.0
+    following = 0.5 * (1.0 + wp.sqrt(1.0 + 4.0 * t * t))
+    state[1] = (t - 1.0) / following
+    state[0] = following
+    for kind in range(kind_count):
+        ratio = float(totals[LENGTHS + kind]) / SUM_SCALE / wp.max(line_count[kind], 1.0)
+        # While lines still grow, what is missing is no pressure.
+        if pressed[kind] > 0.0 and ratio > GROWN:
+            raised = length_factor[kind] + LENGTH_GAIN * (1.0 - ratio)
+            length_factor[kind] = wp.clamp(raised, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR)
+
+
+@wp.kernel
 def look_ahead(
     first: int,
     pose: wp.array(dtype=wp.vec4),
     displacement: wp.array(dtype=wp.vec4),
-    momentum: float,
+    state: wp.array(dtype=float),
     domain: wp.vec2,
     periodic: int,
     # outputs
@@ -420,6 +471,6 @@ def look_ahead(
 ):
     """Extrapolate along the last displacement (Nesterov's momentum)."""
     i = first + wp.tid()
-    p = pose[i] + momentum * displacement[i]
+    p = pose[i] + state[1] * displacement[i]
     inside = stay_inside(wp.vec2(p[0], p[1]), domain, periodic)
     ahead[i] = wp.vec4(inside[0], inside[1], p[2], wp.max(p[3], 0.0))

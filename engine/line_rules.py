@@ -15,10 +15,6 @@ __all__ = ["LineRules", "line_widths"]
 
 # Lines start at this share of their desired length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
-# Charges that repel one another compress lines. The desired length is raised until the mean length reached is the one asked for, by
-# this share of what is missing at each step: slower than lines follow it, or it would swing.
-LENGTH_GAIN = 0.05
-LARGEST_FACTOR = 3.0
 
 
 class LineRules:
@@ -34,6 +30,8 @@ class LineRules:
         bends: Whether a body may bend, shape ``[body_count]``.
         kind_count: Number of kinds.
         lines: The rules as kernels take them.
+        line_count: Number of bodies of every kind, on the device.
+        pressed: 1 for kinds whose length the forces change, on the device.
     """
 
     def __init__(self, problem: Problem, unit: float, device: wp.Device) -> None:
@@ -54,11 +52,9 @@ class LineRules:
                 for size in c.sizes
             ]
         )
-        self._count = np.bincount(self.body_line + 1, minlength=len(kinds) + 1)[1:]
         self._unit = unit
         self._size = problem.domain.size
         self._seed = problem.seed
-        self._factor = np.ones(max(len(kinds), 1))
         rules = [size.line for _, size in kinds if size.line is not None]
         self._directions = [
             direction_field(
@@ -73,8 +69,6 @@ class LineRules:
             for (c, _), line in zip(kinds, rules, strict=True)
         ]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
-        # A line whose length the forces do not change reaches it by itself.
-        self._pressed = np.array([line.stretch_weights[0] > 0.0 for line in rules], dtype=bool)
 
         def numbers_of(values: list[float]) -> wp.array:
             return wp.array(np.array(values or [0.0], dtype=np.float32), dtype=float, device=device)
@@ -91,6 +85,10 @@ class LineRules:
         lines.length, *shape = _joined([length / unit for length in self._lengths], float, device)
         lines.length_start, lines.length_height, lines.length_width = shape
         self.lines = lines
+        count = np.bincount(self.body_line + 1, minlength=len(kinds) + 1)[1:]
+        self.line_count = numbers_of(count.astype(float).tolist())
+        # A line whose length the forces do not change reaches it by itself.
+        self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
 
     def first_angle_and_length(self, position: np.ndarray) -> np.ndarray:
         """Angle [rad] and length of every body at the start, shape ``[body_count, 2]``, for positions in the solver's unit."""
@@ -106,21 +104,6 @@ class LineRules:
             result[own, 0] = angle
             result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, self._size) / self._unit
         return result
-
-    def meet_lengths(self, ratio_sums: list[float]) -> None:
-        """Raise or lower the desired lengths towards what makes the mean length the one asked for.
-
-        Args:
-            ratio_sums: For every kind, the sum of length over desired length of its bodies.
-        """
-        if not self._pressed.any():
-            return
-        ratio = np.array(ratio_sums) / np.maximum(self._count, 1)
-        raised = np.clip(self._factor + LENGTH_GAIN * (1.0 - ratio), 1.0 / LARGEST_FACTOR, LARGEST_FACTOR)
-        # While lines still grow, what is missing is no pressure.
-        grown = self._pressed & (ratio > 0.6)
-        self._factor = np.where(grown, raised, self._factor)
-        self.lines.length_factor.assign(self._factor.astype(np.float32))
 
 
 def line_widths(problem: Problem, length: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ MOST_BODIES = 2**31 - 1
 def required_memory(problem: Problem) -> int:
     """Estimate the memory that solving ``problem`` takes [bytes].
 
-    ``300 MB + charges * (600 + 400 * groups)``: a dot has one charge, a line several; a group is one size of one class. A whole number, exact for counts
-    of any size.
+    ``300 MB + charges * (600 + 400 * groups)``: a dot has one charge, a line several; a group is one size of one class, or one level
+    of a range. A whole number, exact for counts of any size.
     """
     return BYTES_FIXED + problem.charge_count * _bytes_per_body(problem)
 

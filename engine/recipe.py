@@ -43,6 +43,7 @@ second class.
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
@@ -299,8 +300,10 @@ def _check_file(value: object, key: str) -> str:
 
 
 def _check_length(value: object, key: str) -> str | float:
-    if isinstance(value, str) and value.strip():
-        return value
+    if isinstance(value, str):
+        if Path(value).suffix:
+            return value
+        raise ProblemError(f"{key} must be a number in metres above 0, or the name of an image; got {show(value)}")
     return checks.check_length(value, key)
 
 
@@ -313,7 +316,7 @@ def _check_length_range(value: object, key: str) -> tuple[float, float]:
 
 
 def _check_direction(value: object, key: str) -> str | float:
-    if isinstance(value, str) and value.strip():
+    if isinstance(value, str) and (value in WORDS or Path(value).suffix):
         return value
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ProblemError(
@@ -331,6 +334,10 @@ def _check_direction_kind(value: object, key: str) -> str:
 
 
 def _vectors(image: np.ndarray, key: str) -> np.ndarray:
+    if not image[..., :2].any():
+        raise ProblemError(
+            f"{key} must have a direction somewhere; red and green of its image are 0 everywhere, and 0.5 means none"
+        )
     try:
         vectors = direction_from_rg(image)
     except ProblemError as error:
@@ -457,16 +464,17 @@ class _Table:
 
     def table(self, name: str, *, optional: bool = False) -> _Table:
         """Return a table inside this one, an empty one where it is missing and need not be there."""
+        header = f"[{self._header(name)}]"
         if name not in self.entries and not optional:
-            raise self.error(name, f"is missing: write a table [{name}]")
+            raise self.error(name, f"is missing: write a table {header}")
         entries = self.entries.get(name, {})
         if not isinstance(entries, dict):
-            raise self.error(name, f"must be one table, under a line [{name}]; got {show(entries)}")
-        return _Table(self.path, f"{self.place}{name}.", "", entries)
+            raise self.error(name, f"must be one table, under a line {header}; got {show(entries)}")
+        return _Table(self.path, f"{self.place}{name}.", self.names, entries)
 
     def tables(self, name: str) -> list[_Table]:
         """Return the tables of a list inside this one; at least one."""
-        header = f"[[{self.place.split('[')[0].rstrip('.') + '.' if self.place else ''}{name}]]"
+        header = f"[[{self._header(name)}]]"
         entries = self.entries.get(name, [])
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise self.error(name, f"must be tables, each under a line {header}; got {show(entries)}")
@@ -476,6 +484,10 @@ class _Table:
             _Table(self.path, f"{self.place}{name}[{number}].", self.names, entry)
             for number, entry in enumerate(entries, start=1)
         ]
+
+    def _header(self, name: str) -> str:
+        """Return what stands in the brackets above a table inside this one: the place without its numbers."""
+        return re.sub(r"\[\d+\]", "", self.place) + name
 
     def check_unique(self, kind: str, names: list[str]) -> None:
         """Refuse a name that two tables of a list inside this one have."""

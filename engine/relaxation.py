@@ -47,6 +47,8 @@ TOLERANCE = 1e-3
 # What counts as converged where the steps run out: bodies move by a few hundredths of their spacing, the coverage error by
 # less than a tenth of its value.
 SETTLED = 0.03
+# Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
+STEPS_UNWATCHED = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +59,17 @@ class Progress:
         step: Steps taken.
         steps: Steps that the run takes at most.
         residual: RMS displacement of the last step over the local spacing; falls as the run converges.
-        position: Current body positions [m], shape ``[n, 2]``, in the placement's order; a copy.
     """
 
     step: int
     steps: int
     residual: float
-    position: np.ndarray
+    _read_position: Callable[[], np.ndarray]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Current body positions [m], shape ``[n, 2]``, in the placement's order; a copy, made when it is asked for."""
+        return self._read_position()
 
 
 def solve(
@@ -168,6 +174,10 @@ class _Relaxation:
         self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
         kinds = kernels_update.LENGTHS + self.rules.kind_count
         self.sums = wp.zeros(kinds * kernels_update.SLOTS, dtype=wp.int64, device=device)
+        self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
+        # t, momentum and squared displacements; see kernels_update.decide_momentum.
+        self.state = wp.array([1.0, 0.0, 0.0], dtype=float, device=device)
+        self.graph: wp.Graph | None = None
         self.contact = None
         if problem.avoid_overlap or self.rules.kind_count:
             self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
@@ -209,41 +219,62 @@ class _Relaxation:
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None) -> tuple[int, bool]:
         """Relax; return the steps taken and whether they converged."""
-        domain = wp.vec2(*self.size)
-        periodic = int(self.problem.domain.periodic)
-        t = 1.0
-        residual = math.inf
-        for step in range(1, max_steps + 1):
-            self._place_charges(domain, periodic)
-            self.field.evaluate(self.charge_position, self.field_at_charge)
-            self._move_bodies(domain)
-            if self.contact is not None:
-                with self.launcher.phase("contact"):
-                    self.contact.push(self.pose, self.bend, self.displacement)
+        moved = math.inf
+        step = 0
+        while step < max_steps:
+            # With nobody watching, a GPU need not be asked how it goes after every step.
+            many = 1 if progress is not None or self.graph is None else min(STEPS_UNWATCHED, max_steps - step)
+            for _ in range(many):
+                self._advance()
+            step += many
             with self.launcher.phase("readback"):
-                uphill, moved, *lengths = self._read_sums()
-            self.rules.meet_lengths(lengths)
-            residual = math.sqrt(moved / self.body_count)
-            if uphill > 0.0:
-                t = 1.0
-            following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * t * t))
-            momentum = (t - 1.0) / following
-            t = following
-            with self.launcher.phase("update"):
-                self.launcher.launch(
-                    kernels_update.look_ahead,
-                    self.body_count,
-                    [self.pose, self.displacement, momentum, domain, periodic],
-                    [self.ahead],
-                )
+                moved = float(self.state.numpy()[2])
+            residual = math.sqrt(max(moved, 0.0) / self.body_count)
             if progress is not None:
                 with self.launcher.phase("progress"):
-                    go_on = progress(Progress(step, max_steps, residual, self.position_in_metres()))
+                    go_on = progress(Progress(step, max_steps, residual, self.position_in_metres))
                 if go_on is False:
                     return step, False
             if residual < TOLERANCE:
                 return step, True
-        return max_steps, residual < SETTLED
+        return max_steps, math.sqrt(max(moved, 0.0) / self.body_count) < SETTLED
+
+    def _advance(self) -> None:
+        """Take one step; on a GPU all steps after the first are one recorded graph."""
+        if self.graph is not None:
+            wp.capture_launch(self.graph)
+            return
+        self._take_step()
+        if self.launcher.device.is_cuda and not self.launcher.profiled:
+            with wp.ScopedCapture(device=self.launcher.device) as capture:
+                self._take_step()
+            self.graph = capture.graph
+
+    def _take_step(self) -> None:
+        domain = wp.vec2(*self.size)
+        periodic = int(self.problem.domain.periodic)
+        self._place_charges(domain, periodic)
+        self.field.evaluate(self.charge_position, self.field_at_charge)
+        self._move_bodies(domain)
+        if self.contact is not None:
+            with self.launcher.phase("contact"):
+                self.contact.push(self.pose, self.bend, self.displacement)
+        with self.launcher.phase("update"):
+            self.totals.zero_()
+            launch = self.launcher.launch
+            launch(kernels_update.add_up, len(self.sums) // kernels_update.SLOTS_AT_ONCE, [self.sums], [self.totals])
+            launch(
+                kernels_update.decide_momentum,
+                1,
+                [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
+                [self.state, self.rules.lines.length_factor],
+            )
+            launch(
+                kernels_update.look_ahead,
+                self.body_count,
+                [self.pose, self.displacement, self.state, domain, periodic],
+                [self.ahead],
+            )
 
     def _place_charges(self, domain: wp.vec2, periodic: int) -> None:
         with self.launcher.phase("update"):
@@ -275,10 +306,6 @@ class _Relaxation:
                 ],
                 [self.pose, self.bend, self.displacement, self.sums],
             )
-
-    def _read_sums(self) -> list[float]:
-        sums = self.sums.numpy().reshape(-1, kernels_update.SLOTS).sum(axis=1)
-        return (sums / kernels_update.SUM_SCALE).tolist()
 
     def position_in_metres(self) -> np.ndarray:
         """Body positions [m], shape ``[n, 2]``, float64, inside the domain."""
