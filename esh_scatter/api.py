@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from ..engine.checks import (
     check_area_or_range,
     check_count,
+    check_direction,
     check_name,
     check_seed,
     check_switch,
@@ -23,17 +24,17 @@ from ..engine.checks import (
     show,
 )
 from ..engine.device import resolve_device
-from ..engine.direction_field import direction_from_rg
+from ..engine.direction_field import density_directions, direction_from_rg
 from ..engine.errors import EshError, ProblemError
 from ..engine.placement import Placement
 from ..engine.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 from ..engine.relaxation import Progress, solve
 from ..engine.report import Report
-from .chart import Chart
+from .chart import RESOLUTION, Chart
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import Footprint, measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .result import body_rotations, find_result, write_result
+from .result import body_rotations, find_result, rotate, write_result
 from .target import RESULT_TAG, check_exists, check_target, read_target
 
 __all__ = [
@@ -52,6 +53,9 @@ __all__ = [
 
 # Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
 _INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
+
+# Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
+EDGE_PIXELS = 256.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +94,11 @@ class ScatterClass:
             of Blender or an array ``[height, width]`` by itself is stretched over the target seen from above.
         color: Red, green, blue and optionally alpha, kept as the points' attribute ``class_color``.
         count: Number of bodies of all sizes, which then have shares; or ``"cover"``: as many as it takes to cover the density.
-        direction: Where long bodies point, seen from above: ``"density"`` (along its edges), ``"none"``, an angle [rad],
-            an array of angles or vectors (see :class:`Line`), or an image of Blender whose red and green are x and y; images are
-            stretched over the target.
-        density_correction: See :class:`~esh.engine.problem.BodyClass`.
+        direction: Where long bodies point, seen from above: ``"density"`` (along its edges, of which the target's border is
+            none), ``"none"``, an angle [rad], an array of angles or vectors (see :class:`Line`), or an image of Blender whose red
+            and green are x and y; images are stretched over the target. A size whose ``line`` is a :class:`Line` has its own.
+        density_correction: See :class:`~esh.engine.problem.BodyClass`; like ``"cover"``, it takes the density as the covered
+            share of the surface, which may be steep.
         unsharp: See there.
     """
 
@@ -134,12 +139,12 @@ class ScatterResult:
 
 @dataclass(frozen=True, eq=False)
 class _Instances:
-    """Of every point: index of the source, turn [rad], scale, and where the source's origin lies in the rectangle [m]."""
+    """Of every point: index of the source, turn [rad], scale, and what lies on the point [m], seen from the source's origin."""
 
     source: np.ndarray
     turn: np.ndarray
     scale: np.ndarray
-    origin: np.ndarray
+    anchor: np.ndarray
 
 
 class ScatterJob:
@@ -203,19 +208,10 @@ class ScatterJob:
         }
         self.chart = Chart(read_target(self.target, context, names))
         shape = iter(self.shapes)
+        domain = Domain((float(self.chart.size[0]), float(self.chart.size[1])))
         self.problem = Problem(
-            Domain((float(self.chart.size[0]), float(self.chart.size[1]))),
-            [
-                BodyClass(
-                    c.name,
-                    [_engine_size(s, next(shape)) for s in c.sizes],
-                    density=self._density(c),
-                    count=c.count,
-                    density_correction=c.density_correction,
-                    unsharp=c.unsharp,
-                )
-                for c in self.classes
-            ],
+            domain,
+            [self._body_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
             balance,
             self.seed,
             avoid_overlap,
@@ -232,7 +228,8 @@ class ScatterJob:
             raise ProblemError("a scatter must be solved before it is written")
         scene = (context or bpy.context).scene
         drawn = self._draw_instances()
-        surface = self.chart.lift(drawn.origin)
+        surface = self.chart.lift(self.placement.position)
+        rotation = body_rotations(surface.normal, self.align_to_normal, drawn.turn)
         replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
             scene,
@@ -240,8 +237,8 @@ class ScatterJob:
             self.target,
             self.name,
             self.sources,
-            surface.position,
-            self._attributes(surface.normal, drawn),
+            surface.position - rotate(rotation, drawn.anchor),
+            self._attributes(rotation, drawn),
         )
         return ScatterResult(item, self.placement.report, self.placement)
 
@@ -250,15 +247,42 @@ class ScatterJob:
             self.sources.append(member)
         return self.sources.index(member)
 
-    def _density(self, scatter_class: ScatterClass) -> np.ndarray:
-        key = f'`density` of class "{scatter_class.name}"'
-        image = self.chart.image(density_at(scatter_class.density, self.chart.points, key))
-        if not image.any():
+    def _body_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> BodyClass:
+        """Return what the engine is asked: densities and counts as the slopes of the surface make them."""
+        c = scatter_class
+        key = f'`density` of class "{c.name}"'
+        sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
+        values = density_at(c.density, self.chart.points, key)
+        # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
+        surface = BodyClass(c.name, sizes, self.chart.continued(values), c.count, c.density_correction, c.unsharp)
+        density = surface.density_image * self.chart.stretch
+        mean = float(density.mean())
+        if not mean > 0.0:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
-        return image
+        sizes = list(surface.resolved(domain.area * mean / float(surface.density_image.mean(dtype=np.float64))).sizes)
+        for index, (size, made) in enumerate(zip(c.sizes, sizes, strict=True)):
+            if made.line is not None and not isinstance(size.line, Line) and isinstance(made.line.direction, str):
+                sizes[index] = replace(made, line=self._follow_edges(made.line, surface.density_image))
+        result = BodyClass(c.name, sizes, density)
+        # The surface's own class did the sharpening, so it knows what there is to say about it.
+        object.__setattr__(result, "notes", surface.notes)
+        return result
+
+    def _follow_edges(self, line: Line, density: np.ndarray) -> Line:
+        """Return ``line`` with the directions of the density's edges on the surface, where it is to follow them."""
+        if line.direction != "density":
+            return line
+        cell_width, cell_height = (float(length) for length in self.chart.cell)
+        edges = density_directions(density, *line.tensor_scales, pixel_size=(cell_width, cell_height))
+        weight = np.where(self.chart.area > 0.0, edges.weight, 0.0)
+        if not weight.any():
+            return replace(line, direction="none")
+        weight /= weight.max()
+        vectors = weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
+        return replace(line, direction=vectors)
 
     def _draw_instances(self) -> _Instances:
-        """Choose every point's variant, turn and scale, and where its origin lies so that the outline lies on the body."""
+        """Choose every point's variant, turn and scale, and what of it lies on the point: of lines, the outline's middle."""
         placement = self.placement
         count = len(placement.position)
         # Three numbers for each point, in the points' order: a longer list of bodies leaves the earlier ones as they are.
@@ -268,7 +292,7 @@ class ScatterJob:
         source = np.empty(count, np.int32)
         turn = placement.angle + self.random_turn * random[:, 1]
         scale = 1.0 + self.scale_jitter * (2.0 * random[:, 2] - 1.0)
-        origin = placement.position.copy()
+        anchor = np.zeros((count, 3))
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
             variant = (random[own, 0] * len(variants)).astype(int)
@@ -280,15 +304,10 @@ class ScatterJob:
                 # A line has no front: half of the instances look the other way.
                 back = np.where(random[own, 1] < 0.5, 0.0, math.pi)
                 turn[own] = placement.angle[own] - np.array([outline.angle for outline in outlines])[variant] + back
-                offset = scale[own, None] * np.array([outline.center for outline in outlines])[variant]
-                c, s = np.cos(turn[own]), np.sin(turn[own])
-                origin[own] -= np.stack(
-                    [c * offset[:, 0] - s * offset[:, 1], s * offset[:, 0] + c * offset[:, 1]], axis=1
-                )
-        origin = np.clip(origin, 0.0, self.problem.domain.size)
-        return _Instances(source, turn, scale, origin)
+                anchor[own, :2] = scale[own, None] * np.array([outline.center for outline in outlines])[variant]
+        return _Instances(source, turn, scale, anchor)
 
-    def _attributes(self, normal: np.ndarray, drawn: _Instances) -> dict[str, tuple[str, np.ndarray]]:
+    def _attributes(self, rotation: np.ndarray, drawn: _Instances) -> dict[str, tuple[str, np.ndarray]]:
         placement = self.placement
         colors = np.array([_rgba(c.color) for c in self.classes])
         return {
@@ -296,7 +315,7 @@ class ScatterJob:
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
             INSTANCE_INDEX: ("INT", drawn.source),
-            ROTATION: ("QUATERNION", body_rotations(normal, self.align_to_normal, drawn.turn)),
+            ROTATION: ("QUATERNION", rotation),
             SCALE: ("FLOAT_VECTOR", np.repeat(drawn.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
         }
@@ -401,9 +420,10 @@ def _check_classes(classes: object) -> list[ScatterClass]:
             raise ProblemError(f"`sizes` of {key} must be a list of at least one ScatterSize; got {show(sizes)}")
         for size in sizes:
             check_name(size.name, f"`name` of a size of {key}")
-            if size.count is not None or entry.count is None:
+            if size.count is not None:
                 check_count(size.count, f'`count` of size "{size.name}" of {key}')
         check_unique([size.name for size in sizes], f"size names of {key}")
+        _direction(entry)
         if entry.color is not None:
             try:
                 usable = len(entry.color) in (3, 4) and np.isfinite(np.array(entry.color, np.float64)).all()
@@ -475,10 +495,27 @@ def _line_around(outlines: list[Footprint], scatter_class: ScatterClass, area: f
         scale = math.sqrt(area[1] / min(outline.area for outline in outlines))
     length = scale * max(outline.length for outline in outlines)
     width = min(scale * max(outline.width for outline in outlines), 0.9 * length)
+    return Line(
+        length - width,
+        _direction(scatter_class),
+        width=width,
+        stretch_weights=(0.0, 0.1),
+        tensor_scales=(RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS),
+    )
+
+
+def _direction(scatter_class: ScatterClass) -> str | float | np.ndarray:
+    """Return where long bodies point as a :class:`Line` takes it; raise ProblemError for what has no meaning."""
+    key = f'`direction` of class "{scatter_class.name}"'
     direction = scatter_class.direction
     if isinstance(direction, bpy.types.Image):
-        direction = direction_from_rg(image_pixels(direction, f'`direction` of class "{scatter_class.name}"'))
-    return Line(length - width, direction, width=width, stretch_weights=(0.0, 0.1))
+        pixels = image_pixels(direction, key)
+        if pixels.shape[2] < 2:
+            raise ProblemError(
+                f'{key}: image "{direction.name}" must have a red and a green channel; it has one channel'
+            )
+        direction = direction_from_rg(pixels)
+    return check_direction(direction, key)
 
 
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:

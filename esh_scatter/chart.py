@@ -222,11 +222,19 @@ class Chart:
         self.area = np.zeros(self.shape)
         self.area.flat[self._filled] = self.cell.prod() / np.maximum(view.cosine[triangle], SMALLEST_COSINE)
 
-    def image(self, values: np.ndarray) -> np.ndarray:
-        """Return densities of :attr:`points` as a density image of the rectangle, shape ``shape``, float32."""
-        image = np.zeros(self.shape, np.float32)
-        image.flat[self._filled] = values * self.area.flat[self._filled] / self.cell.prod()
-        return image
+    @property
+    def stretch(self) -> np.ndarray:
+        """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface."""
+        return self.area / self.cell.prod()
+
+    def continued(self, values: np.ndarray) -> np.ndarray:
+        """Return values of :attr:`points` over the whole rectangle, shape ``shape``, float32.
+
+        Beside the surface they go on smoothly, so that its border is no edge to sharpen or to follow.
+        """
+        image, known = np.zeros(self.shape), np.zeros(self.shape)
+        image.flat[self._filled], known.flat[self._filled] = values, 1.0
+        return _fill_gaps(image, known).astype(np.float32)
 
     def lift(self, position: np.ndarray) -> SurfacePoints:
         """Return the points of the surface above or below ``position`` ``[n, 2]`` of the rectangle [m].
@@ -257,6 +265,19 @@ class Chart:
         chosen = np.take_along_axis(beside, np.argmax(beside >= 0, axis=0)[None], axis=0)[0]
         height = self.points.position[:, 2]
         return np.where(chosen >= 0, height[chosen], self.view.middle[2])
+
+
+def _fill_gaps(image: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return ``image`` with means of what is known nearby where ``known`` is 0; values at 1 stay (pull and push)."""
+    if known.all():
+        return image
+    rows, columns = image.shape
+    odd = ((0, rows % 2), (0, columns % 2))
+    blocks = ((rows + 1) // 2, 2, (columns + 1) // 2, 2)
+    weight = np.pad(known, odd).reshape(blocks).sum(axis=(1, 3))
+    total = np.pad(image * known, odd).reshape(blocks).sum(axis=(1, 3))
+    coarse = _fill_gaps(total / np.maximum(weight, 1.0), (weight > 0.0).astype(np.float64))
+    return np.where(known > 0.0, image, coarse.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns])
 
 
 def _names(mapping: dict) -> str:

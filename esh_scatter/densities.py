@@ -10,6 +10,7 @@ import numpy as np
 
 from ..engine.checks import check_density, show
 from ..engine.errors import ProblemError
+from .target import check_exists
 
 if TYPE_CHECKING:
     from .chart import SurfacePoints
@@ -119,8 +120,9 @@ def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     """Return the stored values of an image, shape ``[height, width, channels]``, float32, row 0 at the top.
 
     Raises:
-        ProblemError: The image has no pixels, because its file is missing or is no image.
+        ProblemError: The image has no pixels, because its file is missing or is no image; or it was removed from the file.
     """
+    check_exists(image, key)
     width, height = image.size
     channels = image.channels
     if width * height * channels == 0 or len(image.pixels) != width * height * channels:
@@ -137,6 +139,7 @@ def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndar
         raise ProblemError(f"{key} must be an image of Blender; got {show(density.image)}")
     if density.mapping not in ("POSITION", "UV"):
         raise ProblemError(f'{key}: `mapping` must be "POSITION" or "UV"; got {show(density.mapping)}')
+    check_exists(density.image, key)
     name = f'{key}, image "{density.image.name}",'
     coordinates = points.uv(density.uv_map, key) if density.mapping == "UV" else points.rectangle_coordinates()
     image = image_luminance(density.image, key)

@@ -10,7 +10,7 @@ import numpy as np
 from .node_group import build_node_group
 from .target import RESULT_TAG
 
-__all__ = ["body_rotations", "find_result", "write_result"]
+__all__ = ["body_rotations", "find_result", "rotate", "write_result"]
 
 # Custom properties of a result: what made it.
 TARGET = "esh_scatter_target"
@@ -38,6 +38,13 @@ def body_rotations(normal: np.ndarray, align: float, turn: np.ndarray) -> np.nda
     c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
     # The product with (c, 0, 0, s): first the turn, then the lean.
     return np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=1)
+
+
+def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Turn vectors ``[n, 3]`` by unit quaternions (w, x, y, z) ``[n, 4]``; returns shape ``[n, 3]``."""
+    axis = quaternion[:, 1:]
+    across = 2.0 * np.cross(axis, vector)
+    return vector + quaternion[:, :1] * across + np.cross(axis, across)
 
 
 def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:

@@ -17,6 +17,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterClass,
     ScatterJob,
     ScatterSize,
+    Unsharp,
     VertexGroupDensity,
     scatter,
 )
@@ -281,3 +282,80 @@ def test_what_was_removed_from_the_file_is_said_so():
     bpy.data.objects.remove(ground)
     with pytest.raises(EshError, match="`target` must be in the file"):
         scatter(ground, classes, **OPTIONS)
+
+
+def test_images_removed_from_the_file_and_directions_without_meaning():
+    ground, tree = quad(), quad("Tree")
+    gone = image("gone", np.ones((2, 2)))
+    wrapped = ImageDensity(gone)
+    bpy.data.images.remove(gone)
+    for named, words in (
+        ({"density": gone}, "`density` of class .* removed"),
+        ({"density": wrapped}, "`density` of class .* removed"),
+        ({"direction": gone}, "`direction` of class .* removed"),
+        ({"direction": "up"}, "`direction` of class"),
+        ({"direction": image("none", np.full((2, 2), 0.5))}, "`direction` of class .* have a direction somewhere"),
+    ):
+        with pytest.raises(EshError, match=words):
+            scatter(ground, one_class(tree, **named), **OPTIONS)
+
+
+def test_an_outline_far_from_its_origin_still_lies_on_its_body_also_on_a_slope():
+    ground = quad()
+    ground.rotation_euler = (0.5, 0.0, 0.0)
+    far = new_object("Far", [(30, -5, 0), (31.6, -5, 0), (31.6, -4.8, 0), (30, -4.8, 0)], [(0, 1, 2, 3)])
+    result = scatter(ground, [ScatterClass("far", [ScatterSize("one", 40, far)], direction=0.3)], **OPTIONS)
+    job = ScatterJob(ground, [ScatterClass("far", [ScatterSize("one", 40, far)])], device="cpu")
+    on_ground = job.chart.lift(result.placement.position).position
+    middles = []
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.is_instance and instance.parent.original == result.object:
+            corners = np.array([v.co[:] + (1.0,) for v in instance.object.data.vertices])
+            middles.append((corners @ np.array(instance.matrix_world).T)[:, :3].mean(axis=0))
+    np.testing.assert_allclose(middles, on_ground, atol=1e-3)
+
+
+def test_shares_and_cover_count_the_surface_and_not_its_plan():
+    """A roof of 60 degrees has twice the surface; a density of 0.8 per area is 1.6 seen from above."""
+    roof = new_object("Roof", [(0, 0, 0), (10, 0, 10 * 3**0.5), (10, 10, 10 * 3**0.5), (0, 10, 0)], [(0, 1, 2, 3)])
+    tree = quad("Tree", 0.5)
+    sizes = [
+        ScatterSize("large", None, tree, area=1.0, share=0.5),
+        ScatterSize("small", None, tree, area=0.5, share=0.5),
+    ]
+    for correction in (False, True):
+        made = [ScatterClass("tree", sizes, density=0.8, count="cover", density_correction=correction)]
+        report = scatter(roof, made, avoid_overlap=False, **OPTIONS).report
+        assert [size.placed for size in report.classes[0].sizes] == [80, 160]
+    made = [
+        ScatterClass(
+            "tree", [ScatterSize("one", None, tree, area=1.0)], density=1.0, count="cover", density_correction=True
+        )
+    ]
+    report = scatter(roof, made, avoid_overlap=False, **OPTIONS).report
+    # 1 - T(0), the paper's equation 5: c = sqrt(3) / 2.
+    assert report.classes[0].sizes[0].placed == round(200 * 2 * math.pi / (3 * 3**0.5))
+    with pytest.raises(EshError, match=r"`density` of class .* between 0 and 1"):
+        scatter(roof, [ScatterClass("tree", sizes, density=1.2, count="cover")], **OPTIONS)
+
+
+def test_long_bodies_follow_the_density_and_not_the_target_s_border():
+    """On a disc whose density grows along y, edges run along x everywhere, also where the border does not."""
+    bpy.ops.mesh.primitive_circle_add(vertices=128, radius=10.0, fill_type="NGON")
+    ground = bpy.context.object
+    y = np.array([vertex.co.y for vertex in ground.data.vertices])
+    ground.data.attributes.new("up", "FLOAT", "POINT").data.foreach_set("value", ((y + 10.0) / 20.0).astype(np.float32))
+    stick = new_object("Stick", [(-0.6, -0.1, 0), (0.6, -0.1, 0), (0.6, 0.1, 0), (-0.6, 0.1, 0)], [(0, 1, 2, 3)])
+    sizes = [ScatterSize("one", 80, stick)]
+    placement = scatter(ground, [ScatterClass("s", sizes, AttributeDensity("up"))], device="cpu").placement
+    # Without directions, the mean would be 2 / pi.
+    assert np.abs(np.sin(placement.angle)).mean() < 0.15
+    job = ScatterJob(ground, [ScatterClass("s", sizes)], device="cpu")
+    assert job.problem.classes[0].sizes[0].line.direction == "none", "an even density has no edges"
+
+
+def test_what_sharpening_clipped_is_in_the_report():
+    half = np.full((64, 64), 0.1, np.float32)
+    half[:, 32:] = 1.0
+    sharpened = one_class(quad("Tree"), density=half, unsharp=Unsharp(3.0, 20.0))
+    assert any("unsharp" in note for note in scatter(quad(), sharpened, **OPTIONS).report.notes)

@@ -5,7 +5,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.result import body_rotations  # noqa: E402
+from esh.esh_scatter.result import body_rotations, rotate  # noqa: E402
 from mathutils import Quaternion, Vector  # noqa: E402
 
 
@@ -24,3 +24,12 @@ def test_up_leans_towards_the_normal_by_its_share(strength):
 def test_turn_is_about_the_body_s_own_axis():
     side = Quaternion(body_rotations(np.array([[0.0, 0.0, 1.0]]), 1.0, np.array([0.5]))[0]) @ Vector((1, 0, 0))
     assert np.arctan2(side.y, side.x) == pytest.approx(0.5)
+
+
+def test_vectors_turn_as_blender_turns_them():
+    rng = np.random.default_rng(1)
+    quaternion = rng.normal(size=(20, 4))
+    quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+    vector = rng.normal(size=(20, 3))
+    expected = [Quaternion(q) @ Vector(v) for q, v in zip(quaternion, vector, strict=True)]
+    np.testing.assert_allclose(rotate(quaternion, vector), expected, atol=1e-6)

@@ -1,0 +1,93 @@
+"""The node group puts the right object on every point, turned and scaled by the point's attributes."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter.node_group import INSTANCE_INDEX, ROTATION, SCALE, build_node_group  # noqa: E402
+from esh.esh_scatter.target import RESULT_TAG  # noqa: E402
+from mathutils import Matrix, Quaternion  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def source(name, *, location=(0, 0, 0), turn=0.0, scale=1.0):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    item.location, item.rotation_euler, item.scale = location, (0, 0, turn), (scale,) * 3
+    return item
+
+
+def point_object(index, rotation, scale):
+    count = len(index)
+    mesh = bpy.data.meshes.new("Points")
+    mesh.vertices.add(count)
+    mesh.vertices.foreach_set("co", np.array([(i, 0, 0) for i in range(count)], np.float32).ravel())
+    for name, kind, field, values in (
+        (INSTANCE_INDEX, "INT", "value", np.array(index, np.int32)),
+        (ROTATION, "QUATERNION", "value", np.array(rotation, np.float32)),
+        (SCALE, "FLOAT_VECTOR", "vector", np.array(scale, np.float32)),
+    ):
+        mesh.attributes.new(name, kind, "POINT").data.foreach_set(field, values.ravel())
+    item = bpy.data.objects.new("Points", mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def instances(item):
+    """Name and matrix of every instance, by the point that it stands on."""
+    found = {}
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.is_instance and instance.parent.original == item:
+            matrix = instance.matrix_world.copy()
+            key = round(matrix.translation.x)
+            assert key not in found, "one instance on each point"
+            found[key] = (instance.object.original.name, matrix)
+    return found
+
+
+def test_every_point_gets_its_object_turned_and_scaled():
+    sources = [source("Z"), source("A", location=(50, 60, 70)), source("M", turn=0.4, scale=2.0)]
+    index = [2, 0, 1, 1, 0, 2, 0]
+    rng = np.random.default_rng(5)
+    rotation = rng.normal(size=(len(index), 4))
+    rotation /= np.linalg.norm(rotation, axis=1, keepdims=True)
+    scale = rng.uniform(0.5, 2.0, (len(index), 1)).repeat(3, axis=1)
+    item = point_object(index, rotation, scale)
+    item.modifiers.new("Scatter", "NODES").node_group = build_node_group("Group", sources)
+    found = instances(item)
+    assert [found[point][0] for point in range(len(index))] == [sources[number].name for number in index]
+    for point, number in enumerate(index):
+        # The source's own turn and scale come first; where it stands does not matter.
+        own = Matrix.Rotation(0.4, 4, "Z") @ Matrix.Scale(2.0, 4) if sources[number].name == "M" else Matrix.Identity(4)
+        given = Matrix.LocRotScale((point, 0, 0), Quaternion(rotation[point]), scale[point].tolist())
+        np.testing.assert_allclose(np.array(found[point][1]), np.array(given @ own), atol=1e-5)
+
+
+def test_sources_stay_live():
+    tree = source("Tree")
+    item = point_object([0, 0], [(1, 0, 0, 0)] * 2, [(1, 1, 1)] * 2)
+    item.modifiers.new("Scatter", "NODES").node_group = build_node_group("Group", [tree])
+    assert instances(item)[1][1].to_scale().x == pytest.approx(1.0)
+    tree.scale = (3, 3, 3)
+    bpy.context.view_layer.update()
+    assert instances(item)[1][1].to_scale().x == pytest.approx(3.0)
+
+
+def test_a_point_whose_index_has_no_source_stays_empty():
+    item = point_object([0, 7, -1], [(1, 0, 0, 0)] * 3, [(1, 1, 1)] * 3)
+    item.modifiers.new("Scatter", "NODES").node_group = build_node_group("Group", [source("Tree")])
+    assert set(instances(item)) == {0}
+
+
+def test_the_group_is_marked_as_ours_and_a_modifier_whatever_its_name():
+    source("Taken")
+    first, second = build_node_group("Taken", []), build_node_group("Taken", [])
+    assert first != second and first.get(RESULT_TAG) and second.get(RESULT_TAG)
+    assert first.is_modifier and first.users == 0
