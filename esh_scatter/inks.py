@@ -9,6 +9,7 @@ import numpy as np
 
 from ..engine.color_separation import MODELS, Ink, separate
 from ..engine.errors import ProblemError
+from .chart import Chart
 from .densities import image_pixels
 
 __all__ = ["add_ink_classes"]
@@ -18,7 +19,7 @@ CORNERS = 24
 
 
 def add_ink_classes(
-    scatter: bpy.types.PropertyGroup, image: bpy.types.Image, model: str, dot_area: float, ground_area: float
+    scatter: bpy.types.PropertyGroup, image: bpy.types.Image, model: str, dots: int, chart: Chart
 ) -> int:
     """Add a class for every ink that an image needs to the settings of a scatter.
 
@@ -26,8 +27,8 @@ def add_ink_classes(
         scatter: Settings that get the classes.
         image: Colours, as stored.
         model: A name in :data:`~esh.engine.color_separation.MODELS`.
-        dot_area: Area of a dot [m²].
-        ground_area: Of the rectangle that the image is stretched over [m²].
+        dots: How many dots a black image would take, which says how large a dot is.
+        chart: The surface of the target, seen from above, over which the image is stretched.
 
     Returns:
         Number of classes added.
@@ -38,17 +39,20 @@ def add_ink_classes(
     pixels = np.clip(image_pixels(image, "`image`"), 0.0, 1.0)
     channels = separate(pixels, model)
     found = MODELS[model]
-    counts = np.rint(channels.mean(axis=(1, 2)) * ground_area / dot_area).astype(int)
+    dot_area = float(chart.area.sum()) / dots
+    counts = np.array([round(_ink_area(channel, chart) / dot_area) for channel in channels])
     if not counts.any():
         raise ProblemError(
             f'`image` "{image.name}" needs no ink for half a dot of {dot_area:g} m²; make the dots smaller'
         )
     matrix = np.asarray(found.non_overlap)
+    # Lists of names are separated by commas.
+    stem = image.name.replace(",", " ")
     names: dict[int, str] = {}
     for index in np.flatnonzero(counts).tolist():
         ink = found.inks[index]
         body_class = scatter.add_class()
-        body_class.name = f"{image.name} {ink.name}"
+        body_class.name = f"{stem} {ink.name}"
         names[index] = body_class.name
         body_class.color = ink.rgb
         body_class.density_kind = "IMAGE"
@@ -66,6 +70,15 @@ def add_ink_classes(
         body_class.may_overlap = ", ".join(names[other] for other in names if matrix[index, other] == 0.0)
     scatter.avoid_overlap = False
     return len(names)
+
+
+def _ink_area(channel: np.ndarray, chart: Chart) -> float:
+    """Return how much of the surface an ink covers [m²]: every point counts by the pixel that it lies in."""
+    height, width = channel.shape
+    x, y = chart.points.rectangle_coordinates().T
+    column = np.clip((x * width).astype(int), 0, width - 1)
+    row = np.clip(((1.0 - y) * height).astype(int), 0, height - 1)
+    return float(channel[row, column] @ chart.area[chart.area > 0.0])
 
 
 def _channel_image(name: str, channel: np.ndarray) -> bpy.types.Image:

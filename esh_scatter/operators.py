@@ -6,7 +6,6 @@
 import random
 
 import bpy
-import numpy as np
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from ..engine.errors import EshError
@@ -252,8 +251,9 @@ class ESH_OT_classes_from_image(_Edit):
 
     def execute(self, context):
         """Add the classes."""
+        from .chart import Chart
         from .inks import add_ink_classes
-        from .target import read_target
+        from .target import check_target, read_target
 
         scatter = active_scatter(context)
         image = bpy.data.images.get(self.image)
@@ -261,9 +261,8 @@ class ESH_OT_classes_from_image(_Edit):
             self.report({"ERROR"}, f'There is no image "{self.image}"; open one first')
             return {"CANCELLED"}
         try:
-            position = read_target(scatter.target, context, set()).position
-            ground = float(np.prod(np.ptp(position[:, :2], axis=0)))
-            count = add_ink_classes(scatter, image, self.model, ground / self.dots, ground)
+            chart = Chart(read_target(check_target(scatter.target, context), context, set()))
+            count = add_ink_classes(scatter, image, self.model, self.dots, chart)
         except EshError as error:
             self.report({"ERROR"}, _sentence(error))
             return {"CANCELLED"}

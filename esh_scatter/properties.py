@@ -251,6 +251,11 @@ class ESH_PG_class(PropertyGroup):
         return sum(size.count for size in self.sizes)
 
     @property
+    def names_that_may_overlap(self) -> set[str]:
+        """Names of the classes that may lie on this one."""
+        return {part.strip() for part in self.may_overlap.split(",")} - {""}
+
+    @property
     def active_size(self) -> ESH_PG_size | None:
         """The selected size, or None."""
         return self.sizes[self.size_index] if 0 <= self.size_index < len(self.sizes) else None
@@ -451,6 +456,10 @@ class ESH_PG_scatter(PropertyGroup):
             return "The target is what the last run made; choose another target"
         if not self.classes:
             return "Add a class: what to scatter"
+        names = {body_class.name for body_class in self.classes}
+        for body_class in self.classes:
+            for name in body_class.names_that_may_overlap - names:
+                return f'Class "{body_class.name}", May Overlap: there is no class "{name}"'
         return next(filter(None, (body_class.obstacle(self.target) for body_class in self.classes)), None)
 
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
@@ -473,7 +482,7 @@ class ESH_PG_scatter(PropertyGroup):
     def non_overlap(self) -> list[list[float]] | None:
         """Return which classes must keep apart as :func:`~esh.scatter` takes it; None where all must."""
         names = [body_class.name for body_class in self.classes]
-        over = [{part.strip() for part in body_class.may_overlap.split(",")} for body_class in self.classes]
+        over = [body_class.names_that_may_overlap for body_class in self.classes]
         apart = [
             [1.0 if i == j or not (names[j] in over[i] or names[i] in over[j]) else 0.0 for j in range(len(names))]
             for i in range(len(names))

@@ -19,7 +19,7 @@ def scatter_settings():
     registration.unregister()
 
 
-def picture(width=16, height=12):
+def picture(width=16, height=8):
     rng = np.random.default_rng(3)
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = rng.random((height, width, 3))
@@ -45,6 +45,31 @@ def test_one_class_per_ink_with_its_channel_and_counts(scatter_settings, model):
         assert body_class.sizes[0].area == pytest.approx(0.4)
     matrix = scatter_settings.non_overlap()
     np.testing.assert_array_equal(np.ones((len(names),) * 2) if matrix is None else matrix, MODELS[model].non_overlap)
+
+
+def test_dots_are_counted_on_the_surface_and_not_on_its_bounding_rectangle(scatter_settings):
+    """A disc in a white image whose black part it only half reaches; the image's name has a comma."""
+    bpy.ops.mesh.primitive_circle_add(vertices=256, radius=10.0, fill_type="NGON")
+    scatter_settings.target = bpy.context.object
+    values = np.ones((64, 64, 4), np.float32)
+    values[:, :32, :3] = 0.0
+    image = bpy.data.images.new("Half, black", 64, 64, float_buffer=True)
+    image.pixels.foreach_set(values.ravel())
+    bpy.ops.esh.classes_from_image(image=image.name, model="CMYK", dots=1000)
+    (black,) = scatter_settings.classes
+    assert abs(black.count - 500) <= 1
+    # Of a polygon of 256 corners.
+    assert black.sizes[0].area == pytest.approx(100.0 * 128 * np.sin(np.pi / 128) / 1000, rel=0.01)
+
+
+def test_inks_of_an_image_with_a_comma_in_its_name_may_overlap_and_unknown_names_are_said(scatter_settings):
+    image, _ = picture()
+    image.name = "Photo, final"
+    bpy.ops.esh.classes_from_image(image=image.name, model="CMY", dots=1000)
+    np.testing.assert_array_equal(scatter_settings.non_overlap(), np.eye(3))
+    assert scatter_settings.obstacle(bpy.context.scene) is None
+    scatter_settings.classes[0].name = "Cyan"
+    assert 'there is no class "Photo  final C"' in scatter_settings.obstacle(bpy.context.scene)
 
 
 def test_inks_scatter_as_colored_dots(scatter_settings):
