@@ -71,6 +71,7 @@ def folder(tmp_path):
     color = np.random.default_rng(0).integers(0, 255, (32, 32, 4)).astype(np.uint8)
     Image.fromarray(color, "RGBA").save(tmp_path / "color.png")
     Image.fromarray(np.full((8, 8, 3), 255, np.uint8), "RGB").save(tmp_path / "white.png")
+    Image.fromarray(np.zeros((4, 4, 3), np.uint8), "RGB").save(tmp_path / "black.png")
     return tmp_path
 
 
@@ -134,6 +135,77 @@ MISTAKES = {
     "switch": ("avoid_overlap = true", 'avoid_overlap = "yes"', "`avoid_overlap` must be true or false"),
     "unknown key": ("charges = 5", "charge = 5", "did you mean `charges`"),
     "kind": ('"vector"', '"flow"', 'must be "angle" or "vector"'),
+    "negative length": (
+        'length = "grey.png"\nlength_range = [1.0, 2.0]',
+        "length = -1",
+        '`class[1].size[1].line.length` (class "stick", size "long") must be a number in metres above 0, and finite; got -1',
+    ),
+    "no length": ('length = "grey.png"\nlength_range = [1.0, 2.0]', "", "`class[1].size[1].line.length` (class"),
+    "length is a word": ('length = "grey.png"', 'length = "long"', 'or the name of an image; got "long"'),
+    "length without a range": ("length_range = [1.0, 2.0]\n", "", "`class[1].size[1].line.length_range`"),
+    "range without an image": ('length = "grey.png"', "length = 1.0", "is for images; got it beside a `length` of 1"),
+    "direction is a word": (
+        'direction = "flow.png"\ndirection_kind = "vector"',
+        'direction = "up"',
+        'must be "density", "none", an angle in radians or the name of an image; got "up"',
+    ),
+    "direction of zeros": (
+        'direction = "flow.png"',
+        'direction = "black.png"',
+        "must have a direction somewhere; red and green of its image are 0 everywhere, and 0.5 means none",
+    ),
+    "kind without an image": ('"flow.png"', "0.5", "is for images; got it beside a `direction` of 0.5"),
+    "line is a number": (
+        LINES[LINES.index("[class.size.line]") : LINES.index('[[class.size]]\nname = "short"')],
+        "line = 3\n",
+        '`class[1].size[1].line` (class "stick", size "long") must be one table, under a line [class.size.line]; got 3',
+    ),
+    "unsharp is a number": (
+        "unsharp = { amount = 0.5, radius = 1.5 }",
+        "unsharp = 3",
+        '`class[1].unsharp` (class "stick") must be one table, under a line [class.unsharp]; got 3',
+    ),
+    "negative amount": (
+        "amount = 0.5",
+        "amount = -1",
+        '`class[1].unsharp.amount` (class "stick") must be a number of 0',
+    ),
+    "count of a word": (
+        "count = 100",
+        'count = "many"',
+        'must be a whole number of at least 1, or "cover"; got "many"',
+    ),
+    "cover of more than everything": (
+        "count = 100\ndensity_correction = true\nunsharp = { amount = 0.5, radius = 1.5 }",
+        "count = \"cover\"\n[[class.size]]\nname = 'x'\narea = 0.1\nshare = 0.5",
+        "must add up to 1; they add up to 1.5",
+    ),
+    "range upside down": (
+        "area = 2.0",
+        "area = [2.0, 1.0]",
+        "must be a range with its smallest area first; got [2.0, 1.0]",
+    ),
+    "distribution": (
+        "area = 2.0",
+        'area = [1.0, 2.0]\ndistribution = "normal"',
+        'must be "linear" or "uniform", or a list',
+    ),
+    "distribution beyond the range": (
+        "area = 0.75\ncount = 20",
+        "area = [0.5, 1.0]\ncount = 2\ndistribution = [0.5, 1.5]",
+        "must lie within the `area`, 0.5 to 1; got 0.5 to 1.5",
+    ),
+    "distribution of another count": (
+        "area = 0.75\ncount = 20",
+        "area = [0.5, 1.0]\ncount = 3\ndistribution = [0.5, 1.0]",
+        "must hold one area per body, 3; got 2",
+    ),
+    "not positive semidefinite": (
+        "[2.0, 3.0]\nnon_overlap = [[1, 0], [0, 1]]",
+        "2.0\nclass_separation = 0.9\nnon_overlap = [[1, 0, 1], [0, 1, 1], [1, 1, 1]]",
+        "`class_separation` 0.9 gives the interaction matrix the eigenvalue -0.273, and it must have none below 0; "
+        "lower `class_separation` to 0.707 at most",
+    ),
 }
 
 
@@ -165,7 +237,7 @@ INK_MISTAKES = {
         "[balance]\nclass_separation = 0.9\n[image]",
         "gives the interaction matrix the eigenvalue -0.559, and it must have none below 0; lower `class_separation` to 0.577",
     ),
-    "white": ('"color.png"', '"white.png"', "no ink has half a dot to print"),
+    "white": ('"color.png"', '"white.png"', "the image is white"),
     "missing": ('"color.png"', '"none.png"', "`image.file` cannot be used"),
 }
 
