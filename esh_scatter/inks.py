@@ -102,7 +102,9 @@ def _disc(name: str, ink: Ink, area: float) -> bpy.types.Object:
     mesh.from_pydata([(radius * math.cos(a), radius * math.sin(a), 0.0) for a in angle], [], [range(CORNERS)])
     material = bpy.data.materials.new(name)
     material.diffuse_color = (*ink.rgb, 1.0)
-    material.use_nodes = True
+    if material.node_tree is None:
+        # From Blender 5.0 on, every material has nodes.
+        material.use_nodes = True
     shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = (*ink.rgb, 1.0)
     mesh.materials.append(material)

@@ -136,6 +136,36 @@ def test_every_density_draws_its_own_fields_with_and_without_a_target(kind):
     assert any("Choose a target" in text for text in draw_all())
 
 
+def test_directions_ranges_and_sharpening_draw_their_own_fields():
+    scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
+    body_class = scatter.add_class()
+    size = body_class.sizes[0]
+    extra = {
+        "direction_angle",
+        "direction_image",
+        "unsharp_amount",
+        "unsharp_radius",
+        "area_largest",
+        "area",
+        "may_overlap",
+    }
+    shown = extra & set(draw_all())
+    assert not shown and {"shape", "avoid_overlap", "density_correction", "use_unsharp"} <= set(draw_all())
+    for group, name, value, fields in (
+        (body_class, "direction_kind", "ANGLE", {"direction_angle"}),
+        (body_class, "direction_kind", "IMAGE", {"direction_image"}),
+        (body_class, "use_unsharp", True, {"unsharp_amount", "unsharp_radius"}),
+        (size, "area_kind", "VALUE", {"area"}),
+        (size, "area_kind", "RANGE", {"area", "area_largest"}),
+    ):
+        before = getattr(group, name)
+        setattr(group, name, value)
+        assert extra & set(draw_all()) == fields, (name, value)
+        setattr(group, name, before)
+    scatter.add_class()
+    assert "may_overlap" in draw_all(), "with two classes there is something to overlap"
+
+
 def test_the_button_says_why_nothing_can_be_done():
     scatter = bpy.context.scene.esh_scatter.add_scatter(None)
     scatter.add_class()

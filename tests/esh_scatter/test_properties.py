@@ -93,7 +93,15 @@ def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
     assert scatter.obstacle(scene) is None
     pine.uv_map = "gone"
     assert '"gone"' in scatter.obstacle(scene)
-    pine.density_kind = "UNIFORM"
+    pine.density_kind, pine.direction_kind = "UNIFORM", "IMAGE"
+    assert "choose its flow image" in scatter.obstacle(scene)
+    pine.direction_image = bpy.data.images["where"]
+    assert scatter.obstacle(scene) is None
+    pine.may_overlap = " Beech, , Oak"
+    assert 'there is no class "Oak"' in scatter.obstacle(scene)
+    pine.may_overlap = " Beech, "
+    assert scatter.obstacle(scene) is None
+    assert scatter.non_overlap() == [[1.0, 0.0], [0.0, 1.0]]
     pine.sizes[0].source_kind = "COLLECTION"
     assert "choose a collection" in scatter.obstacle(scene)
     pine.sizes[0].source_kind, pine.sizes[0].source_object = "OBJECT", scatter.target
@@ -130,6 +138,12 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
         (scatter, "max_steps", 20), (scatter, "device", "CPU"), (scatter, "target", new_object("Other")),
         (scatter.classes[0], "density_kind", "IMAGE"), (scatter.classes[0], "invert", True),
         (size, "count", 7), (size, "area", 3.0), (size, "area_kind", "VALUE"), (size, "source_object", new_object("Bush")),
+        (scatter, "avoid_overlap", False), (size, "shape", "LINE"), (size, "area_largest", 9.0),
+        (scatter.classes[0], "direction_kind", "IMAGE"), (scatter.classes[0], "direction_angle", 0.3),
+        (scatter.classes[0], "direction_image", bpy.data.images.new("flow", 4, 4)),
+        (scatter.classes[0], "density_correction", True), (scatter.classes[0], "may_overlap", "Beech"),
+        (scatter.classes[0], "use_unsharp", True), (scatter.classes[0], "unsharp_amount", 0.3),
+        (scatter.classes[0], "unsharp_radius", 9.0),
     ]  # fmt: skip
     for group, name, value in changes:
         before = getattr(group, name)
@@ -143,6 +157,18 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
     scatter.target.location.x += 1
     bpy.context.view_layer.update()
     assert scatter.outdated
+
+
+def test_shapes_and_directions_are_those_of_the_api(scatter):
+    pine = scatter.classes[0]
+    size, flow = pine.sizes[0], bpy.data.images.new("flow", 4, 4)
+    pine.direction_angle, pine.direction_image = 0.25, flow
+    for kind, expected in (("DENSITY", "density"), ("NONE", "none"), ("ANGLE", 0.25), ("IMAGE", flow)):
+        pine.direction_kind = kind
+        assert pine.as_argument().direction == expected
+    for shape, expected in (("AUTO", None), ("DOT", False), ("LINE", True)):
+        size.shape = shape
+        assert size.as_argument().line is expected
 
 
 def test_a_broken_report_counts_as_none(scatter):
