@@ -145,7 +145,7 @@ def _picture_shape(placement: Placement, pixels_per_metre: float, supersampling:
     columns, rows = (max(1.0, extent * scale) for extent in (width, height))
     # A single row of samples has to fit the memory, too.
     if columns * rows > MOST_PIXELS or columns * supersampling**2 > MOST_PIXELS:
-        raise EshError(f"a picture of {columns:.0f} x {rows:.0f} pixels is too large; lower the scale {scale:g}")
+        raise EshError(f"a picture of {columns:.6g} x {rows:.6g} pixels is too large; lower the scale {scale:g}")
     return round(rows), round(columns)
 
 
@@ -373,9 +373,9 @@ def _checked_colors(colors: Sequence[Color] | None, count: int) -> list[Color]:
     try:
         listed = [tuple(float(value) for value in color[:3]) for color in colors]
     except checks.FOREIGN_ERRORS:
-        listed = []
+        raise EshError(f"`colors` must be a list of red, green and blue, each 0..1; got {show(colors)}") from None
     if len(listed) < count:
-        raise EshError(f"`colors` must hold one colour per class, {count}; got {show(colors)}")
+        raise EshError(f"`colors` must hold one colour per class, {count}; got {len(listed)}")
     for color in listed:
         if len(color) != 3 or not all(0.0 <= value <= 1.0 for value in color):
             raise EshError(f"`colors` must be red, green and blue, each 0..1; got {show(color)}")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from esh.engine.color_separation import MODELS, Ink, InkModel, halftone_problem, ink_colors, separate
 from esh.engine.errors import ProblemError
-from esh.engine.problem import Size
+from esh.engine.problem import Domain, Size
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -77,6 +77,7 @@ def test_every_kind_of_image(kind):
         (np.zeros((2, 2, 5)), "1 to 4 channels"),
         (np.zeros(4), "must be an array"),
         ("photo.png", "must be an array"),
+        ([[0.1], [0.1, 0.2]], "must be an array"),
     ],
 )
 def test_what_is_no_image(image, complaint):
@@ -95,6 +96,9 @@ CMY = [Ink("c", (1, 0, 0)), Ink("m", (0, 1, 0)), Ink("y", (0, 0, 1))]
         ([*CMY, Ink("z", (0, 0, 1))], np.eye(4), "must differ"),
         (CMY, [[1, 0.2, 0], [0, 1, 0], [0, 0, 1]], "must be symmetric"),
         (CMY, np.zeros((3, 3)), "1 on its diagonal"),
+        (CMY, None, "one row and column per ink, 3; got 0"),
+        (None, np.eye(3), "must be a list of Ink"),
+        (["C", "M", "Y"], np.eye(3), "must be a list of Ink"),
     ],
 )
 def test_ink_lists_without_meaning(inks, matrix, complaint):
@@ -129,5 +133,44 @@ def test_inks_that_a_picture_does_not_need_are_left_out():
     problem = halftone_problem(np.full((10, 10, 3), [1.0, 0.3, 0.3]), "CMY-RB-K")
     assert [c.name for c in problem.classes] == ["R"]
     np.testing.assert_array_equal(problem.balance.non_overlap, [[1.0]])
-    with pytest.raises(ProblemError, match="no ink"):
+    with pytest.raises(ProblemError, match="there is no ink to print"):
         halftone_problem(np.ones((10, 10, 3)))
+
+
+@pytest.mark.parametrize("green", [1, 2, 3, 5, 20])
+def test_a_trace_of_an_ink_does_not_refuse_the_picture(green):
+    """What is too little for a dot of every size is printed in those sizes for which it is enough."""
+    image = np.full((64, 64, 3), 0.5)
+    image.reshape(-1, 3)[:green] = [0.0, 1.0, 0.0]
+    sizes = [Size("S", 0.5, share=0.2), Size("M", 1.0, share=0.3), Size("L", 2.0, share=0.5)]
+    trace, black = halftone_problem(image, "CMY-RGB-K", sizes=sizes).classes
+    assert (trace.name, black.name) == ("G", "K")
+    assert [size.name for size in black.sizes] == ["S", "M", "L"]
+    assert abs(sum(size.count * size.area for size in trace.sizes) - green) <= 2.0
+    assert min(size.count for size in trace.sizes) >= 1
+    with pytest.raises(ProblemError, match="leaves none of it"):
+        halftone_problem(image[:1, :1], "CMY-RGB-K", sizes=sizes)
+
+
+@given(st.lists(st.floats(0.01, 1.0), min_size=2, max_size=5), st.floats(-1e-6, 1e-6))
+def test_an_ink_of_half_a_dot_is_in_or_out_but_never_a_failure(parts, more):
+    """However its channel is rounded on the way."""
+    ink = np.array(parts)
+    image = np.ones((4, 4, 3))
+    image[0] = 0.0
+    image[1, : min(len(ink), 4), 0] = 1.0 - ink[:4]
+    cyan = float((1.0 - image[1, :, 0]).sum())
+    problem = halftone_problem(image, "CMYK", area=2.0 * cyan * (1.0 + more) if 2.0 * cyan < 8.0 else 8.0)
+    assert [c.name for c in problem.classes][-1] == "K"
+    assert all(c.body_count >= 1 for c in problem.classes)
+
+
+def test_dots_larger_than_the_ink_and_arguments_of_other_kinds():
+    image = np.full((4, 4, 3), 0.5)
+    with pytest.raises(ProblemError, match="`area` must be smaller: 20 m² is more than twice what ink K covers, 8 m²"):
+        halftone_problem(image, area=20.0)
+    with pytest.raises(ProblemError, match="`sizes` must be a list of Size"):
+        halftone_problem(image, sizes=[1.0])
+    with pytest.raises(ProblemError, match="`domain` must be a Domain, or None"):
+        halftone_problem(image, domain=(4.0, 4.0))
+    assert halftone_problem(image, domain=Domain((8.0, 8.0))).body_count == 32
