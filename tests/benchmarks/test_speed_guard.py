@@ -15,7 +15,10 @@ from esh.engine.device import Launcher, resolve_device
 from esh.engine.problem import BodyClass, Domain, Problem, Size
 from esh.engine.relaxation import _Relaxation, solve
 
-MEASURED_RATIO = 1.65
+# An evaluation for 20,000 bodies beside a direct float32 sum over 8,192; its noise is said at the test.
+MEASURED_RATIO = 1.97
+# Above the noise, and below the fifth that is to be seen.
+SLACK = 1.12
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
@@ -41,12 +44,45 @@ def operations(count, groups):
         launcher.close()
 
 
-# Operations per body when this was written; a fifth more is a step back.
+# Operations per body when this was written, which do not scatter.
 @pytest.mark.parametrize(
     ("count", "groups", "budget"), [(10_000, 1, 6460), (10_000, 6, 12360), (100_000, 1, 6890), (100_000, 6, 11830)]
 )
 def test_an_evaluation_takes_no_more_operations_than_it_did(count, groups, budget):
-    assert operations(count, groups) <= 1.2 * budget
+    assert operations(count, groups) <= 1.1 * budget
+
+
+class CountingLauncher(Launcher):
+    """Counts launches, and the elements that they run over."""
+
+    def __init__(self, device):
+        super().__init__(device)
+        self.launches, self.elements = 0, 0
+
+    def launch_each(self, kernel, parts, outputs=()):
+        self.launches += 1
+        self.elements += sum(end - first for first, end, _ in parts)
+        super().launch_each(kernel, parts, outputs)
+
+
+# Launches of one evaluation, and the elements they run over per body, when this was written: a pass more is seen here, which
+# the operations above, reckoned from the mesh, do not show.
+@pytest.mark.parametrize(
+    ("count", "groups", "launches", "elements"), [(10_000, 1, 10, 8.5), (10_000, 6, 18, 9.5), (100_000, 1, 10, 7.6)]
+)
+def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches, elements):
+    launcher = CountingLauncher(resolve_device("cpu"))
+    try:
+        relaxation = _Relaxation(problem_of(count, groups), launcher)
+        position = np.random.default_rng(0).random((relaxation.body_count, 2)) * relaxation.size
+        points = wp.array(position.astype(np.float32), dtype=wp.vec2)
+        launcher.launches, launcher.elements = 0, 0
+        relaxation.field.evaluate(points, relaxation.field_at_charge)
+        print(f"{launcher.launches} launches, {launcher.elements / count:.2f} elements per body")
+        assert 0 < launcher.launches <= launches
+        assert 0 < launcher.elements / count <= 1.1 * elements
+    finally:
+        launcher.close()
 
 
 def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():
@@ -56,7 +92,7 @@ def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():
 
 
 def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypatch):
-    """Measured three times with other work on both cores: 1.57 to 1.62 of the direct sum over 4,096 bodies."""
+    """Noise: 1.92 to 1.98 on two cores beside one other process, 2.00 to 2.04 beside three, 1.85 on one core."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     monkeypatch.delitem(sys.modules, "direct_summation", raising=False)
     from direct_summation import DirectSummation
@@ -67,8 +103,8 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
         points = wp.array(
             (np.random.default_rng(0).random((20_000, 2)) * relaxation.size).astype(np.float32), dtype=wp.vec2
         )
-        sums = DirectSummation(problem_of(4096, 1), launcher)
-        at = np.random.default_rng(0).random((4096, 2)) * sums.size
+        sums = DirectSummation(problem_of(8192, 1), launcher, double=False)
+        at = np.random.default_rng(0).random((8192, 2)) * sums.size
 
         def seconds(run, repeat):
             start = time.process_time()
@@ -84,6 +120,6 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
             direct.append(seconds(lambda: sums.repulsion(at), 3))
         ratio = min(ours) / min(direct)
         print(f"ratio {ratio:.2f}")
-        assert ratio < 1.2 * MEASURED_RATIO
+        assert ratio < SLACK * MEASURED_RATIO
     finally:
         launcher.close()
