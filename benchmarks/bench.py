@@ -32,10 +32,12 @@ from esh.engine.relaxation import _Relaxation, solve
 
 SQUARE = Domain((64.0, 64.0))
 UNIFORM = np.ones((1, 1), dtype=np.float32)
-# Where direct summation is compared over a whole run.
-DIRECT_BODIES = 16_384
+# Where direct summation is compared over a whole run; and with --quick, which only shows that everything runs.
+DIRECT_BODIES, DIRECT_BODIES_QUICK = 16_384, 1024
 # Steps that the paper's scheme takes, and direct descent with our step lengths.
 PAPER_STEPS, DIRECT_STEPS = 1000, 300
+# A Gaussian's transform exp(-s²k²/2) falls to 1e-3 at k = 3.72/s.
+LAST_WAVE = 3.72
 
 
 def problem_of(count: int, groups: int = 1) -> Problem:
@@ -58,13 +60,21 @@ def timed(run: Callable[[], object]) -> float:
 def peak_memory(count: int, groups: int, device: str) -> float:
     """Peak resident size [GB] of a process that solves a problem of this size."""
     script = (
-        "import resource, sys; sys.path.insert(0, sys.argv[1]); from bench import problem_of; "
+        "import sys; sys.path.insert(0, sys.argv[1]); from bench import own_peak, problem_of; "
         "from esh.engine.relaxation import solve; "
         f"solve(problem_of({count}, {groups}), device='{device}', max_steps=3); "
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        "print(own_peak())"
     )
     command = [sys.executable, "-c", script, str(Path(__file__).parent)]
-    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout) / 1e6
+    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
+def own_peak() -> float:
+    """Peak resident size [GB] of this process; not ru_maxrss, which starts from that of the process that started it."""
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmHWM:"):
+            return float(line.split()[1]) * 1024.0 / 1e9
+    return math.nan
 
 
 def whole_runs(device: str, counts: list[int], repeat: int) -> list[str]:
@@ -96,32 +106,35 @@ def whole_runs(device: str, counts: list[int], repeat: int) -> list[str]:
     return lines
 
 
-def against_direct(launcher: Launcher, repeat: int) -> list[str]:
-    """Our whole run against direct summation of the same problem."""
-    problem = problem_of(DIRECT_BODIES)
+def against_direct(launcher: Launcher, count: int, repeat: int) -> list[str]:
+    """Our whole run against direct summation of the same problem, with the quality that each reaches."""
+    problem = problem_of(count)
     device = launcher.device.alias
     solve(problem, device=device, max_steps=2)
     sums = DirectSummation(problem, launcher, double=False)
-    position = np.random.default_rng(0).random((DIRECT_BODIES, 2)) * sums.size
+    position = np.random.default_rng(0).random((count, 2)) * sums.size
     sums.repulsion(position)
     ours, step = [], []
     for _ in range(repeat):
         ours.append(timed(lambda: solve(problem, device=device)))
-        step.append(timed(lambda: (sums.repulsion(position), sums.attraction(position))))
+        step += [timed(lambda: (sums.repulsion(position), sums.attraction(position))) for _ in range(5)]
     per_step = statistics.median(step)
-    reached = direct_solve(problem, launcher, steps=DIRECT_STEPS, double=False)
-    theirs = coverage_error(reached, np.ones(DIRECT_BODIES), UNIFORM, SQUARE)
-    own = solve(problem, device=device).report.coverage_error
     run = statistics.median(ours)
-    return [
-        "| 16,384 bodies | seconds | coverage error | times ours |",
+    own = solve(problem, device=device).report.coverage_error
+    lines = [
+        f"| {count:,} bodies | seconds | coverage error | times ours |",
         "|---|---|---|---|",
         f"| ours, whole run | {run:.2f} | {own:.4f} | 1 |",
-        f"| direct summation, our step lengths, {DIRECT_STEPS} steps | {DIRECT_STEPS * per_step:.1f} | {theirs:.4f} | "
-        f"{DIRECT_STEPS * per_step / run:.0f} |",
-        f"| direct summation, the paper's scheme, {PAPER_STEPS} steps | {PAPER_STEPS * per_step:.1f} | | "
-        f"{PAPER_STEPS * per_step / run:.0f} |",
     ]
+    for name, steps, paper_step in (
+        ("our step lengths", DIRECT_STEPS, False),
+        ("the paper's step of 0.1", PAPER_STEPS, True),
+    ):
+        reached = direct_solve(problem, launcher, steps=steps, double=False, paper_step=paper_step)
+        error = coverage_error(reached, np.ones(count), UNIFORM, SQUARE)
+        seconds = steps * per_step
+        lines.append(f"| direct summation, {name}, {steps} steps | {seconds:.1f} | {error:.4f} | {seconds / run:.1f} |")
+    return [*lines, "", f"Direct summation: steps times the median of a step, {1e3 * per_step:.1f} ms."]
 
 
 def evaluate(relaxation: _Relaxation, points: wp.array) -> None:
@@ -143,8 +156,8 @@ def force_evaluations(launcher: Launcher, counts: list[int], repeat: int, fmm: P
         others: list[dict[str, float]] = []
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "points.npz"
-            # Modes that resolve the same split: as many as our mesh has nodes.
-            modes = max(relaxation.field.layout.padded)
+            # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
+            modes = 2 * math.ceil(LAST_WAVE / relaxation.field.split * max(relaxation.size) / math.pi)
             np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)
             for _ in range(repeat):
                 ours.append(timed(partial(evaluate, relaxation, points)))
@@ -180,8 +193,11 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     parser.add_argument("--bodies", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--quick", action="store_true", help="tiny problems, once: does everything run?")
     parser.add_argument("--fmm", type=Path, help="Python that has fmm2dpy and finufft")
     options = parser.parse_args()
+    if options.quick:
+        options.bodies, options.repeat = [1000, 2000], 1
     device = resolve_device(options.device)
     launcher = Launcher(device)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -190,12 +206,14 @@ def main() -> None:
         f"# Benchmark\n\n{device.name} ({device.alias}), {processor()}, {cores} cores used, {platform.machine()}; "
         f"medians of {options.repeat} (1 above 200,000 bodies).",
         "## Whole runs\n\n" + "\n".join(whole_runs(device.alias, options.bodies, options.repeat)),
-        "## Against direct summation\n\n" + "\n".join(against_direct(launcher, options.repeat)),
+        "## Against direct summation\n\n"
+        + "\n".join(against_direct(launcher, DIRECT_BODIES_QUICK if options.quick else DIRECT_BODIES, options.repeat)),
         "## One evaluation of the forces\n\n"
         + "\n".join(force_evaluations(launcher, large, options.repeat, options.fmm)),
     ]
     if importlib.util.find_spec("bpy") is not None:
-        command = [sys.executable, str(Path(__file__).parent / "blender_poisson.py"), "--bodies"]
+        command = [sys.executable, str(Path(__file__).parent / "blender_poisson.py")]
+        command += ["--repeat", str(options.repeat), "--bodies"]
         counts = [str(count) for count in options.bodies if count <= 100_000] or ["10000"]
         table = subprocess.run([*command, *counts], capture_output=True, text=True, check=True).stdout
         sections.append("## Blender's own distribution\n\n" + table[table.index("|") :].strip())
