@@ -28,6 +28,20 @@ def test_both_ends():
     np.testing.assert_allclose(tone_map(bright), bright, atol=1e-12)
 
 
+def test_solves_equation_5_as_printed():
+    """From c to the grey value by the paper's own formula, and back through T to c: to 1e-9."""
+    c = np.cos(np.geomspace(1e-5, math.pi / 6.0, 200)[::-1])
+    c = np.concatenate([c, np.cos(math.pi / 6.0 - np.geomspace(1e-3, math.pi / 6.0, 200))])
+    density = math.pi / (2.0 * math.sqrt(3.0) * c**2)
+    covered = density * (1.0 - 6.0 / math.pi * (np.arctan(np.sqrt(1.0 / c**2 - 1.0)) - c * np.sqrt(1.0 - c**2)))
+    np.testing.assert_allclose(tone_map(1.0 - covered), 1.0 - density, rtol=0.0, atol=1e-9)
+
+
+def test_one_number_is_mapped_like_an_image():
+    assert float(tone_map(0.01)) == tone_map(np.array([[0.01]]))[0, 0]
+    assert float(correct_density(1.0)) == pytest.approx(2.0 * math.pi / (3.0 * math.sqrt(3.0)), abs=1e-9)
+
+
 @pytest.mark.parametrize("grey", [0.0, 0.01, 0.03, 0.06, 0.09, 0.3])
 def test_discs_of_the_corrected_density_cover_what_was_asked(grey):
     density = correct_density(np.array([1.0 - grey]))[0]
