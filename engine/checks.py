@@ -292,9 +292,11 @@ def _image(value: object, key: str, accepted: str, dimensions: tuple[int, ...]) 
         image = None
     if image is None or image.dtype.kind not in "uif" or image.ndim not in dimensions or not image.size:
         raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+    with np.errstate(over="ignore"):
+        image = image.astype(np.float32)
     if not np.isfinite(image).all():
-        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
-    return image.astype(np.float32)
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity, or values beyond float32")
+    return image
 
 
 def check_count(value: object, key: str) -> int:

@@ -138,10 +138,9 @@ class Contact:
         longest = np.concatenate(
             [np.full(s.count or 0, 0.0 if s.line is None else s.line.longest) for c in problem.classes for s in c.sizes]
         )
-        width = line_widths(problem, longest)
-        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi))
-        if not problem.avoid_overlap:
-            radius = AXIS_RADIUS * radius
+        self._problem = problem
+        self._unit = unit
+        radius = self._radii(longest)
         size = (domain.size[0] / unit, domain.size[1] / unit)
         # Lines whose length the forces change may be longer for a while.
         half = 0.5 * kernels_update.LONGEST_LINE * longest
@@ -151,6 +150,12 @@ class Contact:
         self._contacts = wp.zeros(n, dtype=wp.int32, device=launcher.device)
         self._spare = wp.zeros(n, dtype=wp.vec4, device=launcher.device)
 
+    def _radii(self, length: np.ndarray) -> np.ndarray:
+        """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
+        width = line_widths(self._problem, length)
+        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._problem.body_areas() / math.pi))
+        return radius if self._problem.avoid_overlap else AXIS_RADIUS * radius
+
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""
         for _ in range(ROUNDS_PER_STEP):
@@ -158,6 +163,9 @@ class Contact:
 
     def separate(self, pose: wp.array, bend: wp.array) -> None:
         """Push until nothing overlaps, or no progress is made."""
+        # Where lines have no width of their own, it follows from the lengths that they have reached.
+        reached = pose.numpy()[:, 3].astype(np.float64) * self._unit
+        self._near.footprints.radius.assign((self._radii(reached) / self._unit).astype(np.float32))
         fewest, since = math.inf, 0
         for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
             for _ in range(ROUNDS_AT_ONCE):

@@ -117,3 +117,11 @@ def test_what_cannot_fit_is_reported():
     assert report.overlaps > 0
     assert any("still overlap" in note for note in report.notes)
     assert report.classes[0].sizes[0].placed == 14
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("steps", [60, 150])
+def test_lines_whose_width_follows_from_their_length_do_not_overlap_either(boundary, steps):
+    sizes = [Size("line", 0.3, 220, line=Line(1.2)), Size("dot", 0.2, 300)]
+    problem = Problem(Domain((20.0, 15.0), boundary), [BodyClass("a", sizes)], avoid_overlap=True)
+    assert solve(problem, device="cpu", max_steps=steps).report.overlaps == 0
