@@ -99,7 +99,7 @@ class ScatterClass:
             and green are x and y; images are stretched over the target. A size whose ``line`` is a :class:`Line` has its own.
         density_correction: See :class:`~esh.engine.problem.BodyClass`; like ``"cover"``, it takes the density as the covered
             share of the surface, which may be steep.
-        unsharp: See there.
+        unsharp: See there; the pixels of its radius are cells of the chart, 1024 along the target's longer side.
     """
 
     name: str

@@ -134,7 +134,7 @@ class ESH_OT_scatter(bpy.types.Operator):
         report = result.report
         settings.remember(result.object, report.to_dict())
         placed = sum(size.placed for body_class in report.classes for size in body_class.sizes)
-        look = [*report.notes]
+        look = [_sentence(note) for note in report.notes]
         if report.overlaps:
             look.append(f"{report.overlaps:,} footprints overlap")
         if not report.converged:
@@ -394,8 +394,8 @@ def _move(collection, index: int, direction: str) -> int:
     return to
 
 
-def _sentence(error: Exception) -> str:
-    """Return the error's sentence as Blender's status line shows it: with a capital letter, without back quotes."""
+def _sentence(error: Exception | str) -> str:
+    """Return a sentence as Blender's status line shows it: with a capital letter, without back quotes."""
     text = str(error).replace("`", "")
     return text[:1].upper() + text[1:]
 

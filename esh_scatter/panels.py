@@ -124,6 +124,10 @@ class ESH_PT_density_more(_ClassPanel, bpy.types.Panel):
     bl_label = "Direction and Detail"
     bl_options = {"DEFAULT_CLOSED"}
 
+    def draw_header_preset(self, context):
+        """Name the class whose direction and detail these are."""
+        _draw_class_name(self.layout, context)
+
     def draw(self, context):
         """Draw direction, sharpening, correction and which classes may overlap."""
         column = self._column()
@@ -265,7 +269,7 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         if scatter.outdated and running.session is None:
             _write_text(context, layout, "Settings changed since this run. Scatter again.", icon="FILE_REFRESH")
         for note in report["notes"]:
-            _write_text(context, layout, note, icon="ERROR")
+            _write_text(context, layout, note.replace("`", ""), icon="ERROR")
         _draw_counts(layout.box(), report)
         facts = layout.column(align=True)
         spacing = report["smallest_spacing"]

@@ -236,7 +236,11 @@ class ESH_PG_class(PropertyGroup):
         name="Amount", description="Strength of the sharpening", default=1.0, min=0.0, soft_max=5.0
     )
     unsharp_radius: FloatProperty(
-        name="Radius", description="Width of the edges, in cells of the density", default=2.0, min=0.1, soft_max=20.0
+        name="Radius",
+        description="How far the sharpening reaches, in steps of which the target's longer side has 1024",
+        default=20.0,
+        min=0.1,
+        soft_max=200.0,
     )
     may_overlap: StringProperty(
         name="May Overlap",

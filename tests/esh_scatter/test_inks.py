@@ -107,7 +107,7 @@ def test_settings_of_lines_ranges_and_overlap_reach_the_api(scatter_settings):
     assert made.sizes[0].area == pytest.approx((0.02, 0.06))
     assert made.sizes[0].line is False
     assert made.direction == pytest.approx(0.3)
-    assert (made.unsharp.amount, made.unsharp.radius) == pytest.approx((0.7, 2.0))
+    assert (made.unsharp.amount, made.unsharp.radius) == pytest.approx((0.7, 20.0))
     assert named["avoid_overlap"] is False and named["non_overlap"] is None
     size.area_largest = 0.01
     assert "largest area is smaller" in scatter_settings.obstacle(bpy.context.scene)

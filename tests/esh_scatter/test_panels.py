@@ -176,10 +176,10 @@ def test_the_button_says_why_nothing_can_be_done():
 def test_the_report_shows_counts_notes_and_that_it_is_out_of_date():
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     scatter.add_class()
-    scatter.remember(new_object("Result"), report(overlaps=1500, converged=False, notes=["The footprints cannot fit"]))
+    scatter.remember(new_object("Result"), report(overlaps=1500, converged=False, notes=["The `area` cannot fit"]))
     words = " ".join(draw_all())
     assert "1,234 1,234" in words and "1,500" in words and "not converged" in words
-    assert "The footprints cannot fit" in words and "Settings changed" not in words
+    assert "The area cannot fit" in words and "Settings changed" not in words
     scatter.seed += 1
     assert "Settings changed" in " ".join(draw_all())
 
