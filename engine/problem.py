@@ -320,7 +320,8 @@ class BodyClass:
             if not image.any():
                 raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
             if clipped > 0.0:
-                note = f"`unsharp` of {where} made {clipped:.1%} of its density negative, which counts as 0"
+                share = f"{clipped:.1%}" if clipped >= 5e-4 else "less than 0.1%"
+                note = f"`unsharp` of {where} made {share} of its density negative, which counts as 0"
                 object.__setattr__(self, "notes", (note,))
         if self.density_correction or self.count == "cover":
             largest = float(image.max())
