@@ -35,13 +35,13 @@ class ESH_UL_classes(bpy.types.UIList):
         count.alignment = "RIGHT"
         if data.target is not None and data.target.type == "MESH" and item.obstacle(data.target):
             count.label(text="", icon="ERROR")
-        count.label(text=f"{item.count:,}")
+        count.label(text="cover" if item.count_kind == "COVER" else f"{item.count:,}")
 
 
 class ESH_UL_sizes(bpy.types.UIList):
     """The sizes of a class: name, what is placed, how many."""
 
-    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index=0):
+    def draw_item(self, _context, layout, data, item, _icon, _active_data, _active_property, _index=0):
         """Draw one size."""
         split = layout.split(factor=0.36, align=True)
         split.prop(item, "name", text="", emboss=False)
@@ -51,7 +51,7 @@ class ESH_UL_sizes(bpy.types.UIList):
         row.label(text=source.name if source else "none yet", icon=icon if source else "ERROR")
         count = row.row()
         count.alignment = "RIGHT"
-        count.label(text=f"{item.count:,}")
+        count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
 
 
 CLASSES = (ESH_UL_scatters, ESH_UL_classes, ESH_UL_sizes)

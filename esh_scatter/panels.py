@@ -167,6 +167,9 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
             column.separator()
             column.operator("esh.size_add", text="Add a Size", icon="ADD")
             return
+        column.prop(body_class, "count_kind")
+        if body_class.count_kind == "TOTAL":
+            column.prop(body_class, "total")
         _draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=2, move=True)
         size = body_class.active_size
         if size is None:
@@ -176,7 +179,7 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
         source = column.row()
         source.alert = size.source is None
         source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
-        column.prop(size, "count")
+        column.prop(size, "count" if body_class.count_kind == "SIZES" else "share")
         column.separator()
         column.prop(size, "area_kind")
         if size.area_kind == "VALUE":

@@ -101,6 +101,14 @@ class ESH_PG_size(PropertyGroup):
         min=1,
         soft_max=100_000,
     )
+    share: FloatProperty(
+        name="Share",
+        description="This size's part of the class, by footprint; what counts is how the shares compare",
+        default=1.0,
+        min=0.001,
+        max=1000.0,
+        soft_max=1.0,
+    )
     area_kind: EnumProperty(
         name="Footprint",
         description="How much ground one of them takes; larger footprints keep more distance",
@@ -148,13 +156,14 @@ class ESH_PG_size(PropertyGroup):
         """The object or collection to place, or None while none is chosen."""
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection
 
-    def as_argument(self):
-        """Return this size as :func:`~esh.scatter` takes it."""
+    def as_argument(self, share: float | None = None):
+        """Return this size as :func:`~esh.scatter` takes it; with a ``share`` where the class has the count."""
         from .api import ScatterSize
 
         area = {"VALUE": self.area, "RANGE": (self.area, self.area_largest)}.get(self.area_kind)
         line = {"DOT": False, "LINE": True}.get(self.shape)
-        return ScatterSize(self.name, self.count, self.source, area=area, line=line)
+        count = self.count if share is None else None
+        return ScatterSize(self.name, count, self.source, area=area, share=share, line=line)
 
 
 class ESH_PG_class(PropertyGroup):
@@ -246,13 +255,32 @@ class ESH_PG_class(PropertyGroup):
         name="May Overlap",
         description="Names of classes that may lie on this one, separated by commas; e.g. inks that mix",
     )
+    count_kind: EnumProperty(
+        name="Counts",
+        description="Where the number of each size comes from",
+        items=(
+            ("SIZES", "Per Size", "Every size has its own count", "LINENUMBERS_ON", 0),
+            ("TOTAL", "In All", "The class has a count, and every size a share of it", "FUND", 1),
+            (
+                "COVER",
+                "From Density",
+                "As many as it takes to cover the ground as densely as the density says",
+                "TEXTURE",
+                2,
+            ),
+        ),
+        default="SIZES",
+    )
+    total: IntProperty(
+        name="Count in All", description="How many to place of all sizes together", default=100, min=1, soft_max=100_000
+    )
     sizes: CollectionProperty(type=ESH_PG_size)
     size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
 
     @property
     def count(self) -> int:
-        """Number of bodies in all sizes."""
-        return sum(size.count for size in self.sizes)
+        """Number of bodies in all sizes, as far as it is known before the run."""
+        return self.total if self.count_kind == "TOTAL" else sum(size.count for size in self.sizes)
 
     @property
     def names_that_may_overlap(self) -> set[str]:
@@ -311,13 +339,16 @@ class ESH_PG_class(PropertyGroup):
             density = VertexGroupDensity(self.vertex_group, invert=self.invert)
         elif self.density_kind == "ATTRIBUTE":
             density = AttributeDensity(self.attribute, invert=self.invert)
-        sizes = [size.as_argument() for size in self.sizes]
+        whole = sum(size.share for size in self.sizes)
+        shared = self.count_kind != "SIZES"
+        sizes = [size.as_argument(size.share / whole if shared else None) for size in self.sizes]
         direction = {"NONE": "none", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
         return ScatterClass(
             self.name,
             sizes,
             density=density,
             color=tuple(self.color),
+            count={"TOTAL": self.total, "COVER": "cover"}.get(self.count_kind),
             direction=direction.get(self.direction_kind, "density"),
             density_correction=self.density_correction,
             unsharp=Unsharp(self.unsharp_amount, self.unsharp_radius) if self.use_unsharp else None,
@@ -545,12 +576,23 @@ _SCATTER_SETTINGS = (
     "max_steps",
 )
 _CLASS_SETTINGS = (
+    *("count_kind", "total"),
     *("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
     *("direction_kind", "direction_angle", "direction_image", "density_correction", "may_overlap"),
     *("use_unsharp", "unsharp_amount", "unsharp_radius"),
 )
 _SIZE_SETTINGS = (
-    *("source_kind", "source_object", "source_collection", "count", "area_kind", "area", "area_largest", "shape"),
+    *(
+        "source_kind",
+        "source_object",
+        "source_collection",
+        "count",
+        "share",
+        "area_kind",
+        "area",
+        "area_largest",
+        "shape",
+    ),
 )
 
 

@@ -111,3 +111,21 @@ def test_settings_of_lines_ranges_and_overlap_reach_the_api(scatter_settings):
     assert named["avoid_overlap"] is False and named["non_overlap"] is None
     size.area_largest = 0.01
     assert "largest area is smaller" in scatter_settings.obstacle(bpy.context.scene)
+
+
+@pytest.mark.parametrize(("kind", "expected"), [("TOTAL", 90), ("COVER", None)])
+def test_counts_in_all_and_from_the_density_are_shared_by_footprint(scatter_settings, kind, expected):
+    body_class = scatter_settings.add_class()
+    body_class.add_size()
+    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0, 0, -50))
+    for size, area, share in zip(body_class.sizes, (1.0, 0.5), (2.0, 2.0), strict=True):
+        size.source_object, size.shape = bpy.context.object, "DOT"
+        size.area_kind, size.area, size.share = "VALUE", area, share
+    body_class.count_kind, body_class.total = kind, 90
+    scatter_settings.max_steps = 3
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    large, small = (size["placed"] for size in scatter_settings.report["classes"][0]["sizes"])
+    # Half of the footprints each: twice as many of half the size. The plane has 400 m², all of it to be covered.
+    assert (large, small) == ((30, 60) if expected else (200, 400))
+    body_class.total = 120
+    assert scatter_settings.outdated
