@@ -139,7 +139,10 @@ class ScatterResult:
 
 @dataclass(frozen=True, eq=False)
 class _Instances:
-    """Of every point: index of the source, turn [rad], scale, and what lies on the point [m], seen from the source's origin."""
+    """Of every point: index of the source, turn [rad], scale, and what lies on the point [m], seen from the source's origin.
+
+    All are float32, as Blender keeps them, or int32.
+    """
 
     source: np.ndarray
     turn: np.ndarray
@@ -230,6 +233,9 @@ class ScatterJob:
         drawn = self._draw_instances()
         surface = self.chart.lift(self.placement.position)
         rotation = body_rotations(surface.normal, self.align_to_normal, drawn.turn)
+        position = surface.position
+        moved = np.flatnonzero(drawn.anchor.any(axis=1))
+        position[moved] -= rotate(rotation[moved], drawn.anchor[moved])
         replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
             scene,
@@ -237,7 +243,7 @@ class ScatterJob:
             self.target,
             self.name,
             self.sources,
-            surface.position - rotate(rotation, drawn.anchor),
+            position,
             self._attributes(rotation, drawn),
         )
         return ScatterResult(item, self.placement.report, self.placement)
@@ -290,9 +296,9 @@ class ScatterJob:
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         group = first[placement.class_index] + placement.size_index
         source = np.empty(count, np.int32)
-        turn = placement.angle + self.random_turn * random[:, 1]
-        scale = 1.0 + self.scale_jitter * (2.0 * random[:, 2] - 1.0)
-        anchor = np.zeros((count, 3))
+        turn = (placement.angle + self.random_turn * random[:, 1]).astype(np.float32)
+        scale = (1.0 + self.scale_jitter * (2.0 * random[:, 2] - 1.0)).astype(np.float32)
+        anchor = np.zeros((count, 3), np.float32)
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
             variant = (random[own, 0] * len(variants)).astype(int)
@@ -309,9 +315,9 @@ class ScatterJob:
 
     def _attributes(self, rotation: np.ndarray, drawn: _Instances) -> dict[str, tuple[str, np.ndarray]]:
         placement = self.placement
-        colors = np.array([_rgba(c.color) for c in self.classes])
+        colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
         return {
-            "id": ("INT", np.arange(len(placement.position))),
+            "id": ("INT", np.arange(len(placement.position), dtype=np.int32)),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
             INSTANCE_INDEX: ("INT", drawn.source),

@@ -14,14 +14,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
-from ..engine.device import Launcher, resolve_device
 from ..engine.errors import ProblemError
-from . import kernels_chart
 from .target import TriangleMesh
+from .top_view import TopView
 
-__all__ = ["Chart", "SurfacePoints", "TopView"]
+__all__ = ["Chart", "SurfacePoints"]
 
 # Cells along the longer side of the rectangle.
 RESOLUTION = 1024
@@ -31,77 +29,6 @@ SMALLEST_COSINE = 0.1
 SMALLEST_COVER = 1e-6
 
 
-class TopView:
-    """A triangle mesh seen from above.
-
-    Args:
-        mesh: Its triangles; those that stand upright are not seen.
-    """
-
-    def __init__(self, mesh: TriangleMesh) -> None:
-        self.mesh = mesh
-        self.corner = mesh.position[mesh.triangle]
-        edge = self.corner[:, 1:] - self.corner[:, :1]
-        cross = np.cross(edge[:, 0], edge[:, 1])
-        length = np.linalg.norm(cross, axis=1)
-        self.cosine = np.abs(cross[:, 2]) / np.maximum(length, 1e-300)
-        self.upside_down = cross[:, 2] < 0
-        self.projected_area = 0.5 * np.abs(cross[:, 2])
-        used = mesh.position[np.unique(mesh.triangle)]
-        self.low, self.high = used.min(axis=0), used.max(axis=0)
-        self.middle = 0.5 * (self.low + self.high)
-        self.extent = float((self.high - self.low).max())
-        # Upright triangles hide nothing, but rays along them meet them by rounding.
-        self.seen = np.flatnonzero(self.cosine > 1e-5)
-        self._built: wp.Mesh | None = None
-
-    def _device_mesh(self) -> wp.Mesh:
-        if self._built is None:
-            vertex = wp.array((self.mesh.position - self.middle).astype(np.float32), dtype=wp.vec3, device="cpu")
-            index = wp.array(self.mesh.triangle[self.seen].astype(np.int32).ravel(), dtype=wp.int32, device="cpu")
-            self._built = wp.Mesh(points=vertex, indices=index)
-        return self._built
-
-    def cast(self, xy: np.ndarray) -> np.ndarray:
-        """Return the topmost triangle at every ``xy`` ``[n, 2]``, or -1 beside the mesh."""
-        if not len(self.seen):
-            return np.full(len(xy), -1)
-        launcher = Launcher(resolve_device("cpu"))
-        try:
-            above = 0.5 * (self.high[2] - self.low[2]) + 0.01 * self.extent
-            origin = np.column_stack([xy - self.middle[:2], np.full(len(xy), above)]).astype(np.float32)
-            found = wp.empty(len(xy), dtype=wp.int32, device="cpu")
-            ray = wp.array(origin, dtype=wp.vec3, device="cpu")
-            launcher.launch(kernels_chart.cast_down, len(xy), [self._device_mesh().id, ray, 4.0 * above], [found])
-            hit = found.numpy()
-        finally:
-            launcher.close()
-        return np.where(hit >= 0, self.seen[hit], -1)
-
-    def nearest(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the triangle nearest to every ``point`` ``[n, 3]`` and the weights of its corners ``[n, 3]``."""
-        launcher = Launcher(resolve_device("cpu"))
-        try:
-            where = wp.array((point - self.middle).astype(np.float32), dtype=wp.vec3, device="cpu")
-            face = wp.empty(len(point), dtype=wp.int32, device="cpu")
-            weight = wp.empty(len(point), dtype=wp.vec3, device="cpu")
-            inputs = [self._device_mesh().id, where, 4.0 * self.extent]
-            launcher.launch(kernels_chart.find_nearest, len(point), inputs, [face, weight])
-            return self.seen[face.numpy()], weight.numpy().astype(np.float64)
-        finally:
-            launcher.close()
-
-    def weights_at(self, triangle: np.ndarray, xy: np.ndarray) -> np.ndarray:
-        """Return the weights ``[n, 3]`` of the corners of each triangle at ``xy`` ``[n, 2]``, clamped to within it."""
-        a, b, c = (self.corner[triangle, k, :2] for k in range(3))
-        ab, ac, ap = b - a, c - a, xy - a
-        area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
-        second = (ap[:, 0] * ac[:, 1] - ap[:, 1] * ac[:, 0]) / area
-        third = (ab[:, 0] * ap[:, 1] - ab[:, 1] * ap[:, 0]) / area
-        weight = np.clip(np.stack([1.0 - second - third, second, third], axis=1), 0.0, 1.0)
-        return weight / weight.sum(axis=1, keepdims=True)
-
-
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Points of a target's surface, and what its mesh says there.
@@ -109,12 +36,14 @@ class SurfacePoints:
     Attributes:
         chart: Whose surface.
         triangle: Triangle that each lies on, shape ``[n]``.
-        weight: Weights of its corners, shape ``[n, 3]``.
+        weight: Weights of its corners, shape ``[n, 3]``, float32.
+        position: Where it is in the world [m], shape ``[n, 3]``, float64.
     """
 
     chart: Chart
     triangle: np.ndarray
     weight: np.ndarray
+    position: np.ndarray
 
     @property
     def target_name(self) -> str:
@@ -122,20 +51,9 @@ class SurfacePoints:
         return self.chart.view.mesh.name
 
     @property
-    def position(self) -> np.ndarray:
-        """Positions in the world [m], shape ``[n, 3]``, float64."""
-        return self._blend(self.chart.view.corner[self.triangle])
-
-    @property
     def normal(self) -> np.ndarray:
-        """Shading normals of the upper side, shape ``[n, 3]``, of length 1 and never pointing down."""
-        view = self.chart.view
-        normal = self._blend(view.mesh.corner_normal[view.mesh.corner[self.triangle]])
-        # The side that is seen is the upper one, whichever way the face was drawn or the object mirrored.
-        normal[view.upside_down[self.triangle]] *= -1.0
-        normal[:, 2] = np.maximum(normal[:, 2], 0.0)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        return np.where(length > 1e-9, normal / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
+        """Shading normals of the upper side, shape ``[n, 3]``, float32, of length 1 and never pointing down."""
+        return self.chart.view.normals(self.triangle, self.weight)
 
     def rectangle_coordinates(self) -> np.ndarray:
         """Return where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``."""
@@ -203,7 +121,7 @@ class Chart:
         for axis, length in zip("xy", self.size, strict=True):
             if not length > 1e-6 * max(view.extent, 1e-30):
                 raise ProblemError(f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none")
-        if view.projected_area.sum() < SMALLEST_COVER * self.size.prod():
+        if view.projected_area < SMALLEST_COVER * self.size.prod():
             raise ProblemError(f"{mesh.name} must be seen from above; all its faces stand upright")
         width, height = self.size
         cell = max(width, height) / resolution
@@ -212,15 +130,18 @@ class Chart:
         rows, columns = self.shape
         x = self.origin[0] + (np.arange(columns) + 0.5) * self.cell[0]
         y = self.origin[1] + (np.arange(rows)[::-1] + 0.5) * self.cell[1]
-        xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        triangle = view.cast(xy)
-        self._filled = np.flatnonzero(triangle >= 0)
+        xy = np.empty((rows, columns, 2))
+        xy[..., 0], xy[..., 1] = x, y[:, None]
+        spots = view.cast(xy.reshape(-1, 2))
+        self._filled = np.flatnonzero(spots[0] >= 0)
         if not len(self._filled):
             raise ProblemError(f"{mesh.name} must be seen from above; it is too narrow to be met by any ray")
-        triangle = triangle[self._filled]
-        self.points = SurfacePoints(self, triangle, view.weights_at(triangle, xy[self._filled]))
+        if len(self._filled) < rows * columns:
+            spots = tuple(values[self._filled] for values in spots)
+        self.points = SurfacePoints(self, *spots)
+        cosine = np.abs(view.cosine[self.points.triangle])
         self.area = np.zeros(self.shape)
-        self.area.flat[self._filled] = self.cell.prod() / np.maximum(view.cosine[triangle], SMALLEST_COSINE)
+        self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
 
     @property
     def stretch(self) -> np.ndarray:
@@ -232,25 +153,23 @@ class Chart:
 
         Beside the surface they go on smoothly, so that its border is no edge to sharpen or to follow.
         """
-        image, known = np.zeros(self.shape), np.zeros(self.shape)
-        image.flat[self._filled], known.flat[self._filled] = values, 1.0
-        return _fill_gaps(image, known).astype(np.float32)
+        image, known = np.zeros(self.shape, np.float32), np.zeros(self.shape, np.float32)
+        image.ravel()[self._filled], known.ravel()[self._filled] = values, 1.0
+        return _fill_gaps(image, known)
 
     def lift(self, position: np.ndarray) -> SurfacePoints:
         """Return the points of the surface above or below ``position`` ``[n, 2]`` of the rectangle [m].
 
         A cell may reach beyond the mesh's edge; what lies there goes to the nearest point of the surface.
         """
-        view = self.view
         xy = position + self.origin
-        triangle = view.cast(xy)
-        weight = np.empty((len(xy), 3))
-        over, beside = np.flatnonzero(triangle >= 0), np.flatnonzero(triangle < 0)
-        weight[over] = view.weights_at(triangle[over], xy[over])
+        spots = self.view.cast(xy)
+        beside = np.flatnonzero(spots[0] < 0)
         if len(beside):
             anchor = np.column_stack([xy[beside], self._height_near(position[beside])])
-            triangle[beside], weight[beside] = view.nearest(anchor)
-        return SurfacePoints(self, triangle, weight)
+            for values, nearest in zip(spots, self.view.nearest(anchor), strict=True):
+                values[beside] = nearest
+        return SurfacePoints(self, *spots)
 
     def _height_near(self, position: np.ndarray) -> np.ndarray:
         """Return z of the surface in the cell of each position, or in a cell beside it."""
@@ -276,7 +195,7 @@ def _fill_gaps(image: np.ndarray, known: np.ndarray) -> np.ndarray:
     blocks = ((rows + 1) // 2, 2, (columns + 1) // 2, 2)
     weight = np.pad(known, odd).reshape(blocks).sum(axis=(1, 3))
     total = np.pad(image * known, odd).reshape(blocks).sum(axis=(1, 3))
-    coarse = _fill_gaps(total / np.maximum(weight, 1.0), (weight > 0.0).astype(np.float64))
+    coarse = _fill_gaps(total / np.maximum(weight, 1.0), (weight > 0.0).astype(known.dtype))
     return np.where(known > 0.0, image, coarse.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns])
 
 

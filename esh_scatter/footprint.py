@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
-from .chart import TopView
 from .target import TriangleMesh, read_triangles, world_matrix
+from .top_view import TopView
 
 __all__ = ["Footprint", "measure_footprint", "outline"]
 
@@ -56,7 +56,7 @@ def outline(mesh: TriangleMesh) -> Footprint:
     x = view.low[0] + (np.arange(columns) + 0.5) * step[0]
     y = view.low[1] + (np.arange(rows) + 0.5) * step[1]
     xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    hit = (view.cast(xy) >= 0).reshape(rows, columns)
+    hit = (view.cast(xy)[0] >= 0).reshape(rows, columns)
     area = float(hit.mean() * size.prod())
     if area <= 0.0:
         return Footprint(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))

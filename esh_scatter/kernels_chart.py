@@ -1,4 +1,7 @@
-"""Kernels that look at a mesh from above. Positions are relative to the middle of the mesh, where float32 is finest."""
+"""Kernels that look at a mesh from above.
+
+The mesh that is asked is in float32, relative to its middle, where that is finest; what is found is worked out again in float64.
+"""
 
 from __future__ import annotations
 
@@ -7,33 +10,120 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 
+@wp.func
+def blend(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weight: wp.vec3d) -> wp.vec3d:
+    return a * weight[0] + b * weight[1] + c * weight[2]
+
+
+@wp.func
+def weights_at(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, x: wp.float64, y: wp.float64) -> wp.vec3d:
+    """Weights of a triangle's corners at a place seen from above, clamped to within it."""
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    second = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+    third = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+    low, high = wp.float64(0.0), wp.float64(1.0)
+    weight = wp.vec3d(
+        wp.clamp(high - second - third, low, high), wp.clamp(second, low, high), wp.clamp(third, low, high)
+    )
+    return weight / (weight[0] + weight[1] + weight[2])
+
+
+@wp.kernel(enable_backward=False)
+def look_from_above(
+    first: int,
+    position: wp.array(dtype=wp.vec3d),
+    triangle: wp.array(dtype=wp.vec3i),
+    # outputs
+    cosine: wp.array(dtype=wp.float64),
+    projected_area: wp.array(dtype=wp.float64),
+):
+    """Find z of every triangle's unit normal, and its area seen from above; negative where it is seen from its back."""
+    i = first + wp.tid()
+    corner = triangle[i]
+    a = position[corner[0]]
+    cross = wp.cross(position[corner[1]] - a, position[corner[2]] - a)
+    cosine[i] = cross[2] / wp.max(wp.length(cross), wp.float64(1.0e-300))
+    projected_area[i] = wp.float64(0.5) * cross[2]
+
+
 @wp.kernel(enable_backward=False)
 def cast_down(
     first: int,
     mesh: wp.uint64,
-    ray_origin: wp.array(dtype=wp.vec3),
-    reach: float,
+    mesh_triangle: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.vec3d),
+    triangle: wp.array(dtype=wp.vec3i),
+    xy: wp.array(dtype=wp.vec2d),
+    middle: wp.vec3d,
+    above: float,
     # outputs
-    hit_face: wp.array(dtype=wp.int32),
+    hit_triangle: wp.array(dtype=wp.int32),
+    hit_weight: wp.array(dtype=wp.vec3),
+    hit_position: wp.array(dtype=wp.vec3d),
 ):
-    """Find the first triangle below every origin, or -1."""
+    """Find the topmost triangle at every place, or -1; the weights of its corners, and where the place lies on it."""
     i = first + wp.tid()
-    hit = wp.mesh_query_ray(mesh, ray_origin[i], wp.vec3(0.0, 0.0, -1.0), reach)
-    hit_face[i] = wp.where(hit.result, hit.face, -1)
+    x, y = xy[i][0], xy[i][1]
+    origin = wp.vec3(wp.float32(x - middle[0]), wp.float32(y - middle[1]), above)
+    hit = wp.mesh_query_ray(mesh, origin, wp.vec3(0.0, 0.0, -1.0), 4.0 * above)
+    if not hit.result:
+        hit_triangle[i] = -1
+        return
+    hit_triangle[i] = mesh_triangle[hit.face]
+    corner = triangle[hit_triangle[i]]
+    a, b, c = position[corner[0]], position[corner[1]], position[corner[2]]
+    weight = weights_at(a, b, c, x, y)
+    hit_weight[i] = wp.vec3(weight)
+    hit_position[i] = blend(a, b, c, weight)
 
 
 @wp.kernel(enable_backward=False)
 def find_nearest(
     first: int,
     mesh: wp.uint64,
-    point: wp.array(dtype=wp.vec3),
+    mesh_triangle: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.vec3d),
+    triangle: wp.array(dtype=wp.vec3i),
+    place: wp.array(dtype=wp.vec3d),
+    middle: wp.vec3d,
     reach: float,
     # outputs
-    near_face: wp.array(dtype=wp.int32),
+    near_triangle: wp.array(dtype=wp.int32),
     near_weight: wp.array(dtype=wp.vec3),
+    near_position: wp.array(dtype=wp.vec3d),
 ):
-    """Find the nearest point of the mesh: its triangle, or -1, and the weights of the triangle's corners."""
+    """Find the point of the mesh that is nearest to every place: its triangle, the weights of its corners, and where it is."""
     i = first + wp.tid()
-    hit = wp.mesh_query_point_no_sign(mesh, point[i], reach)
-    near_face[i] = wp.where(hit.result, hit.face, -1)
-    near_weight[i] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+    hit = wp.mesh_query_point_no_sign(mesh, wp.vec3(place[i] - middle), reach)
+    near_triangle[i] = mesh_triangle[hit.face]
+    corner = triangle[near_triangle[i]]
+    weight = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+    near_weight[i] = weight
+    near_position[i] = blend(position[corner[0]], position[corner[1]], position[corner[2]], wp.vec3d(weight))
+
+
+@wp.kernel(enable_backward=False)
+def blend_normals(
+    first: int,
+    corner: wp.array(dtype=wp.vec3i),
+    corner_normal: wp.array(dtype=wp.vec3),
+    normal_matrix: wp.mat33,
+    cosine: wp.array(dtype=wp.float64),
+    triangle: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec3),
+    # outputs
+    normal: wp.array(dtype=wp.vec3),
+):
+    """Interpolate normals, which lie in the object's space, and turn them to the side that is seen: never down."""
+    i = first + wp.tid()
+    at, w = corner[triangle[i]], weight[i]
+    own = corner_normal[at[0]] * w[0] + corner_normal[at[1]] * w[1] + corner_normal[at[2]] * w[2]
+    turned = normal_matrix * own
+    # The side that is seen is the upper one, whichever way the face was drawn or the object mirrored.
+    if cosine[triangle[i]] < wp.float64(0.0):
+        turned = -turned
+    upward = wp.vec3(turned[0], turned[1], wp.max(turned[2], 0.0))
+    # What is left of a normal that points down is rounding, and has no direction.
+    normal[i] = wp.vec3(0.0, 0.0, 1.0)
+    if wp.length(upward) > 1.0e-6 * wp.length(turned):
+        normal[i] = wp.normalize(upward)

@@ -28,7 +28,7 @@ def body_rotations(normal: np.ndarray, align: float, turn: np.ndarray) -> np.nda
         turn: Turn about the body's own axis [rad], shape ``[n]``.
 
     Returns:
-        Shape ``[n, 4]``, float64.
+        Shape ``[n, 4]``, of the arguments' type.
     """
     # The rotation from z to the normal is about (-ny, nx, 0).
     sine = np.hypot(normal[:, 0], normal[:, 1])
@@ -117,7 +117,8 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
     mesh = bpy.data.meshes.new(name)
     mesh[RESULT_TAG] = True
     mesh.vertices.add(len(position))
-    mesh.vertices.foreach_set("co", np.ascontiguousarray(position, np.float32).ravel())
+    # As an attribute, which is copied as a whole; vertices are set one after the other.
+    mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
     for attribute_name, (kind, values) in attributes.items():
         dtype = np.int32 if kind == "INT" else np.float32
         attribute = mesh.attributes.new(attribute_name, kind, "POINT")

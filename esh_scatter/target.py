@@ -10,6 +10,7 @@ from mathutils import Matrix
 
 from ..engine.checks import show
 from ..engine.errors import ProblemError
+from .vertex_groups import read_vertex_groups
 
 __all__ = [
     "RESULT_TAG",
@@ -36,10 +37,11 @@ class TriangleMesh:
     Attributes:
         name: How sentences name it.
         position: Vertices in the world [m], shape ``[v, 3]``, float64.
-        triangle: Vertex indices, shape ``[t, 3]``.
-        corner: Face-corner indices, shape ``[t, 3]``.
-        face: Face that each triangle is part of, shape ``[t]``.
-        corner_normal: Shading normals of the face corners in the world, shape ``[c, 3]``; empty when not read.
+        triangle: Vertex indices, shape ``[t, 3]``, int32.
+        corner: Face-corner indices, shape ``[t, 3]``, int32.
+        face: Face that each triangle is part of, shape ``[t]``, int32.
+        corner_normal: Shading normals of the face corners in the object's space, shape ``[c, 3]``, float32; empty when not read.
+        normal_matrix: What turns normals into the world, shape ``[3, 3]``; their length means nothing then.
         uv_map: Name -> coordinates of the face corners, shape ``[c, 2]``.
         active_uv_map: Name of the active one; empty when there is none.
         vertex_group: Name -> weights, shape ``[v]``.
@@ -53,6 +55,7 @@ class TriangleMesh:
     corner: np.ndarray
     face: np.ndarray
     corner_normal: np.ndarray
+    normal_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
     uv_map: dict[str, np.ndarray] = field(default_factory=dict)
     active_uv_map: str = ""
     vertex_group: dict[str, np.ndarray] = field(default_factory=dict)
@@ -107,15 +110,15 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
             why = "its modifiers leave none" if len(target.data.polygons) else "its mesh has none"
             raise ProblemError(f"{name} must have faces; {why}")
         read = read_triangles(mesh, np.array(evaluated.matrix_world), name)
-        read.corner_normal = _corner_normals(mesh, np.array(evaluated.matrix_world))
+        _read_normals(read, mesh, evaluated.matrix_world)
         for layer in mesh.uv_layers:
             values = np.empty(2 * len(mesh.loops), np.float32)
             layer.uv.foreach_get("vector", values)
             read.uv_map[layer.name] = values.reshape(-1, 2)
         read.active_uv_map = mesh.uv_layers.active.name if mesh.uv_layers.active else ""
-        for group in target.vertex_groups:
-            wanted = group.name in names
-            read.vertex_group[group.name] = _weights(mesh, group.index) if wanted else np.empty(0, np.float32)
+        wanted = [group.name for group in target.vertex_groups if group.name in names]
+        read.vertex_group = {group.name: np.empty(0, np.float32) for group in target.vertex_groups}
+        read.vertex_group.update(read_vertex_groups(evaluated, wanted, context))
         for attribute in mesh.attributes:
             _read_attribute(read, attribute, attribute.name in names)
     finally:
@@ -127,16 +130,18 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
 
 def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> TriangleMesh:
     """Read positions and triangles of ``mesh``, transformed by ``matrix`` ``[4, 4]``."""
-    position = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", position)
-    position = position.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    # Read as attributes, which are copied as a whole; vertices and loops are asked one after the other.
+    position = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    vertex = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
-    triangle, corner, face = np.empty(3 * count, np.int32), np.empty(3 * count, np.int32), np.empty(count, np.int32)
-    mesh.loop_triangles.foreach_get("vertices", triangle)
-    mesh.loop_triangles.foreach_get("loops", corner)
-    mesh.loop_triangles.foreach_get("polygon_index", face)
-    return TriangleMesh(name, position, triangle.reshape(-1, 3), corner.reshape(-1, 3), face, np.empty((0, 3)))
+    corner, face = np.empty((count, 3), np.int32), np.empty(count, np.int32)
+    mesh.loop_triangles.foreach_get("loops", corner.ravel())
+    mesh.loop_triangle_polygons.foreach_get("value", face)
+    position = position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return TriangleMesh(name, position, vertex[corner], corner, face, np.empty((0, 3), np.float32))
 
 
 def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarray:
@@ -151,22 +156,12 @@ def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarr
     return matrix
 
 
-def _corner_normals(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
-    normal = np.empty(3 * len(mesh.loops), np.float32)
-    mesh.corner_normals.foreach_get("vector", normal)
-    linear = Matrix(matrix[:3, :3].tolist())
-    # The adjugate is the inverse transpose times the determinant: it needs no division, and a flat scale has one too.
-    turned = normal.reshape(-1, 3).astype(np.float64) @ np.array(linear.adjugated())
-    return turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
-
-
-def _weights(mesh: bpy.types.Mesh, index: int) -> np.ndarray:
-    weight = np.zeros(len(mesh.vertices), np.float32)
-    for vertex in mesh.vertices:
-        for element in vertex.groups:
-            if element.group == index:
-                weight[vertex.index] = element.weight
-    return weight
+def _read_normals(read: TriangleMesh, mesh: bpy.types.Mesh, matrix: Matrix) -> None:
+    read.corner_normal = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", read.corner_normal.ravel())
+    # The adjugate is the inverse times the determinant: it needs no division, and a flat scale has one too.
+    adjugate = np.array(matrix.to_3x3().adjugated())
+    read.normal_matrix = adjugate.T / max(np.abs(adjugate).max(), 1e-300)
 
 
 def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: bool) -> None:

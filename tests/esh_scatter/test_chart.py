@@ -6,8 +6,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.errors import ProblemError  # noqa: E402
-from esh.esh_scatter.chart import SMALLEST_COSINE, Chart, TopView  # noqa: E402
+from esh.esh_scatter.chart import SMALLEST_COSINE, Chart  # noqa: E402
 from esh.esh_scatter.target import TriangleMesh  # noqa: E402
+from esh.esh_scatter.top_view import TopView  # noqa: E402
 
 
 def triangles(position, triangle, **more):
@@ -16,9 +17,10 @@ def triangles(position, triangle, **more):
     edge = position[triangle[:, 1:]] - position[triangle[:, :1]]
     normal = np.cross(edge[:, 0], edge[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    corner = np.arange(triangle.size).reshape(-1, 3)
-    face = np.arange(len(triangle))
-    return TriangleMesh('target "Ground"', position, triangle, corner, face, normal.repeat(3, axis=0), **more)
+    corner = np.arange(triangle.size, dtype=np.int32).reshape(-1, 3)
+    face = np.arange(len(triangle), dtype=np.int32)
+    corner_normal = normal.repeat(3, axis=0).astype(np.float32)
+    return TriangleMesh('target "Ground"', position, triangle, corner, face, corner_normal, **more)
 
 
 def slope(degrees=0.0, width=10.0, height=5.0, **more):
@@ -57,7 +59,7 @@ def test_the_topmost_surface_is_seen_whichever_way_its_faces_look():
     high = [(0, 0, 2), (2, 0, 2), (2, 4, 2), (0, 4, 2)]
     mesh = triangles(low + high, [(0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6)])
     view = TopView(mesh)
-    assert view.cast(np.array([[1.0, 1.0], [3.0, 1.0], [5.0, 1.0]])).tolist() == [2, 0, -1]
+    assert view.cast(np.array([[1.0, 1.0], [3.0, 1.0], [5.0, 1.0]]))[0].tolist() == [2, 0, -1]
     lifted = Chart(mesh, resolution=32).lift(np.array([[1.0, 1.0], [3.0, 1.0]]))
     np.testing.assert_allclose(lifted.position[:, 2], [2.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(lifted.normal, [[0, 0, 1], [0, 0, 1]], atol=1e-9)
@@ -70,7 +72,7 @@ def test_points_are_lifted_straight_up_onto_the_surface():
     np.testing.assert_allclose(lifted.position[:, :2], position + [2.0, 3.0], atol=1e-9)
     np.testing.assert_allclose(lifted.position[:, 2], position[:, 0] * np.tan(np.radians(40.0)), atol=1e-9)
     expected = [-np.sin(np.radians(40.0)), 0.0, np.cos(np.radians(40.0))]
-    np.testing.assert_allclose(lifted.normal, np.tile(expected, (300, 1)), atol=1e-9)
+    np.testing.assert_allclose(lifted.normal, np.tile(expected, (300, 1)), atol=1e-6)
     np.testing.assert_allclose(lifted.rectangle_coordinates(), position / [10.0, 5.0], atol=1e-9)
 
 
