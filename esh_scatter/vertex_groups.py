@@ -9,7 +9,8 @@ import numpy as np
 
 __all__ = ["read_vertex_groups"]
 
-# What the attribute that holds the weights of a group is called, with the group's number.
+# What a group, by its number, and the attribute that its weights are copied to are called while they are read.
+_GROUP = "esh_scatter group {}"
 _COPY = "esh_scatter weights {}"
 
 
@@ -18,8 +19,8 @@ def read_vertex_groups(
 ) -> dict[str, np.ndarray]:
     """Return the weights of vertex groups, shape ``[v]``, float32, by name; 0 for vertices that are not in a group.
 
-    They are copied to attributes of an object that is in a scene of its own for as long as this takes, with a copy of the mesh
-    that shares its data.
+    Geometry nodes copy them to attributes, on a copy of the mesh (which shares its data) in a scene of its own that is removed
+    again: the object and its scene are not touched.
 
     Args:
         evaluated: Mesh object as evaluated.
@@ -29,14 +30,17 @@ def read_vertex_groups(
     if not names:
         return {}
     data = bpy.data
-    mesh = data.meshes.new_from_object(
-        evaluated, preserve_all_data_layers=True, depsgraph=context.evaluated_depsgraph_get()
-    )
+    depsgraph = context.evaluated_depsgraph_get()
+    mesh = data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
     item = data.objects.new(mesh.name, mesh)
-    group = _copying_group(names)
-    item.modifiers.new(group.name, "NODES").node_group = group
     scene = data.scenes.new(mesh.name)
+    group = _copying_group(len(names))
     try:
+        for number, name in enumerate(names):
+            # An attribute, "position" or a UV map, may have the same name.
+            if name in item.vertex_groups:
+                item.vertex_groups[name].name = _GROUP.format(number)
+        item.modifiers.new(group.name, "NODES").node_group = group
         scene.collection.objects.link(item)
         layer = scene.view_layers[0]
         layer.update()
@@ -48,23 +52,22 @@ def read_vertex_groups(
     finally:
         data.scenes.remove(scene)
         data.objects.remove(item)
-        data.node_groups.remove(group)
         data.meshes.remove(mesh)
+        data.node_groups.remove(group)
 
 
-def _copying_group(names: Sequence[str]) -> bpy.types.NodeTree:
-    """Make a node group that stores every vertex group as an attribute."""
+def _copying_group(count: int) -> bpy.types.NodeTree:
+    """Make a node group that copies the weights of so many vertex groups to attributes."""
     group = bpy.data.node_groups.new("ESH Scatter Weights", "GeometryNodeTree")
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     geometry = group.nodes.new("NodeGroupInput").outputs["Geometry"]
-    for number, name in enumerate(names):
+    for number in range(count):
         weight = group.nodes.new("GeometryNodeInputNamedAttribute")
-        weight.inputs["Name"].default_value = name
         store = group.nodes.new("GeometryNodeStoreNamedAttribute")
-        store.inputs["Name"].default_value = _COPY.format(number)
-        for node in (weight, store):
+        for node, name in ((weight, _GROUP), (store, _COPY)):
             node.data_type = "FLOAT"
+            node.inputs["Name"].default_value = name.format(number)
         group.links.new(geometry, store.inputs["Geometry"])
         group.links.new(_enabled(weight.outputs, "Attribute"), _enabled(store.inputs, "Value"))
         geometry = store.outputs["Geometry"]

@@ -1,0 +1,109 @@
+"""What Blender's side does in Python takes as many operations for many vertices, pixels and bodies as for few: none is looped over."""
+
+import sys
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.engine.initial_placement import initial_placement  # noqa: E402
+from esh.engine.interaction import group_bodies  # noqa: E402
+from esh.engine.placement import Placement  # noqa: E402
+from esh.engine.report import NO_REPORT  # noqa: E402
+from esh.esh_scatter.api import (  # noqa: E402
+    AttributeDensity,
+    ImageDensity,
+    ScatterClass,
+    ScatterJob,
+    ScatterSize,
+    VertexGroupDensity,
+)
+
+
+def operations(run):
+    """Return what ``run()`` returns, and how many Python instructions and calls into compiled code that took."""
+    count = 0
+
+    def trace(frame, event, _):
+        nonlocal count
+        frame.f_trace_lines, frame.f_trace_opcodes = False, True
+        count += event == "opcode"
+        return trace
+
+    def profile(_frame, event, _):
+        nonlocal count
+        count += event == "c_call"
+
+    before = sys.gettrace(), sys.getprofile()
+    sys.settrace(trace)
+    sys.setprofile(profile)
+    try:
+        result = run()
+    finally:
+        sys.settrace(before[0])
+        sys.setprofile(before[1])
+    return result, count
+
+
+def ground(side):
+    """A hilly triangle, so that some of its bounding rectangle is beside it, of about ``side``² / 2 quads."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=side, y_subdivisions=side, size=20.0)
+    item = bpy.context.object
+    position = np.empty((len(item.data.vertices), 3), np.float32)
+    item.data.vertices.foreach_get("co", position.ravel())
+    position[:, 1] *= 0.05 * (position[:, 0] + 10.0)
+    position[:, 2] = np.sin(position[:, 0])
+    item.data.vertices.foreach_set("co", position.ravel())
+    soil = item.data.attributes.new("soil", "FLOAT_COLOR", "FACE")
+    soil.data.foreach_set("color", np.ones(4 * len(item.data.polygons), np.float32))
+    item.vertex_groups.new(name="meadow").add(list(range(len(position) // 2)), 0.5, "REPLACE")
+    return item
+
+
+def image(pixels):
+    made = bpy.data.images.new("forest", pixels, pixels)
+    made.pixels.foreach_set(np.ones(4 * pixels * pixels, np.float32))
+    return made
+
+
+def source(width):
+    mesh = bpy.data.meshes.new("source")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, width, 0), (0, width, 0)], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new("source", mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def reading_and_writing(side, pixels, bodies):
+    """Operations of both for a target of so many vertices along a side, a texture and so many bodies."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    target, round_one, long_one = ground(side), source(1.0), source(0.1)
+    densities = ImageDensity(image(pixels), mapping="UV"), VertexGroupDensity("meadow"), AttributeDensity("soil")
+    classes = [
+        ScatterClass(
+            str(number),
+            [
+                ScatterSize("dot", bodies, round_one, area=(0.001, 0.002)),
+                ScatterSize("line", bodies, long_one, area=0.001),
+            ],
+            density,
+        )
+        for number, density in enumerate(densities)
+    ]
+    job, reading = operations(lambda: ScatterJob(target, classes, device="cpu"))
+    problem = job.problem
+    zero = np.zeros(problem.body_count)
+    position = initial_placement(problem, group_bodies(problem))
+    # Bodies at the border, too, where rays pass the mesh by.
+    position[::100] = [0.0, 0.05]
+    job.placement = Placement(problem, position, *problem.body_indices(), zero, zero, zero, NO_REPORT)
+    result, writing = operations(job.write)
+    assert len(result.object.data.vertices) == 6 * bodies
+    return reading, writing
+
+
+def test_no_vertex_pixel_or_body_is_looped_over():
+    reading_and_writing(20, 16, 500)
+    few, many = reading_and_writing(20, 16, 500), reading_and_writing(200, 160, 5000)
+    np.testing.assert_allclose(many, few, rtol=0.02)
