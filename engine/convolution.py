@@ -1,10 +1,13 @@
-"""Convolution of pairs of real meshes with one symmetric kernel.
+"""Convolution of real meshes with one symmetric kernel, through Fourier transforms.
 
-Two real fields travel through one complex transform, as its real and imaginary parts: the kernel's transform is real and
-even, so the parts never mix. Rows that hold only padding are never transformed.
+Two real rows travel through one complex transform, of which half is kept; rows that hold only padding are never transformed. The
+kernel's own transform, the influence function, is real and even.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -15,88 +18,125 @@ from .device import Launcher
 
 __all__ = ["Convolution", "good_length"]
 
+SHORTEST = 64
+
 
 def good_length(least: float, *, power_of_two: bool = False) -> int:
-    """Return the smallest length >= ``least`` that is a power of two, or else three times one; at least 64.
+    """Return the smallest length >= ``least`` that is 1, 3 or 5 times a power of two; at least 64.
 
     GPUs want ``power_of_two``.
     """
-    power = 64
+    power = SHORTEST
     while power < least:
         power *= 2
-    three = power * 3 // 4
-    return three if three >= max(least, 64) and not power_of_two else power
+    if power_of_two:
+        return power
+    return min(length for length in (power * 5 // 8, power * 3 // 4, power) if length >= max(least, SHORTEST))
 
 
 class Convolution:
-    """Convolves meshes of ``shape`` with the kernel whose discrete Fourier transform is ``influence``.
+    """Convolves meshes of ``shape``, several at once.
 
     Args:
         launcher: Where to run.
-        shape: Rows and columns of the meshes.
+        shape: Rows (an even number) and columns of the meshes.
         padded: Rows and columns of the transforms, from :func:`good_length`; at least ``shape``.
+        count: Number of meshes.
+
+    Attributes:
+        influence_size: Elements of an influence function.
+        influence_strides: How far apart, in elements, its wave numbers lie along y and x.
+        influence_rows: Wave numbers along y that it has: ``padded[0] // 2 + 1``, or all ``padded[0]`` of them.
     """
 
-    def __init__(self, launcher: Launcher, shape: tuple[int, int], padded: tuple[int, int]) -> None:
+    def __init__(self, launcher: Launcher, shape: tuple[int, int], padded: tuple[int, int], count: int = 1) -> None:
         self.launcher = launcher
         self.shape = shape
         self.padded = padded
+        self.count = count
+        rows, columns = padded
         device = launcher.device
-        self._spectrum = [wp.empty(shape[0] * padded[1], dtype=float, device=device) for _ in range(2)]
         self._gpu: GpuTransforms | None = None
         if device.is_cuda:
-            self._gpu = GpuTransforms(device, shape, padded)
+            self._gpu = GpuTransforms(device, shape, padded, count)
+            self.influence_rows, self.influence_strides = rows, (1, rows)
+            self.influence_size = rows * (columns // 2 + 1)
             return
+        self._stride = _whole_blocks(columns // 2 + 1) * kernels_fft.LANES
+        self.influence_rows, self.influence_strides = rows // 2 + 1, (self._stride, 1)
+        self.influence_size = self.influence_rows * self._stride
+        self._halves = self._half_rows(count * shape[0])
         self._twiddles = {length: wp.array(_twiddle(length), dtype=float, device=device) for length in set(padded)}
-        longest = max(padded)
         self._scratch = [
-            wp.empty(longest * kernels_fft.LANES * 4, dtype=float, device=device) for _ in range(launcher.thread_count)
+            wp.empty(max(padded) * kernels_fft.LANES * 4, dtype=float, device=device)
+            for _ in range(launcher.thread_count)
         ]
 
-    def influence_array(self, influence: np.ndarray) -> wp.array:
-        """Put a kernel's transform, shape ``[padded rows // 2 + 1, padded columns]``, on the device."""
-        return wp.array(
-            np.ascontiguousarray(influence, dtype=np.float32).ravel(), dtype=float, device=self.launcher.device
-        )
-
-    def apply(
-        self,
-        influence: wp.array,
-        fields: tuple[wp.array, wp.array],
-        results: tuple[wp.array, wp.array],
-    ) -> None:
-        """Convolve two real ``fields`` (flat, of ``shape``) into ``results``, which may be the same arrays."""
+    def apply(self, influence: wp.array, meshes: wp.array) -> None:
+        """Convolve real ``meshes`` (flat, of ``shape``, one after the other) in place."""
         if self._gpu is not None:
-            self._gpu.apply(influence, fields, results)
+            self._gpu.apply(influence, meshes)
             return
         rows, columns = self.shape
-        padded_rows, padded_columns = self.padded
-        self._each_block(
-            kernels_fft.transform_rows,
-            rows,
-            [self._twiddles[padded_columns], rows, padded_columns, columns, padded_columns, 0, *fields],
-            self._spectrum,
-        )
+        self._transform_rows(self.count, rows, columns, meshes, self._halves)
+        length = self.padded[0]
         self._each_block(
             kernels_fft.convolve_columns,
-            padded_columns,
-            [self._twiddles[padded_rows], padded_columns, padded_rows, rows, influence],
-            self._spectrum,
+            self.count * (self._stride // kernels_fft.LANES),
+            [self._twiddles[length], rows, length, self._stride, influence],
+            self._halves,
         )
+        length = self.padded[1]
         self._each_block(
-            kernels_fft.transform_rows,
-            rows,
-            [self._twiddles[padded_columns], rows, padded_columns, padded_columns, columns, 1, *self._spectrum],
-            results,
+            kernels_fft.transform_rows_back,
+            self.count * _whole_blocks(rows, 2),
+            [self._twiddles[length], rows, columns, length, self._stride, *self._halves],
+            [meshes],
         )
 
-    def _each_block(self, kernel: wp.Kernel, count: int, inputs: list, outputs: list | tuple) -> None:
-        blocks = -(-count // kernels_fft.LANES)
+    def influence_of(self, quarter: wp.array) -> wp.array:
+        """Transform a kernel that is even along x and y.
+
+        Args:
+            quarter: Its values on the rows ``0 .. padded[0] // 2`` of the padded mesh, whose node 0 is the origin; flat.
+        """
+        influence = wp.zeros(self.influence_size, dtype=float, device=self.launcher.device)
+        if self._gpu is not None:
+            self._gpu.transform_even(quarter, influence)
+            return influence
+        rows, columns = self.padded
+        halves = self._half_rows(rows // 2 + 1)
+        self._transform_rows(1, rows // 2 + 1, columns, quarter, halves)
+        self._each_block(
+            kernels_fft.transform_even_columns,
+            self._stride // kernels_fft.LANES,
+            [self._twiddles[rows], rows, self._stride, halves[0]],
+            [influence],
+        )
+        return influence
+
+    def _half_rows(self, count: int) -> list[wp.array]:
+        return [wp.empty(count * self._stride, dtype=float, device=self.launcher.device) for _ in range(2)]
+
+    def _transform_rows(self, count: int, rows: int, columns: int, meshes: wp.array, halves: list[wp.array]) -> None:
+        length = self.padded[1]
+        self._each_block(
+            kernels_fft.transform_rows,
+            count * _whole_blocks(rows, 2),
+            [self._twiddles[length], rows, columns, length, self._stride, meshes],
+            halves,
+        )
+
+    def _each_block(self, kernel: wp.Kernel, blocks: int, inputs: list[Any], outputs: Sequence[wp.array]) -> None:
         threads = self.launcher.thread_count
         parts = [
             (blocks * t // threads, blocks * (t + 1) // threads, [self._scratch[t], *inputs]) for t in range(threads)
         ]
         self.launcher.launch_each(kernel, parts, outputs)
+
+
+def _whole_blocks(count: int, rows_per_lane: int = 1) -> int:
+    return -(-count // (rows_per_lane * kernels_fft.LANES))
 
 
 def _twiddle(length: int) -> np.ndarray:

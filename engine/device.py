@@ -82,7 +82,7 @@ class Launcher:
         self.device = device
         self._profile = profile
         self.thread_count = 1 if device.is_cuda else core_count()
-        self._pool = ThreadPoolExecutor(self.thread_count) if self.thread_count > 1 else None
+        self._pool = ThreadPoolExecutor(self.thread_count - 1) if self.thread_count > 1 else None
 
     def phase(self, name: str) -> AbstractContextManager[None]:
         """Count the time of a block as that of a phase, where somebody asked for a profile."""
@@ -135,8 +135,13 @@ class Launcher:
         parts = [part for part in parts if part[1] > part[0]]
         # Two threads that meet an unloaded module would both compile it.
         kernel.module.load(self.device, BLOCK_DIM if self.device.is_cuda else 1)
-        if self._pool is None or len(parts) == 1:
+        if self._pool is None:
             for part in parts:
                 run(part)
-        else:
-            list(self._pool.map(run, parts))
+            return
+        # This thread works too: waking another one takes longer than a small kernel.
+        others = [self._pool.submit(run, part) for part in parts[1:]]
+        for part in parts[:1]:
+            run(part)
+        for other in others:
+            other.result()

@@ -20,16 +20,15 @@ import warp as wp
 from . import kernels_cells, kernels_field, kernels_mesh
 from .convolution import Convolution
 from .device import Launcher
+from .influence import open_influence, smoothed_influence
 from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from .target_correction import TargetCorrection
 from .target_deposit import deposit_images, mix_images
 
 __all__ = ["Field", "FieldTarget"]
 
-# Split width over mesh spacing, and cut-off over split width; the force error that they give is 1e-3 to 3e-3 of the local force
-# scale.
+# Split width over mesh spacing; with the cut-off it gives a force error of 1e-3 to 3e-3 of the local force scale.
 SPLIT_OVER_MESH = 2.0
-CUTOFF_OVER_SPLIT = 3.5
 # Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
 MESH_OVER_SPACING = 0.72
 SMALLEST_MESH = 48
@@ -87,10 +86,10 @@ class Field:
         self.charge_count = len(charge)
         device = launcher.device
         self.layout = self._choose_mesh(spacing)
-        self.cutoff = CUTOFF_OVER_SPLIT * self.split
+        self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
-        self._convolution = Convolution(launcher, self.layout.shape, self.layout.padded)
+        self._convolution = Convolution(launcher, self.layout.shape, self.layout.padded, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
         self._charge = wp.array(charge, dtype=float, device=device)
         self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
@@ -100,16 +99,12 @@ class Field:
         self._key = wp.empty(2 * n, dtype=wp.int32, device=device)
         self._order = wp.empty(2 * n, dtype=wp.int32, device=device)
         self._cell_start = wp.empty(self.cells.count_x * self.cells.count_y + 1, dtype=wp.int32, device=device)
-        self._sorted = [wp.empty(n, dtype=float, device=device) for _ in range(3)]
+        self._weight_stride = n + kernels_field.LANES
+        self._sorted = [wp.zeros(self._weight_stride, dtype=float, device=device) for _ in range(3)]
+        self._weight = wp.zeros(self.group_count * self._weight_stride, dtype=float, device=device)
         self._sorted_group = wp.empty(n, dtype=wp.int32, device=device)
         self._node_charge = wp.zeros(self.group_count * node_count, dtype=wp.int64, device=device)
-        self._mixed = [wp.empty(node_count, dtype=float, device=device) for _ in range(2)]
-        self._spare = wp.empty(node_count, dtype=float, device=device)
         self._potential = wp.empty(self.group_count * node_count, dtype=float, device=device)
-        self._potentials = [
-            wp.array(ptr=self._potential.ptr + 4 * g * node_count, shape=(node_count,), dtype=float, device=device)
-            for g in range(self.group_count)
-        ]
 
         images, charge_of_image = _distinct_images(targets)
         attracting = interaction @ charge_of_image
@@ -117,7 +112,11 @@ class Field:
         self.deposited = deposit_images(launcher, images, self.layout)
         self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
         self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
-        self._influence = self._convolution.influence_array(self._far_influence())
+        if periodic:
+            # The mean potential has no force.
+            self._influence = smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
+        else:
+            self._influence = open_influence(self._convolution, self.layout, self.split)
         self._correction = TargetCorrection(
             launcher,
             size=size,
@@ -142,8 +141,8 @@ class Field:
         coarsening = (self.group_count * crowding) ** 0.25
         wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
         if self.periodic:
-            # Neighbours are looked for in three cells along each axis, which must not be the same cell twice.
-            wanted = min(wanted, min(self.size) / (3.0 * CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH))
+            # Neighbours are looked for within a cut-off on both sides, which must not meet behind.
+            wanted = min(wanted, min(self.size) / (3.0 * kernels_field.CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH))
             layout = periodic_mesh(self.size, wanted, on_gpu=on_gpu)
         else:
             layout = open_mesh(self.size, wanted, on_gpu=on_gpu)
@@ -151,40 +150,13 @@ class Field:
         return layout
 
     def _choose_cells(self) -> None:
-        counts = [max(1, int(length / self.cutoff)) for length in self.size]
+        counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.size]
         cells = kernels_cells.CellGrid()
         cells.count_x, cells.count_y = counts
         cells.inverse_size = wp.vec2(counts[0] / self.size[0], counts[1] / self.size[1])
         cells.domain = wp.vec2(*self.size)
         cells.periodic = int(self.periodic)
         self.cells = cells
-
-    def _far_influence(self) -> np.ndarray:
-        kx, ky = self.layout.wave_numbers()
-        if self.periodic:
-            k2 = kx**2 + ky**2
-            k2[0, 0] = 1.0
-            kernel = 2.0 * np.pi / k2 * np.exp(-0.5 * self.split**2 * k2)
-            # The mean potential has no force.
-            kernel[0, 0] = 0.0
-            return kernel * self.layout.window() / self.layout.node_area
-        # In the plane the kernel has no transform of its own; that of its samples on the padded mesh, which no pair of
-        # nodes of the unpadded one reaches around, convolves exactly.
-        rows, columns = self.layout.padded
-        quarter = _far_kernel((rows // 2 + 1, columns // 2 + 1), self.layout.spacing[0], self.split)
-        kernel = np.empty((rows, columns // 2 + 1))
-        kernel[: rows // 2 + 1] = quarter
-        kernel[rows // 2 + 1 :] = quarter[1 : rows - rows // 2][::-1]
-        # Even along both axes, so both transforms are real.
-        half = np.fft.rfft(kernel, axis=0).real
-        mirrored = np.empty((rows // 2 + 1, columns))
-        mirrored[:, : columns // 2 + 1] = half
-        mirrored[:, columns // 2 + 1 :] = half[:, 1 : columns - columns // 2][:, ::-1]
-        spectrum = np.fft.rfft(mirrored, axis=1).real
-        mirrored[:, : columns // 2 + 1] = spectrum
-        mirrored[:, columns // 2 + 1 :] = spectrum[:, 1 : columns - columns // 2][:, ::-1]
-        mirrored *= self.layout.window()
-        return mirrored
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -205,14 +177,13 @@ class Field:
                 self.charge_count,
                 [
                     self._order,
-                    *self._sorted,
+                    *self._sorted[:2],
                     self._sorted_group,
+                    self._weight,
+                    self._weight_stride,
                     self._cell_start,
                     self.cells,
                     self.cutoff**2,
-                    -math.log2(math.e) / (2.0 * self.split**2),
-                    self._interaction,
-                    self.group_count,
                     self.mesh,
                     self._potential,
                     self._fine_mesh,
@@ -236,8 +207,16 @@ class Field:
         self.launcher.launch(
             kernels_cells.gather_charges,
             n,
-            [self._order, position, self._charge, self._charge_group],
-            [*self._sorted, self._sorted_group],
+            [
+                self._order,
+                position,
+                self._charge,
+                self._charge_group,
+                self._interaction,
+                self.group_count,
+                self._weight_stride,
+            ],
+            [*self._sorted, self._sorted_group, self._weight],
         )
 
     def _deposit(self) -> None:
@@ -261,15 +240,14 @@ class Field:
                 self.launcher.launch_ranges(kernels_mesh.deposit_charges, chosen, inputs, [self._node_charge])
 
     def _solve_far_field(self) -> None:
-        for g in range(0, self.group_count, 2):
-            self.launcher.launch(
-                kernels_mesh.mix_groups,
-                self.node_count,
-                [self._node_charge, self._interaction, self.attraction, self.group_count, g, self.node_count],
-                self._mixed,
-            )
-            second = self._potentials[g + 1] if g + 1 < self.group_count else self._spare
-            self._convolution.apply(self._influence, tuple(self._mixed), (self._potentials[g], second))
+        at_once = 1 if self.launcher.device.is_cuda else kernels_mesh.MIXED_AT_ONCE
+        self.launcher.launch(
+            kernels_mesh.mix_groups,
+            -(-self.node_count // at_once),
+            [self._node_charge, self._interaction, self.attraction, self.group_count, self.node_count, at_once],
+            [self._potential],
+        )
+        self._convolution.apply(self._influence, self._potential)
 
 
 def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
@@ -284,32 +262,3 @@ def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], 
     charge = np.zeros((len(targets), len(images)))
     charge[np.arange(len(targets)), index] = [target.charge for target in targets]
     return images, charge
-
-
-def _far_kernel(shape: tuple[int, int], step: float, split: float) -> np.ndarray:
-    """-log r convolved with a Gaussian of standard deviation ``split``: -(log r² + E1(r²/2s²)) / 2, on nodes from r = 0 on."""
-    squared = (np.arange(shape[0]) * step)[:, None] ** 2 + (np.arange(shape[1]) * step)[None, :] ** 2
-    squared[0, 0] = 1.0
-    result = -0.5 * np.log(squared)
-    squared[0, 0] = 0.0
-    # E1(z) < 1e-18 beyond z = 38: the plain logarithm.
-    reach = math.ceil(math.sqrt(2.0 * 38.0) * split / step)
-    near = squared[:reach, :reach] / (2.0 * split**2)
-    value, inverse = np.unique(near, return_inverse=True)
-    smooth = np.array([_log_plus_e1(z) for z in value])
-    result[:reach, :reach] = -0.5 * (smooth[inverse.reshape(near.shape)] + math.log(2.0 * split**2))
-    return result
-
-
-def _log_plus_e1(z: float) -> float:
-    """Return log z + E1(z), finite at 0: its power series where that converges well, E1's continued fraction elsewhere."""
-    if z < 2.0:
-        total, term = -0.5772156649015329, -1.0
-        for k in range(1, 40):
-            term *= -z / k
-            total += term / k
-        return total
-    fraction = 0.0
-    for k in range(120, 0, -1):
-        fraction = k / (1.0 + k / (z + fraction))
-    return math.log(z) + math.exp(-z) / (z + fraction)

@@ -69,16 +69,25 @@ def gather_charges(
     charge_position: wp.array(dtype=wp.vec2),
     charge: wp.array(dtype=float),
     charge_group: wp.array(dtype=wp.int32),
+    interaction: wp.array(dtype=float),
+    group_count: int,
+    weight_stride: int,
     # outputs
     sorted_x: wp.array(dtype=float),
     sorted_y: wp.array(dtype=float),
     sorted_charge: wp.array(dtype=float),
     sorted_group: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=float),
 ):
+    """Copy charges into the order of their cells, and weigh them with the interaction matrix, once for every group that sees them."""
     i = first + wp.tid()
     source = order[i]
     p = charge_position[source]
     sorted_x[i] = p[0]
     sorted_y[i] = p[1]
-    sorted_charge[i] = charge[source]
-    sorted_group[i] = charge_group[source]
+    q = charge[source]
+    group = charge_group[source]
+    sorted_charge[i] = q
+    sorted_group[i] = group
+    for g in range(group_count):
+        weight[wp.int64(g) * wp.int64(weight_stride) + wp.int64(i)] = interaction[g * group_count + group] * q

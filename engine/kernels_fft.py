@@ -1,8 +1,11 @@
 """Fast Fourier transforms of mesh rows and columns on the CPU (see :mod:`.kernels_fft_gpu` for GPUs).
 
-Every kernel handles blocks of :data:`LANES` rows or columns at once. A block is held in scratch memory as
-``[element][lane]``, real and imaginary parts apart, and transformed by Stockham's self-sorting algorithm with radix 4, 3
-and 2; the innermost loop runs over the lanes, which is what turns it into vector instructions.
+A row of real numbers has a transform whose second half mirrors the first. So two rows travel through one complex transform, as its
+real and imaginary parts, and only the halves of their transforms are kept: *half rows*, padded to whole blocks of lanes.
+
+Every kernel handles :data:`LANES` pairs of rows, or columns, at once. A block is held in scratch memory as ``[element][lane]``,
+real and imaginary parts apart, and transformed by Stockham's self-sorting algorithm with radix 4, 3, 5 and 2. What is done to an
+element is done to all of its lanes, as one vector.
 """
 
 from __future__ import annotations
@@ -13,213 +16,429 @@ wp.set_module_options({"enable_backward": False})
 
 LANES = 16
 
-# Transforms `length` elements of LANES lanes in scratch, forward; swapping the two parts before and after is the
-# inverse. Returns 0 when the result lies in the first half of scratch, 1 for the second.
-_TRANSFORM = """
-    enum { L = 16 };
-    const size_t half = (size_t)length * L * 2;
+
+def _zip_mask(first: int) -> str:
+    """Indices that interleave two vectors from lane ``first`` on."""
+    return ", ".join(f"{first + k // 2 + (k % 2) * LANES}" for k in range(LANES))
+
+
+# Vectors of all lanes, and the two parts of one of scratch memory's two halves. Zipping the first half of a tile's rows with the
+# second rotates an element's address (row, column) by one bit; when all bits of the row have gone round, the tile is transposed.
+_VECTORS = f"""
+    enum {{ L = {LANES} }};
+    typedef float V __attribute__((ext_vector_type({LANES}), aligned(4)));
+    typedef struct {{ V lane[L]; }} Tile;
+    #define VECTOR(p) (*(V*)(p))
+    #define REAL(parity) ((V*)scratch.data + (size_t)(parity) * length * 2)
+    #define IMAGINARY(parity) (REAL(parity) + length)
+    auto transpose = [](Tile& t)
+    {{
+        for (int round = 1; round < L; round *= 2)
+        {{
+            Tile z;
+            #pragma clang loop unroll(full)
+            for (int i = 0; i < L / 2; ++i)
+            {{
+                z.lane[2 * i] = __builtin_shufflevector(t.lane[i], t.lane[i + L / 2], {_zip_mask(0)});
+                z.lane[2 * i + 1] = __builtin_shufflevector(t.lane[i], t.lane[i + L / 2], {_zip_mask(LANES // 2)});
+            }}
+            t = z;
+        }}
+    }};
+"""
+
+# Transforms the block in half `parity` of scratch, forward; with the two parts swapped it is the inverse. Returns the half that the
+# result lies in.
+_TRANSFORM = (
+    _VECTORS
+    + """
     const float* __restrict__ cosine = twiddle.data;
     const float* __restrict__ sine = twiddle.data + length;
     int n = length;
     int s = 1;
-    int parity = 0;
     while (n > 1)
     {
-        const float* __restrict__ xr = scratch.data + offset + (size_t)parity * half + (inverse ? (size_t)length * L : 0);
-        const float* __restrict__ xi = scratch.data + offset + (size_t)parity * half + (inverse ? 0 : (size_t)length * L);
-        float* __restrict__ yr = scratch.data + offset + (size_t)(1 - parity) * half + (inverse ? (size_t)length * L : 0);
-        float* __restrict__ yi = scratch.data + offset + (size_t)(1 - parity) * half + (inverse ? 0 : (size_t)length * L);
+        const V* __restrict__ xr = inverse ? IMAGINARY(parity) : REAL(parity);
+        const V* __restrict__ xi = inverse ? REAL(parity) : IMAGINARY(parity);
+        V* __restrict__ yr = inverse ? IMAGINARY(1 - parity) : REAL(1 - parity);
+        V* __restrict__ yi = inverse ? REAL(1 - parity) : IMAGINARY(1 - parity);
         const int step = length / n;
-        if (n % 4 == 0)
+        const int radix = n % 4 == 0 ? 4 : n % 3 == 0 ? 3 : n % 5 == 0 ? 5 : 2;
+        const int m = n / radix;
+        const int b = s * m;
+        for (int p = 0; p < m; ++p)
         {
-            const int m = n / 4;
-            for (int p = 0; p < m; ++p)
-            {
-                const float c1 = cosine[p * step], s1 = sine[p * step];
-                const float c2 = cosine[2 * p * step], s2 = sine[2 * p * step];
-                const float c3 = cosine[3 * p * step], s3 = sine[3 * p * step];
-                const size_t a = (size_t)s * p * L, b = (size_t)s * m * L, o = (size_t)s * 4 * p * L, d = (size_t)s * L;
-                #pragma clang loop vectorize(enable)
-                for (int k = 0; k < s * L; ++k)
+            const float c1 = cosine[p * step], s1 = sine[p * step];
+            const float c2 = cosine[2 * p * step], s2 = sine[2 * p * step];
+            const float c3 = radix > 3 ? cosine[3 * p * step] : 0.0f, s3 = radix > 3 ? sine[3 * p * step] : 0.0f;
+            #define TURN(to, re, im, c, d) { const V u = re, v = im; yr[to] = u * c - v * d; yi[to] = u * d + v * c; }
+            if (radix == 4)
+                for (int q = 0; q < s; ++q)
                 {
-                    const float ar = xr[a + k], ai = xi[a + k];
-                    const float br = xr[a + b + k], bi = xi[a + b + k];
-                    const float cr = xr[a + 2 * b + k], ci = xi[a + 2 * b + k];
-                    const float dr = xr[a + 3 * b + k], di = xi[a + 3 * b + k];
-                    const float pr = ar + cr, pi = ai + ci, qr = ar - cr, qi = ai - ci;
-                    const float rr = br + dr, ri = bi + di, tr = bi - di, ti = dr - br;
-                    yr[o + k] = pr + rr;
-                    yi[o + k] = pi + ri;
-                    const float ur = qr + tr, ui = qi + ti;
-                    yr[o + d + k] = ur * c1 - ui * s1;
-                    yi[o + d + k] = ur * s1 + ui * c1;
-                    const float vr = pr - rr, vi = pi - ri;
-                    yr[o + 2 * d + k] = vr * c2 - vi * s2;
-                    yi[o + 2 * d + k] = vr * s2 + vi * c2;
-                    const float wr = qr - tr, wi = qi - ti;
-                    yr[o + 3 * d + k] = wr * c3 - wi * s3;
-                    yi[o + 3 * d + k] = wr * s3 + wi * c3;
+                    const int a = s * p + q, o = 4 * s * p + q;
+                    const V ar = xr[a], ai = xi[a], br = xr[a + b], bi = xi[a + b];
+                    const V cr = xr[a + 2 * b], ci = xi[a + 2 * b], dr = xr[a + 3 * b], di = xi[a + 3 * b];
+                    const V pr = ar + cr, pi = ai + ci, qr = ar - cr, qi = ai - ci;
+                    const V rr = br + dr, ri = bi + di, tr = bi - di, ti = dr - br;
+                    yr[o] = pr + rr;
+                    yi[o] = pi + ri;
+                    TURN(o + s, qr + tr, qi + ti, c1, s1)
+                    TURN(o + 2 * s, pr - rr, pi - ri, c2, s2)
+                    TURN(o + 3 * s, qr - tr, qi - ti, c3, s3)
                 }
-            }
-            n = m;
-            s *= 4;
-        }
-        else if (n % 3 == 0)
-        {
-            const int m = n / 3;
-            const float h = -0.86602540378443865f;
-            for (int p = 0; p < m; ++p)
-            {
-                const float c1 = cosine[p * step], s1 = sine[p * step];
-                const float c2 = cosine[2 * p * step], s2 = sine[2 * p * step];
-                const size_t a = (size_t)s * p * L, b = (size_t)s * m * L, o = (size_t)s * 3 * p * L, d = (size_t)s * L;
-                #pragma clang loop vectorize(enable)
-                for (int k = 0; k < s * L; ++k)
+            else if (radix == 3)
+                for (int q = 0; q < s; ++q)
                 {
-                    const float ar = xr[a + k], ai = xi[a + k];
-                    const float br = xr[a + b + k], bi = xi[a + b + k];
-                    const float cr = xr[a + 2 * b + k], ci = xi[a + 2 * b + k];
-                    const float pr = br + cr, pi = bi + ci;
-                    const float qr = ar - 0.5f * pr, qi = ai - 0.5f * pi;
-                    const float tr = -h * (bi - ci), ti = h * (br - cr);
-                    yr[o + k] = ar + pr;
-                    yi[o + k] = ai + pi;
-                    const float ur = qr + tr, ui = qi + ti;
-                    yr[o + d + k] = ur * c1 - ui * s1;
-                    yi[o + d + k] = ur * s1 + ui * c1;
-                    const float vr = qr - tr, vi = qi - ti;
-                    yr[o + 2 * d + k] = vr * c2 - vi * s2;
-                    yi[o + 2 * d + k] = vr * s2 + vi * c2;
+                    const float h = 0.86602540378443865f;
+                    const int a = s * p + q, o = 3 * s * p + q;
+                    const V ar = xr[a], ai = xi[a], br = xr[a + b], bi = xi[a + b];
+                    const V cr = xr[a + 2 * b], ci = xi[a + 2 * b];
+                    const V pr = br + cr, pi = bi + ci;
+                    const V qr = ar - 0.5f * pr, qi = ai - 0.5f * pi;
+                    const V tr = h * (bi - ci), ti = h * (cr - br);
+                    yr[o] = ar + pr;
+                    yi[o] = ai + pi;
+                    TURN(o + s, qr + tr, qi + ti, c1, s1)
+                    TURN(o + 2 * s, qr - tr, qi - ti, c2, s2)
                 }
-            }
-            n = m;
-            s *= 3;
-        }
-        else
-        {
-            const int m = n / 2;
-            for (int p = 0; p < m; ++p)
-            {
-                const float c1 = cosine[p * step], s1 = sine[p * step];
-                const size_t a = (size_t)s * p * L, b = (size_t)s * m * L, o = (size_t)s * 2 * p * L, d = (size_t)s * L;
-                #pragma clang loop vectorize(enable)
-                for (int k = 0; k < s * L; ++k)
+            else if (radix == 5)
+                for (int q = 0; q < s; ++q)
                 {
-                    const float ar = xr[a + k], ai = xi[a + k];
-                    const float br = xr[a + b + k], bi = xi[a + b + k];
-                    yr[o + k] = ar + br;
-                    yi[o + k] = ai + bi;
-                    const float ur = ar - br, ui = ai - bi;
-                    yr[o + d + k] = ur * c1 - ui * s1;
-                    yi[o + d + k] = ur * s1 + ui * c1;
+                    const float e1 = 0.30901699437494742f, e2 = -0.80901699437494742f;
+                    const float f1 = 0.95105651629515357f, f2 = 0.58778525229247313f;
+                    const float c4 = cosine[4 * p * step], s4 = sine[4 * p * step];
+                    const int a = s * p + q, o = 5 * s * p + q;
+                    const V ar = xr[a], ai = xi[a];
+                    const V br = xr[a + b] + xr[a + 4 * b], bi = xi[a + b] + xi[a + 4 * b];
+                    const V cr = xr[a + 2 * b] + xr[a + 3 * b], ci = xi[a + 2 * b] + xi[a + 3 * b];
+                    const V dr = xr[a + b] - xr[a + 4 * b], di = xi[a + b] - xi[a + 4 * b];
+                    const V er = xr[a + 2 * b] - xr[a + 3 * b], ei = xi[a + 2 * b] - xi[a + 3 * b];
+                    const V pr = ar + e1 * br + e2 * cr, pi = ai + e1 * bi + e2 * ci;
+                    const V qr = ar + e2 * br + e1 * cr, qi = ai + e2 * bi + e1 * ci;
+                    const V tr = f1 * di + f2 * ei, ti = -(f1 * dr + f2 * er);
+                    const V ur = f2 * di - f1 * ei, ui = -(f2 * dr - f1 * er);
+                    yr[o] = ar + br + cr;
+                    yi[o] = ai + bi + ci;
+                    TURN(o + s, pr + tr, pi + ti, c1, s1)
+                    TURN(o + 2 * s, qr + ur, qi + ui, c2, s2)
+                    TURN(o + 3 * s, qr - ur, qi - ui, c3, s3)
+                    TURN(o + 4 * s, pr - tr, pi - ti, c4, s4)
                 }
-            }
-            n = m;
-            s *= 2;
+            else
+                for (int q = 0; q < s; ++q)
+                {
+                    const int a = s * p + q, o = 2 * s * p + q;
+                    const V ar = xr[a], ai = xi[a], br = xr[a + b], bi = xi[a + b];
+                    yr[o] = ar + br;
+                    yi[o] = ai + bi;
+                    TURN(o + s, ar - br, ai - bi, c1, s1)
+                }
         }
+        n = m;
+        s *= radix;
         parity = 1 - parity;
     }
     return parity;
 """
+)
 
 
 @wp.func_native(_TRANSFORM)
 def transform(
-    scratch: wp.array(dtype=float), offset: wp.int64, length: int, twiddle: wp.array(dtype=float), inverse: int
+    scratch: wp.array(dtype=float), parity: int, length: int, twiddle: wp.array(dtype=float), inverse: int
 ) -> int: ...
 
 
-# Copies a block between planes and scratch. Lane l, element k lies at start + l * lane_stride + k * element_stride.
-_LOAD = """
-    enum { L = 16 };
-    float* __restrict__ re = scratch.data + offset;
-    float* __restrict__ im = re + (size_t)length * L;
-    const float* __restrict__ a = real.data + start;
-    const float* __restrict__ b = imaginary.data + start;
-    for (int k = 0; k < used; ++k)
-        for (int l = 0; l < L; ++l)
+# Lane l holds the real rows row + 2 l (as real part) and row + 2 l + 1 (as imaginary part); rows that are not there count as zeros.
+_LOAD_ROWS = (
+    _VECTORS
+    + """
+    for (int part = 0; part < 2; ++part)
+    {
+        V* __restrict__ to = REAL(0) + (size_t)part * length;
+        int k = 0;
+        for (; k + L <= used; k += L)
         {
-            const bool there = l < lanes;
-            re[k * L + l] = there ? a[l * lane_stride + k * element_stride] : 0.0f;
-            im[k * L + l] = there ? b[l * lane_stride + k * element_stride] : 0.0f;
+            Tile t;
+            for (int l = 0; l < L; ++l)
+            {
+                const int r = row + 2 * l + part;
+                t.lane[l] = r < row_count ? VECTOR(real.data + (size_t)r * used + k) : (V)0.0f;
+            }
+            transpose(t);
+            for (int e = 0; e < L; ++e) to[k + e] = t.lane[e];
         }
-    for (size_t k = (size_t)used * L; k < (size_t)length * L; ++k) { re[k] = 0.0f; im[k] = 0.0f; }
+        for (; k < used; ++k)
+            for (int l = 0; l < L; ++l)
+            {
+                const int r = row + 2 * l + part;
+                to[k][l] = r < row_count ? real.data[(size_t)r * used + k] : 0.0f;
+            }
+        for (; k < length; ++k) to[k] = (V)0.0f;
+    }
 """
+)
 
-_STORE = """
-    enum { L = 16 };
-    const float* __restrict__ re = scratch.data + offset + (size_t)parity * length * L * 2;
-    const float* __restrict__ im = re + (size_t)length * L;
-    float* __restrict__ a = real.data + start;
-    float* __restrict__ b = imaginary.data + start;
-    for (int k = 0; k < used; ++k)
-        for (int l = 0; l < lanes; ++l)
+_STORE_ROWS = (
+    _VECTORS
+    + """
+    for (int part = 0; part < 2; ++part)
+    {
+        const V* __restrict__ from = REAL(parity) + (size_t)part * length;
+        for (int k = 0; k < used; k += L)
         {
-            a[l * lane_stride + k * element_stride] = re[k * L + l];
-            b[l * lane_stride + k * element_stride] = im[k * L + l];
+            Tile t;
+            // Scratch is longer than what is used of it, so that reading a whole tile stays inside.
+            for (int e = 0; e < L; ++e) t.lane[e] = from[k + e];
+            transpose(t);
+            for (int l = 0; l < L; ++l)
+            {
+                const int r = row + 2 * l + part;
+                if (r >= row_count) continue;
+                float* __restrict__ to = real.data + (size_t)r * used + k;
+                if (k + L <= used) VECTOR(to) = t.lane[l];
+                else for (int e = 0; e < used - k; ++e) to[e] = t.lane[l][e];
+            }
         }
+    }
 """
+)
 
-_MULTIPLY = """
-    enum { L = 16 };
-    float* __restrict__ re = scratch.data + offset + (size_t)parity * length * L * 2;
-    float* __restrict__ im = re + (size_t)length * L;
-    const int folded = length / 2;
+# With Z the transform of a + i b, that of a is (Z[k] + conj Z[-k]) / 2 and that of b (Z[k] - conj Z[-k]) / 2i.
+_STORE_HALF_ROWS = (
+    _VECTORS
+    + """
+    const V* __restrict__ re = REAL(parity);
+    const V* __restrict__ im = IMAGINARY(parity);
+    for (int k = 0; k < stride; k += L)
+    {
+        Tile t[4];
+        for (int e = 0; e < L; ++e)
+        {
+            const int j = k + e;
+            const bool there = j <= length / 2;
+            const int mirror = there && j > 0 ? length - j : 0;
+            const V pr = re[there ? j : 0], pi = im[there ? j : 0], qr = re[mirror], qi = im[mirror];
+            t[0].lane[e] = there ? 0.5f * (pr + qr) : (V)0.0f;
+            t[1].lane[e] = there ? 0.5f * (pi - qi) : (V)0.0f;
+            t[2].lane[e] = there ? 0.5f * (pi + qi) : (V)0.0f;
+            t[3].lane[e] = there ? 0.5f * (qr - pr) : (V)0.0f;
+        }
+        for (int i = 0; i < 4; ++i)
+        {
+            transpose(t[i]);
+            float* __restrict__ to = i % 2 == 0 ? half_real.data : half_imaginary.data;
+            for (int l = 0; l < L; ++l)
+            {
+                const int r = row + 2 * l + i / 2;
+                if (r < row_count) VECTOR(to + (size_t)r * stride + k) = t[i].lane[l];
+            }
+        }
+    }
+"""
+)
+
+_LOAD_HALF_ROWS = (
+    _VECTORS
+    + """
+    V* __restrict__ re = REAL(0);
+    V* __restrict__ im = IMAGINARY(0);
+    for (int k = 0; k <= length / 2; k += L)
+    {
+        Tile t[4];
+        for (int i = 0; i < 4; ++i)
+        {
+            const float* __restrict__ from = i % 2 == 0 ? half_real.data : half_imaginary.data;
+            for (int l = 0; l < L; ++l)
+            {
+                const int r = row + 2 * l + i / 2;
+                t[i].lane[l] = r < row_count ? VECTOR(from + (size_t)r * stride + k) : (V)0.0f;
+            }
+            transpose(t[i]);
+        }
+        for (int e = 0; e < L; ++e)
+        {
+            const int j = k + e;
+            if (j > length / 2) break;
+            const V ar = t[0].lane[e], ai = t[1].lane[e], br = t[2].lane[e], bi = t[3].lane[e];
+            if (j > 0)
+            {
+                re[length - j] = ar + bi;
+                im[length - j] = br - ai;
+            }
+            re[j] = ar - bi;
+            im[j] = ai + br;
+        }
+    }
+"""
+)
+
+_LOAD_COLUMNS = (
+    _VECTORS
+    + """
+    V* __restrict__ re = REAL(0);
+    V* __restrict__ im = IMAGINARY(0);
+    for (int k = 0; k < used; ++k)
+    {
+        re[k] = VECTOR(half_real.data + (size_t)(row + k) * stride + column);
+        im[k] = VECTOR(half_imaginary.data + (size_t)(row + k) * stride + column);
+    }
+    for (int k = used; k < length; ++k) re[k] = im[k] = (V)0.0f;
+"""
+)
+
+_STORE_COLUMNS = (
+    _VECTORS
+    + """
+    const V* __restrict__ re = REAL(parity);
+    const V* __restrict__ im = IMAGINARY(parity);
+    for (int k = 0; k < used; ++k)
+    {
+        VECTOR(half_real.data + (size_t)(row + k) * stride + column) = re[k];
+        VECTOR(half_imaginary.data + (size_t)(row + k) * stride + column) = im[k];
+    }
+"""
+)
+
+_MULTIPLY = (
+    _VECTORS
+    + """
+    V* __restrict__ re = REAL(parity);
+    V* __restrict__ im = IMAGINARY(parity);
     for (int k = 0; k < length; ++k)
     {
-        const float* __restrict__ g = influence.data + (size_t)(k <= folded ? k : length - k) * width + column;
-        for (int l = 0; l < lanes; ++l) { re[k * L + l] *= g[l]; im[k * L + l] *= g[l]; }
-    }
-    if (parity != 0)
-    {
-        float* __restrict__ to = scratch.data + offset;
-        for (size_t k = 0; k < (size_t)length * L * 2; ++k) to[k] = re[k];
+        const int folded = k <= length / 2 ? k : length - k;
+        const V g = VECTOR(influence.data + (size_t)folded * stride + column);
+        re[k] *= g;
+        im[k] *= g;
     }
 """
+)
+
+# Columns of a mesh that is even in y, of which rows 0 .. length / 2 are there: their transforms are real and even again.
+_LOAD_EVEN_COLUMNS = (
+    _VECTORS
+    + """
+    for (int k = 0; k < length; ++k)
+    {
+        REAL(0)[k] = VECTOR(half_real.data + (size_t)(k <= length / 2 ? k : length - k) * stride + column);
+        IMAGINARY(0)[k] = (V)0.0f;
+    }
+"""
+)
+
+_STORE_EVEN_COLUMNS = (
+    _VECTORS
+    + """
+    for (int k = 0; k <= length / 2; ++k) VECTOR(influence.data + (size_t)k * stride + column) = REAL(parity)[k];
+"""
+)
 
 
-@wp.func_native(_LOAD)
-def load_block(
-    real: wp.array(dtype=float),
-    imaginary: wp.array(dtype=float),
-    start: wp.int64,
-    lane_stride: wp.int64,
-    element_stride: wp.int64,
-    lanes: int,
-    used: int,
-    length: int,
-    scratch: wp.array(dtype=float),
-    offset: wp.int64,
+@wp.func_native(_LOAD_ROWS)
+def load_rows(
+    real: wp.array(dtype=float), row: int, row_count: int, used: int, length: int, scratch: wp.array(dtype=float)
 ): ...
 
 
-@wp.func_native(_STORE)
-def store_block(
+@wp.func_native(_STORE_ROWS)
+def store_rows(
     scratch: wp.array(dtype=float),
-    offset: wp.int64,
     parity: int,
-    length: int,
-    start: wp.int64,
-    lane_stride: wp.int64,
-    element_stride: wp.int64,
-    lanes: int,
+    row: int,
+    row_count: int,
     used: int,
+    length: int,
     real: wp.array(dtype=float),
-    imaginary: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(_STORE_HALF_ROWS)
+def store_half_rows(
+    scratch: wp.array(dtype=float),
+    parity: int,
+    row: int,
+    row_count: int,
+    length: int,
+    stride: int,
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(_LOAD_HALF_ROWS)
+def load_half_rows(
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
+    row: int,
+    row_count: int,
+    length: int,
+    stride: int,
+    scratch: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(_LOAD_COLUMNS)
+def load_columns(
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
+    row: int,
+    column: int,
+    stride: int,
+    used: int,
+    length: int,
+    scratch: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(_STORE_COLUMNS)
+def store_columns(
+    scratch: wp.array(dtype=float),
+    parity: int,
+    row: int,
+    column: int,
+    stride: int,
+    used: int,
+    length: int,
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
 ): ...
 
 
 @wp.func_native(_MULTIPLY)
-def multiply_block(
+def multiply(
     influence: wp.array(dtype=float),
     column: int,
-    width: int,
-    lanes: int,
+    stride: int,
     length: int,
     parity: int,
     scratch: wp.array(dtype=float),
-    offset: wp.int64,
 ): ...
+
+
+@wp.func_native(_LOAD_EVEN_COLUMNS)
+def load_even_columns(
+    half_real: wp.array(dtype=float), column: int, stride: int, length: int, scratch: wp.array(dtype=float)
+): ...
+
+
+@wp.func_native(_STORE_EVEN_COLUMNS)
+def store_even_columns(
+    scratch: wp.array(dtype=float),
+    parity: int,
+    column: int,
+    stride: int,
+    length: int,
+    influence: wp.array(dtype=float),
+): ...
+
+
+@wp.func
+def block_of_rows(block: int, row_count: int):
+    """First row of a block, and the end of the mesh of so many rows that it is part of; meshes lie one after the other."""
+    blocks = (row_count + 2 * LANES - 1) / (2 * LANES)
+    mesh = block / blocks
+    return mesh * row_count + (block - mesh * blocks) * 2 * LANES, (mesh + 1) * row_count
 
 
 @wp.kernel
@@ -228,47 +447,19 @@ def transform_rows(
     scratch: wp.array(dtype=float),
     twiddle: wp.array(dtype=float),
     row_count: int,
+    used: int,
     length: int,
-    read_count: int,
-    write_count: int,
-    inverse: int,
-    in_real: wp.array(dtype=float),
-    in_imaginary: wp.array(dtype=float),
+    stride: int,
+    real: wp.array(dtype=float),
     # outputs
-    out_real: wp.array(dtype=float),
-    out_imaginary: wp.array(dtype=float),
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
 ):
-    """Transform rows of ``read_count`` elements, padded by zeros to ``length``; keep ``write_count`` of the result."""
-    row = (first + wp.tid()) * 16
-    lanes = wp.min(16, row_count - row)
-    zero = wp.int64(0)
-    one = wp.int64(1)
-    load_block(
-        in_real,
-        in_imaginary,
-        wp.int64(row) * wp.int64(read_count),
-        wp.int64(read_count),
-        one,
-        lanes,
-        read_count,
-        length,
-        scratch,
-        zero,
-    )
-    parity = transform(scratch, zero, length, twiddle, inverse)
-    store_block(
-        scratch,
-        zero,
-        parity,
-        length,
-        wp.int64(row) * wp.int64(write_count),
-        wp.int64(write_count),
-        one,
-        lanes,
-        write_count,
-        out_real,
-        out_imaginary,
-    )
+    """Transform real rows of ``used`` elements, padded by zeros to ``length``, into half rows of ``stride``."""
+    row, end = block_of_rows(first + wp.tid(), row_count)
+    load_rows(real, row, end, used, length, scratch)
+    parity = transform(scratch, 0, length, twiddle, 0)
+    store_half_rows(scratch, parity, row, end, length, stride, half_real, half_imaginary)
 
 
 @wp.kernel
@@ -276,23 +467,60 @@ def convolve_columns(
     first: int,
     scratch: wp.array(dtype=float),
     twiddle: wp.array(dtype=float),
-    column_count: int,
-    length: int,
     used: int,
+    length: int,
+    stride: int,
     influence: wp.array(dtype=float),
     # outputs
-    real: wp.array(dtype=float),
-    imaginary: wp.array(dtype=float),
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
 ):
     """Transform columns of ``used`` elements padded to ``length``, multiply by the influence function, transform back."""
-    column = (first + wp.tid()) * 16
-    lanes = wp.min(16, column_count - column)
-    zero = wp.int64(0)
-    one = wp.int64(1)
-    load_block(real, imaginary, wp.int64(column), one, wp.int64(column_count), lanes, used, length, scratch, zero)
-    parity = transform(scratch, zero, length, twiddle, 0)
-    multiply_block(influence, column, column_count, lanes, length, parity, scratch, zero)
-    parity = transform(scratch, zero, length, twiddle, 1)
-    store_block(
-        scratch, zero, parity, length, wp.int64(column), one, wp.int64(column_count), lanes, used, real, imaginary
-    )
+    block = first + wp.tid()
+    blocks = stride / LANES
+    row = block / blocks * used
+    column = block % blocks * LANES
+    load_columns(half_real, half_imaginary, row, column, stride, used, length, scratch)
+    parity = transform(scratch, 0, length, twiddle, 0)
+    multiply(influence, column, stride, length, parity, scratch)
+    parity = transform(scratch, parity, length, twiddle, 1)
+    store_columns(scratch, parity, row, column, stride, used, length, half_real, half_imaginary)
+
+
+@wp.kernel
+def transform_rows_back(
+    first: int,
+    scratch: wp.array(dtype=float),
+    twiddle: wp.array(dtype=float),
+    row_count: int,
+    used: int,
+    length: int,
+    stride: int,
+    half_real: wp.array(dtype=float),
+    half_imaginary: wp.array(dtype=float),
+    # outputs
+    real: wp.array(dtype=float),
+):
+    """The inverse of :func:`transform_rows`, times ``length``; the padding is left out."""
+    row, end = block_of_rows(first + wp.tid(), row_count)
+    load_half_rows(half_real, half_imaginary, row, end, length, stride, scratch)
+    parity = transform(scratch, 0, length, twiddle, 1)
+    store_rows(scratch, parity, row, end, used, length, real)
+
+
+@wp.kernel
+def transform_even_columns(
+    first: int,
+    scratch: wp.array(dtype=float),
+    twiddle: wp.array(dtype=float),
+    length: int,
+    stride: int,
+    half_real: wp.array(dtype=float),
+    # outputs
+    influence: wp.array(dtype=float),
+):
+    """Transform the columns of an even mesh, whose rows are transformed: its real and even transform."""
+    column = (first + wp.tid()) * LANES
+    load_even_columns(half_real, column, stride, length, scratch)
+    parity = transform(scratch, 0, length, twiddle, 0)
+    store_even_columns(scratch, parity, column, stride, length, influence)

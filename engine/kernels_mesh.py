@@ -51,6 +51,28 @@ def wrap(i: int, count: int):
     return i
 
 
+# Four nodes of a row at once; on the CPU no two threads write to the same rows.
+_DEPOSIT = """
+#if defined(__CUDA_ARCH__)
+    for (int b = 0; b < 4; ++b)
+        for (int a = 0; a < 4; ++a)
+            atomicAdd(
+                (unsigned long long*)node_charge.data + start + b * stride + a,
+                (unsigned long long)__float2ll_rn(wy[b] * wx[a]));
+#else
+    typedef float V __attribute__((ext_vector_type(4)));
+    typedef long long I __attribute__((ext_vector_type(4), aligned(8)));
+    const V row = {wx[0], wx[1], wx[2], wx[3]};
+    for (int b = 0; b < 4; ++b)
+        *(I*)(node_charge.data + start + b * stride) += __builtin_convertvector(wy[b] * row, I);
+#endif
+"""
+
+
+@wp.func_native(_DEPOSIT)
+def add_to_rows(node_charge: wp.array(dtype=wp.int64), start: int, stride: int, wx: wp.vec4, wy: wp.vec4): ...
+
+
 @wp.kernel
 def deposit_charges(
     first: int,
@@ -68,20 +90,67 @@ def deposit_charges(
     iu = int(wp.floor(u))
     iv = int(wp.floor(v))
     wx = spline_weights(u - float(iu))
-    wy = spline_weights(v - float(iv))
+    wy = spline_weights(v - float(iv)) * (sorted_charge[i] * FIXED_POINT_SCALE)
     base = sorted_group[i] * mesh.count_x * mesh.count_y
-    q = sorted_charge[i]
+    if iu >= 1 and iv >= 1 and iu + 2 < mesh.count_x and iv + 2 < mesh.count_y:
+        add_to_rows(node_charge, base + (iv - 1) * mesh.count_x + iu - 1, mesh.count_x, wx, wy)
+        return
+    # Only splines on a periodic mesh reach round it.
     for b in range(4):
-        row = iv + b - 1
-        if mesh.periodic != 0:
-            row = wrap(row, mesh.count_y)
-        qy = q * wy[b]
+        row = wrap(iv + b - 1, mesh.count_y)
         for a in range(4):
-            column = iu + a - 1
-            if mesh.periodic != 0:
-                column = wrap(column, mesh.count_x)
-            amount = wp.int64(wp.round(qy * wx[a] * FIXED_POINT_SCALE))
-            wp.atomic_add(node_charge, base + row * mesh.count_x + column, amount)
+            column = wrap(iu + a - 1, mesh.count_x)
+            wp.atomic_add(node_charge, base + row * mesh.count_x + column, wp.int64(wy[b] * wx[a]))
+
+
+# Nodes that the CPU mixes at once.
+MIXED_AT_ONCE = 16
+
+# The CPU reads the charges of a few nodes once, and adds them to what every group sees there; a GPU has a thread for every node.
+_MIX = """
+#if defined(__CUDA_ARCH__)
+    for (int g = 0; g < group_count; ++g)
+    {
+        float total = -target.data[(size_t)g * node_count + start];
+        for (int h = 0; h < group_count; ++h)
+            total += interaction.data[g * group_count + h]
+                * ((float)node_charge.data[(size_t)h * node_count + start] * inverse_scale);
+        mixed.data[(size_t)g * node_count + start] = total;
+    }
+#else
+    enum { L = 16 };
+    const int last = node_count - start < L ? node_count - start : L;
+    for (int g = 0; g < group_count; ++g)
+        for (int k = 0; k < last; ++k)
+            mixed.data[(size_t)g * node_count + start + k] = -target.data[(size_t)g * node_count + start + k];
+    for (int h = 0; h < group_count; ++h)
+    {
+        const long long* __restrict__ from = (const long long*)node_charge.data + (size_t)h * node_count + start;
+        float charge[L];
+        for (int k = 0; k < last; ++k) charge[k] = (float)from[k] * inverse_scale;
+        for (int g = 0; g < group_count; ++g)
+        {
+            const float factor = interaction.data[g * group_count + h];
+            float* __restrict__ to = mixed.data + (size_t)g * node_count + start;
+            if (last == L) for (int k = 0; k < L; ++k) to[k] += factor * charge[k];
+            else for (int k = 0; k < last; ++k) to[k] += factor * charge[k];
+        }
+    }
+#endif
+"""
+
+
+@wp.func_native(_MIX)
+def mix_nodes(
+    node_charge: wp.array(dtype=wp.int64),
+    interaction: wp.array(dtype=float),
+    target: wp.array(dtype=float),
+    group_count: int,
+    node_count: int,
+    start: int,
+    inverse_scale: float,
+    mixed: wp.array(dtype=float),
+): ...
 
 
 @wp.kernel
@@ -91,28 +160,55 @@ def mix_groups(
     interaction: wp.array(dtype=float),
     target: wp.array(dtype=float),
     group_count: int,
-    group: int,
     node_count: int,
+    at_once: int,
     # outputs
-    real: wp.array(dtype=float),
-    imaginary: wp.array(dtype=float),
+    mixed: wp.array(dtype=float),
 ):
-    """Sum of M[g, h] (rho_h - u_h) over h, for g = group (real part) and g = group + 1 (imaginary part)."""
-    i = first + wp.tid()
-    sum_real = float(0.0)
-    sum_imaginary = float(0.0)
-    paired = int(0)
-    if group + 1 < group_count:
-        paired = 1
-    for h in range(group_count):
-        c = float(node_charge[h * node_count + i]) / FIXED_POINT_SCALE
-        sum_real += interaction[group * group_count + h] * c
-        if paired != 0:
-            sum_imaginary += interaction[(group + 1) * group_count + h] * c
-    real[i] = sum_real - target[group * node_count + i]
-    if paired != 0:
-        sum_imaginary -= target[(group + 1) * node_count + i]
-    imaginary[i] = sum_imaginary
+    """Sum of M[g, h] (rho_h - u_h) over h, for every group g; an element takes ``at_once`` nodes."""
+    start = (first + wp.tid()) * at_once
+    mix_nodes(node_charge, interaction, target, group_count, node_count, start, 1.0 / FIXED_POINT_SCALE, mixed)
+
+
+# Four nodes of a row at once: their sum weighed for the value, and for the slope along x.
+_GRADIENT = """
+    const float* __restrict__ p = potential.data + start;
+#if defined(__CUDA_ARCH__)
+    float along = 0.0f, across = 0.0f;
+    for (int b = 0; b < 4; ++b)
+    {
+        float value = 0.0f, slope = 0.0f;
+        for (int a = 0; a < 4; ++a)
+        {
+            const float node = p[b * stride + a];
+            value += wx[a] * node;
+            slope += dx[a] * node;
+        }
+        along += slope * wy[b];
+        across += value * dy[b];
+    }
+    return wp::vec2(along, across);
+#else
+    typedef float V __attribute__((ext_vector_type(4), aligned(4)));
+    V value = (V)0.0f, slope = (V)0.0f;
+    for (int b = 0; b < 4; ++b)
+    {
+        const V row = *(const V*)(p + b * stride);
+        value += dy[b] * row;
+        slope += wy[b] * row;
+    }
+    const V weighed = value * V{wx[0], wx[1], wx[2], wx[3]};
+    const V sloped = slope * V{dx[0], dx[1], dx[2], dx[3]};
+    return wp::vec2(
+        (sloped[0] + sloped[1]) + (sloped[2] + sloped[3]), (weighed[0] + weighed[1]) + (weighed[2] + weighed[3]));
+#endif
+"""
+
+
+@wp.func_native(_GRADIENT)
+def gradient_of_rows(
+    potential: wp.array(dtype=float), start: int, stride: int, wx: wp.vec4, dx: wp.vec4, wy: wp.vec4, dy: wp.vec4
+) -> wp.vec2: ...
 
 
 @wp.func
@@ -126,29 +222,24 @@ def potential_gradient(position: wp.vec2, base: int, mesh: Mesh, potential: wp.a
     wy = spline_weights(v - float(iv))
     dx = spline_slopes(u - float(iu))
     dy = spline_slopes(v - float(iv))
+    if iu >= 1 and iv >= 1 and iu + 2 < mesh.count_x and iv + 2 < mesh.count_y:
+        start = base + (iv - 1) * mesh.count_x + iu - 1
+        return wp.cw_mul(gradient_of_rows(potential, start, mesh.count_x, wx, dx, wy, dy), mesh.inverse_spacing)
+    # Only splines on a periodic mesh reach round it.
     gradient = wp.vec2(0.0, 0.0)
     for b in range(4):
-        row = iv + b - 1
-        if mesh.periodic != 0:
-            row = wrap(row, mesh.count_y)
-        value = float(0.0)
-        slope = float(0.0)
+        row = wrap(iv + b - 1, mesh.count_y)
         for a in range(4):
-            column = iu + a - 1
-            if mesh.periodic != 0:
-                column = wrap(column, mesh.count_x)
-            p = potential[base + row * mesh.count_x + column]
-            value += wx[a] * p
-            slope += dx[a] * p
-        gradient += wp.vec2(slope * wy[b], value * dy[b])
+            p = potential[base + row * mesh.count_x + wrap(iu + a - 1, mesh.count_x)]
+            gradient += p * wp.vec2(dx[a] * wy[b], wx[a] * dy[b])
     return wp.cw_mul(gradient, mesh.inverse_spacing)
 
 
 @wp.func
 def nearest_node(position: wp.vec2, mesh: Mesh):
-    """Index of the mesh node nearest to ``position``."""
-    column = int(wp.round(position[0] * mesh.inverse_spacing[0])) + mesh.margin
-    row = int(wp.round(position[1] * mesh.inverse_spacing[1])) + mesh.margin
+    """Index of the mesh node nearest to ``position``, which lies inside the domain."""
+    column = int(position[0] * mesh.inverse_spacing[0] + 0.5) + mesh.margin
+    row = int(position[1] * mesh.inverse_spacing[1] + 0.5) + mesh.margin
     if mesh.periodic != 0:
         column = wrap(column, mesh.count_x)
         row = wrap(row, mesh.count_y)

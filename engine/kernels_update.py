@@ -278,7 +278,47 @@ def limited(move: wp.vec2, limit: float):
 
 
 @wp.kernel
-def move_bodies(
+def move_dots(
+    first: int,
+    ahead: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
+    field: wp.array(dtype=wp.vec2),
+    bodies: Bodies,
+    step_length: wp.array(dtype=float),
+    step_limit: wp.array(dtype=float),
+    relaxation: float,
+    mesh: Mesh,
+    images: Images,
+    domain: wp.vec2,
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+    displacement: wp.array(dtype=wp.vec4),
+    sums: wp.array(dtype=wp.int64),
+):
+    """Move every dot from the extrapolated position ``ahead`` along the field; it never enters empty pixels.
+
+    ``displacement`` is the way from the last position.
+    """
+    i = first + wp.tid()
+    if bodies.line[i] >= 0:
+        return
+    charge = bodies.first_charge[i]
+    node = nearest_node(charge_position[charge], mesh)
+    step = relaxation * step_length[bodies.group[i] * mesh.count_x * mesh.count_y + node]
+    limit = step_limit[node]
+    move = limited(field[charge] * step, limit)
+    old = wp.vec2(pose[i][0], pose[i][1])
+    wanted = wp.vec2(ahead[i][0], ahead[i][1]) + move
+    new = slide(old, wanted, bodies.class_index[i], images, domain, mesh.periodic)
+    way = shortest(new - old, domain, mesh.periodic)
+    pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
+    displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
+    add(sums, UPHILL, i, -bodies.charge[charge] * wp.dot(field[charge], way))
+    add(sums, MOVED, i, wp.length_sq(way) / (4.0 * limit * limit))
+
+
+@wp.kernel
+def move_lines(
     first: int,
     ahead: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
@@ -297,30 +337,22 @@ def move_bodies(
     displacement: wp.array(dtype=wp.vec4),
     sums: wp.array(dtype=wp.int64),
 ):
-    """Move every body from the extrapolated pose ``ahead`` along the field; its charges never enter empty pixels.
+    """Move every line from the extrapolated pose ``ahead`` along the field; its charges never enter empty pixels.
 
     ``displacement`` is the way from the last pose.
     """
     i = first + wp.tid()
+    kind = bodies.line[i]
+    if kind < 0:
+        return
     start = ahead[i]
     old = pose[i]
     k = bodies.class_index[i]
-    kind = bodies.line[i]
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
     group_base = bodies.group[i] * mesh.count_x * mesh.count_y
     centre = stay_inside(wp.vec2(start[0], start[1]), domain, mesh.periodic)
     limit = step_limit[nearest_node(centre, mesh)]
-    if kind < 0:
-        node = nearest_node(charge_position[begin], mesh)
-        move = limited(field[begin] * (relaxation * step_length[group_base + node]), limit)
-        new = slide(wp.vec2(old[0], old[1]), centre + move, k, images, domain, mesh.periodic)
-        way = shortest(new - wp.vec2(old[0], old[1]), domain, mesh.periodic)
-        pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
-        displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
-        add(sums, UPHILL, i, -bodies.charge[begin] * wp.dot(field[begin], way))
-        add(sums, MOVED, i, wp.length_sq(way) / (4.0 * limit * limit))
-        return
 
     # Figure 9 (a): the charges' moves as one shift, one turn about the middle and one stretch, which fit them best.
     along = wp.vec2(wp.cos(start[2]), wp.sin(start[2]))

@@ -28,7 +28,7 @@ class MeshLayout:
 
     Attributes:
         size: Extent of the domain along x and y.
-        shape: Rows and columns.
+        shape: Rows, an even number, and columns.
         padded: Rows and columns of the transforms that convolve it.
         spacing: Distance of nodes along x and y.
         margin: Index of the node at the origin.
@@ -61,30 +61,20 @@ class MeshLayout:
         mesh.periodic = int(self.periodic)
         return mesh
 
-    def wave_numbers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Wave numbers kx, shape ``[1, padded columns]``, and ky, shape ``[padded rows // 2 + 1, 1]``."""
-        rows, columns = self.padded
-        ky = 2.0 * np.pi * np.arange(rows // 2 + 1) / rows / self.spacing[1]
-        kx = 2.0 * np.pi * np.abs(np.fft.fftfreq(columns)) / self.spacing[0]
-        return kx[None, :], ky[:, None]
-
-    def window(self) -> np.ndarray:
+    def windows(self) -> tuple[np.ndarray, np.ndarray]:
         """What turns a smooth kernel's transform into the optimal influence function for depositing and interpolating.
 
         W² / (sum of W² over all aliases)², W = sinc⁴ per axis being the transform of the cubic B-spline (Hockney and
-        Eastwood, equation 8-22, where the kernel itself has no aliases). Divided by the number of elements, so that the
-        pair of transforms is normalised.
+        Eastwood, equation 8-22, where the kernel itself has no aliases): a factor for every wave number along y, shape
+        ``[padded rows // 2 + 1]``, and along x. Divided by the number of elements, so that a pair of transforms is normalised.
         """
-        kx, ky = self.wave_numbers()
-        factors = []
-        for k, step in ((kx, self.spacing[0]), (ky, self.spacing[1])):
-            theta = k * step
-            squared = np.sinc(theta / (2.0 * np.pi)) ** 8
-            aliases = (
-                2416.0 + 2382.0 * np.cos(theta) + 240.0 * np.cos(2.0 * theta) + 2.0 * np.cos(3.0 * theta)
-            ) / 5040.0
-            factors.append(squared / aliases**2)
-        return factors[0] * factors[1] / (self.padded[0] * self.padded[1])
+        return _window(self.padded[0]), _window(self.padded[1])
+
+
+def _window(count: int) -> np.ndarray:
+    theta = 2.0 * np.pi * np.arange(count // 2 + 1) / count
+    aliases = (2416.0 + 2382.0 * np.cos(theta) + 240.0 * np.cos(2.0 * theta) + 2.0 * np.cos(3.0 * theta)) / 5040.0
+    return np.sinc(theta / (2.0 * np.pi)) ** 8 / aliases**2 / count
 
 
 def periodic_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool) -> MeshLayout:
@@ -97,8 +87,9 @@ def periodic_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool) -> 
 def open_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool, kernel_reach: float = math.inf) -> MeshLayout:
     """Lay a mesh with nodes at most ``wanted`` apart over an open domain, padded for a kernel that reaches so far."""
     longer = max(size)
-    # Nodes that the transform holds besides those within the domain: margins, the wrap's guard and the kernel's reach.
-    extra = 2 * OPEN_MARGIN + 1 + WRAP_GUARD
+    # Nodes that the transform holds besides those within the domain: margins, one that makes rows even, the wrap's guard and the
+    # kernel's reach.
+    extra = 2 * OPEN_MARGIN + 2 + WRAP_GUARD
     if kernel_reach >= longer:
         # One spacing for both axes, as small as the padded length of the longer one allows.
         step = longer / (_length_for(2.0 * (longer / wanted + extra), on_gpu) / 2 - extra)
@@ -106,6 +97,8 @@ def open_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool, kernel_
         extra += 1  # the reach is rounded up to whole nodes
         step = (longer + kernel_reach) / (_length_for((longer + kernel_reach) / wanted + extra, on_gpu) - extra)
     columns, rows = (math.ceil(length / step - 1e-9) + 2 * OPEN_MARGIN + 1 for length in size)
+    # Rows are transformed in pairs.
+    rows += rows % 2
 
     def padding(nodes: int) -> int:
         return min(nodes, math.ceil(kernel_reach / step)) if kernel_reach < math.inf else nodes

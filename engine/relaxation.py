@@ -144,6 +144,7 @@ class _Relaxation:
         bodies.place = wp.array(charges.place, dtype=float, device=device)
         bodies.charge = wp.array(charges.charge, dtype=float, device=device)
         self.bodies = bodies
+        self.has_dots = bool((self.rules.body_line < 0).any())
         self.charge_body = wp.array(charges.body, dtype=wp.int32, device=device)
 
         group_charge = np.bincount(
@@ -288,24 +289,22 @@ class _Relaxation:
     def _move_bodies(self, domain: wp.vec2) -> None:
         with self.launcher.phase("update"):
             self.sums.zero_()
-            self.launcher.launch(
-                kernels_update.move_bodies,
-                self.body_count,
-                [
-                    self.ahead,
-                    self.charge_position,
-                    self.field_at_charge,
-                    self.bodies,
-                    self.rules.lines,
-                    self.step_length,
-                    self.step_limit,
-                    RELAXATION,
-                    self.field.mesh,
-                    self.images,
-                    domain,
-                ],
-                [self.pose, self.bend, self.displacement, self.sums],
-            )
+            images = [self.step_length, self.step_limit, RELAXATION, self.field.mesh, self.images, domain]
+            charges = [self.ahead, self.charge_position, self.field_at_charge, self.bodies]
+            if self.has_dots:
+                self.launcher.launch(
+                    kernels_update.move_dots,
+                    self.body_count,
+                    [*charges, *images],
+                    [self.pose, self.displacement, self.sums],
+                )
+            if self.rules.kind_count:
+                self.launcher.launch(
+                    kernels_update.move_lines,
+                    self.body_count,
+                    [*charges, self.rules.lines, *images],
+                    [self.pose, self.bend, self.displacement, self.sums],
+                )
 
     def position_in_metres(self) -> np.ndarray:
         """Body positions [m], shape ``[n, 2]``, float64, inside the domain."""

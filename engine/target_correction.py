@@ -13,6 +13,7 @@ import warp as wp
 
 from .convolution import Convolution
 from .device import Launcher
+from .influence import smoothed_influence
 from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from .target_deposit import deposit_images, mix_images
 
@@ -94,31 +95,8 @@ def _potentials(
     images: Sequence[np.ndarray],
     rows: np.ndarray,
 ) -> wp.array:
-    kx, ky = layout.wave_numbers()
-    kernel = np.exp(-0.5 * blur**2 * ky**2) * np.exp(-0.5 * blur**2 * kx**2)
-    kernel -= np.exp(-0.5 * split**2 * ky**2) * np.exp(-0.5 * split**2 * kx**2)
-    k2 = kx**2 + ky**2
-    k2[0, 0] = 1.0
-    kernel *= 2.0 * np.pi / k2
-    kernel[0, 0] = np.pi * (split**2 - blur**2)
-    convolution = Convolution(launcher, layout.shape, layout.padded)
-    influence = convolution.influence_array(kernel * layout.window() / layout.node_area)
+    convolution = Convolution(launcher, layout.shape, layout.padded, len(rows))
+    influence = smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2))
     result = mix_images(launcher, deposit_images(launcher, images, layout), rows, layout.node_count)
-    spare = wp.empty(layout.node_count, dtype=float, device=launcher.device)
-    fields = [
-        wp.array(
-            ptr=result.ptr + 4 * row * layout.node_count,
-            shape=(layout.node_count,),
-            dtype=float,
-            device=launcher.device,
-        )
-        for row in range(len(rows))
-    ]
-    for first in range(0, len(fields), 2):
-        if first + 1 < len(fields):
-            pair = (fields[first], fields[first + 1])
-        else:
-            spare.zero_()
-            pair = (fields[first], spare)
-        convolution.apply(influence, pair, pair)
+    convolution.apply(influence, result)
     return result

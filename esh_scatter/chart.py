@@ -11,15 +11,15 @@ counts as if it were just as steep; parts narrower than a cell may be missed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..engine.errors import ProblemError
+from .surface_points import SurfacePoints
 from .target import TriangleMesh
 from .top_view import TopView
 
-__all__ = ["Chart", "SurfacePoints"]
+__all__ = ["Chart"]
 
 # Cells along the longer side of the rectangle.
 RESOLUTION = 1024
@@ -27,73 +27,6 @@ RESOLUTION = 1024
 SMALLEST_COSINE = 0.1
 # Share of the bounding rectangle that must be covered by faces seen from above for the target to have an upper side.
 SMALLEST_COVER = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """Points of a target's surface, and what its mesh says there.
-
-    Attributes:
-        chart: Whose surface.
-        triangle: Triangle that each lies on, shape ``[n]``.
-        weight: Weights of its corners, shape ``[n, 3]``, float32.
-        position: Where it is in the world [m], shape ``[n, 3]``, float64.
-    """
-
-    chart: Chart
-    triangle: np.ndarray
-    weight: np.ndarray
-    position: np.ndarray
-
-    @property
-    def target_name(self) -> str:
-        """How sentences name the target."""
-        return self.chart.view.mesh.name
-
-    @property
-    def normal(self) -> np.ndarray:
-        """Shading normals of the upper side, shape ``[n, 3]``, float32, of length 1 and never pointing down."""
-        return self.chart.view.normals(self.triangle, self.weight)
-
-    def rectangle_coordinates(self) -> np.ndarray:
-        """Return where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``."""
-        return (self.position[:, :2] - self.chart.origin) / self.chart.size
-
-    def uv(self, name: str, key: str) -> np.ndarray:
-        """Return coordinates in a UV map (the active one if ``name`` is empty), shape ``[n, 2]``."""
-        mesh = self.chart.view.mesh
-        chosen = name or mesh.active_uv_map
-        if not mesh.uv_map:
-            raise ProblemError(f"{key} needs a UV map, and {mesh.name} has none; unwrap it, or map by position")
-        if chosen not in mesh.uv_map:
-            raise ProblemError(f'{key}: {mesh.name} has no UV map "{chosen}"; it has {_names(mesh.uv_map)}')
-        return self._blend(mesh.uv_map[chosen][mesh.corner[self.triangle]])
-
-    def vertex_group(self, name: str, key: str) -> np.ndarray:
-        """Return the weights of a vertex group, shape ``[n]``."""
-        mesh = self.chart.view.mesh
-        if name not in mesh.vertex_group:
-            raise ProblemError(f'{key}: {mesh.name} has no vertex group "{name}"; it has {_names(mesh.vertex_group)}')
-        return self._blend(mesh.vertex_group[name][mesh.triangle[self.triangle]])
-
-    def attribute(self, name: str, key: str) -> np.ndarray:
-        """Return the values of an attribute, colours by their luminance, shape ``[n]``."""
-        from .densities import LUMINANCE
-
-        mesh = self.chart.view.mesh
-        if name in mesh.unusable_attribute:
-            raise ProblemError(f'{key}: attribute "{name}" of {mesh.name} {mesh.unusable_attribute[name]}')
-        if name not in mesh.attribute:
-            raise ProblemError(f'{key}: {mesh.name} has no attribute "{name}"; it has {_names(mesh.attribute)}')
-        domain, values = mesh.attribute[name]
-        if values.ndim == 2:
-            values = values[:, :3] @ LUMINANCE
-        if domain == "FACE":
-            return values[mesh.face[self.triangle]]
-        return self._blend(values[(mesh.triangle if domain == "POINT" else mesh.corner)[self.triangle]])
-
-    def _blend(self, values: np.ndarray) -> np.ndarray:
-        return np.einsum("nk,nk...->n...", self.weight, values)
 
 
 class Chart:
@@ -138,7 +71,7 @@ class Chart:
             raise ProblemError(f"{mesh.name} must be seen from above; it is too narrow to be met by any ray")
         if len(self._filled) < rows * columns:
             spots = tuple(values[self._filled] for values in spots)
-        self.points = SurfacePoints(self, *spots)
+        self.points = SurfacePoints(self.view, *spots)
         cosine = np.abs(view.cosine[self.points.triangle])
         self.area = np.zeros(self.shape)
         self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
@@ -169,7 +102,7 @@ class Chart:
             anchor = np.column_stack([xy[beside], self._height_near(position[beside])])
             for values, nearest in zip(spots, self.view.nearest(anchor), strict=True):
                 values[beside] = nearest
-        return SurfacePoints(self, *spots)
+        return SurfacePoints(self.view, *spots)
 
     def _height_near(self, position: np.ndarray) -> np.ndarray:
         """Return z of the surface in the cell of each position, or in a cell beside it."""
@@ -197,7 +130,3 @@ def _fill_gaps(image: np.ndarray, known: np.ndarray) -> np.ndarray:
     total = np.pad(image * known, odd).reshape(blocks).sum(axis=(1, 3))
     coarse = _fill_gaps(total / np.maximum(weight, 1.0), (weight > 0.0).astype(known.dtype))
     return np.where(known > 0.0, image, coarse.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns])
-
-
-def _names(mapping: dict) -> str:
-    return ", ".join(f'"{name}"' for name in mapping) if mapping else "none"

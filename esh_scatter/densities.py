@@ -13,7 +13,7 @@ from ..engine.errors import ProblemError
 from .target import check_exists
 
 if TYPE_CHECKING:
-    from .chart import SurfacePoints
+    from .surface_points import SurfacePoints
 
 __all__ = [
     "AttributeDensity",

@@ -75,8 +75,12 @@ class TopView:
         spots = np.full(count, -1, np.int32), np.empty((count, 3), np.float32), np.empty((count, 3))
         if len(self._seen):
             if self._built is None:
-                vertex = wp.array((mesh.position - self.middle).astype(np.float32), dtype=wp.vec3, device="cpu")
-                self._built = wp.Mesh(vertex, wp.array(mesh.triangle[self._seen].ravel(), device="cpu"))
+                vertex = (mesh.position - self.middle).astype(np.float32)
+                index = mesh.triangle[self._seen].ravel()
+                self._built = wp.Mesh(
+                    wp.array(vertex, dtype=wp.vec3, device="cpu", copy=False),
+                    wp.array(index, dtype=wp.int32, device="cpu", copy=False),
+                )
             inputs = [self._built.id, self._seen, mesh.position, mesh.triangle, where, wp.vec3d(self.middle), reach]
             self._launch(kernel, count, inputs, list(spots))
         return spots
