@@ -10,6 +10,8 @@ import numpy as np
 
 from ..engine.checks import check_density, show
 from ..engine.errors import ProblemError
+from . import kernels_chart
+from .launching import launch_on_cpu
 from .target import check_exists
 
 if TYPE_CHECKING:
@@ -150,17 +152,7 @@ def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndar
 
 def _sample(image: np.ndarray, coordinates: np.ndarray, repeat: bool) -> np.ndarray:
     """Interpolate ``image`` at ``coordinates`` ``[n, 2]`` (0..1, y up); a black pixel stays black to its edge."""
-    height, width = image.shape
-    u, v = coordinates[:, 0].astype(np.float64), coordinates[:, 1].astype(np.float64)
-    if repeat:
-        # 1 itself is the image's right or upper edge, not the start of its next copy.
-        u, v = (np.where((x >= 0) & (x <= 1), x, x - np.floor(x)) for x in (u, v))
-    x, y = u * width - 0.5, (1.0 - v) * height - 0.5
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    fx, fy = (x - left).astype(np.float32), (y - top).astype(np.float32)
-    columns = [np.clip(left + step, 0, width - 1) for step in (0, 1)]
-    rows = [np.clip(top + step, 0, height - 1) for step in (0, 1)]
-    upper = image[rows[0], columns[0]] * (1 - fx) + image[rows[0], columns[1]] * fx
-    lower = image[rows[1], columns[0]] * (1 - fx) + image[rows[1], columns[1]] * fx
-    nearest = image[np.where(fy < 0.5, rows[0], rows[1]), np.where(fx < 0.5, columns[0], columns[1])]
-    return np.where(nearest > 0, upper * (1 - fy) + lower * fy, 0.0).astype(np.float32)
+    values = np.empty(len(coordinates), np.float32)
+    coordinates = np.ascontiguousarray(coordinates, np.float64)
+    launch_on_cpu(kernels_chart.interpolate_image, len(values), [image, coordinates, repeat], [values])
+    return values

@@ -1,6 +1,6 @@
-"""Kernels that look at a mesh from above.
+"""Kernels of the chart: looking at a mesh from above, and reading normals and images at its points.
 
-The mesh that is asked is in float32, relative to its middle, where that is finest; what is found is worked out again in float64.
+The mesh that rays are cast at is in float32, relative to its middle, where that is finest; what they find is worked out in float64.
 """
 
 from __future__ import annotations
@@ -127,3 +127,38 @@ def blend_normals(
     normal[i] = wp.vec3(0.0, 0.0, 1.0)
     if wp.length(upward) > 1.0e-6 * wp.length(turned):
         normal[i] = wp.normalize(upward)
+
+
+@wp.func
+def repeated(x: wp.float64) -> wp.float64:
+    """Place in an image that repeats; 1 itself is the image's right or upper edge, not the start of its next copy."""
+    if x >= wp.float64(0.0) and x <= wp.float64(1.0):
+        return x
+    return x - wp.floor(x)
+
+
+@wp.kernel(enable_backward=False)
+def interpolate_image(
+    first: int,
+    image: wp.array2d(dtype=float),
+    coordinates: wp.array(dtype=wp.vec2d),
+    repeat: bool,
+    # outputs
+    value: wp.array(dtype=float),
+):
+    """Interpolate an image at coordinates (0..1, y up); a black pixel stays black to its edge."""
+    i = first + wp.tid()
+    u, v = coordinates[i][0], coordinates[i][1]
+    if repeat:
+        u, v = repeated(u), repeated(v)
+    height, width = image.shape[0], image.shape[1]
+    x = u * wp.float64(width) - wp.float64(0.5)
+    y = (wp.float64(1.0) - v) * wp.float64(height) - wp.float64(0.5)
+    left, top = wp.floor(x), wp.floor(y)
+    fx, fy = wp.float32(x - left), wp.float32(y - top)
+    left_column, right_column = wp.clamp(int(left), 0, width - 1), wp.clamp(int(left) + 1, 0, width - 1)
+    upper_row, lower_row = wp.clamp(int(top), 0, height - 1), wp.clamp(int(top) + 1, 0, height - 1)
+    upper = image[upper_row, left_column] * (1.0 - fx) + image[upper_row, right_column] * fx
+    lower = image[lower_row, left_column] * (1.0 - fx) + image[lower_row, right_column] * fx
+    nearest = image[wp.where(fy < 0.5, upper_row, lower_row), wp.where(fx < 0.5, left_column, right_column)]
+    value[i] = wp.where(nearest > 0.0, upper * (1.0 - fy) + lower * fy, 0.0)

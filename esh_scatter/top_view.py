@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import closing
-from typing import Any
-
 import numpy as np
 import warp as wp
 
-from ..engine.device import Launcher, resolve_device
 from . import kernels_chart
+from .launching import launch_on_cpu
 from .target import TriangleMesh
 
 __all__ = ["Spots", "TopView"]
@@ -46,7 +43,7 @@ class TopView:
         self.extent = float((self.high - self.low).max())
         count = len(mesh.triangle)
         self.cosine, area = np.empty(count), np.empty(count)
-        self._launch(kernels_chart.look_from_above, count, [mesh.position, mesh.triangle], [self.cosine, area])
+        launch_on_cpu(kernels_chart.look_from_above, count, [mesh.position, mesh.triangle], [self.cosine, area])
         self.projected_area = float(np.abs(area).sum())
         self._seen = np.flatnonzero(np.abs(self.cosine) > SMALLEST_SEEN_COSINE).astype(np.int32)
         self._built: wp.Mesh | None = None
@@ -66,7 +63,7 @@ class TopView:
         normal = np.empty((len(triangle), 3), np.float32)
         matrix = wp.mat33(mesh.normal_matrix.ravel())
         inputs = [mesh.corner, mesh.corner_normal, matrix, self.cosine, triangle, weight]
-        self._launch(kernels_chart.blend_normals, len(triangle), inputs, [normal])
+        launch_on_cpu(kernels_chart.blend_normals, len(triangle), inputs, [normal])
         return normal
 
     def _ask(self, kernel: wp.Kernel, where: np.ndarray, reach: float) -> Spots:
@@ -82,11 +79,5 @@ class TopView:
                     wp.array(index, dtype=wp.int32, device="cpu", copy=False),
                 )
             inputs = [self._built.id, self._seen, mesh.position, mesh.triangle, where, wp.vec3d(self.middle), reach]
-            self._launch(kernel, count, inputs, list(spots))
+            launch_on_cpu(kernel, count, inputs, list(spots))
         return spots
-
-    @staticmethod
-    def _launch(kernel: wp.Kernel, count: int, inputs: list[Any], outputs: list[Any]) -> None:
-        # On the CPU, kernels read and write the arrays' own memory.
-        with closing(Launcher(resolve_device("cpu"))) as launcher:
-            launcher.launch(kernel, count, inputs, outputs)

@@ -1,6 +1,8 @@
 """esh.scatter: counts, on the surface, replacing its result and nothing else, and a sentence for every bad input."""
 
+import gc
 import math
+import weakref
 from collections import Counter
 
 import numpy as np
@@ -102,6 +104,21 @@ def test_points_are_on_the_surface_of_a_turned_target(scale):
     corners = np.array([ground.matrix_world @ v.co for v in ground.data.vertices])
     _, distance, _ = trimesh.proximity.closest_point_naive(trimesh.Trimesh(corners, faces), points(result.object))
     assert distance.max() < 1e-4 * np.ptp(corners, axis=0).max()
+
+
+def test_what_a_job_holds_goes_with_it():
+    """Without the garbage collector, which does not know how large arrays are."""
+    gc.collect()
+    gc.disable()
+    try:
+        job = ScatterJob(hills(), one_class(quad("Tree")), **OPTIONS)
+        job.solve()
+        result = job.write()
+        held = [weakref.ref(item) for item in (job, job.chart, job.chart.view, job.chart.points, job.problem)]
+        del job, result
+        assert [item() for item in held] == [None] * len(held)
+    finally:
+        gc.enable()
 
 
 def test_density_is_read_within_one_quad():
