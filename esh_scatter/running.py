@@ -119,11 +119,16 @@ def end(wait: bool = False) -> None:
         redraw_sidebars()
     if wait and _stopping is not None:
         _stopping.join(_LONGEST_JOIN)
+    still_stopping()
 
 
 def still_stopping() -> bool:
     """Tell whether the thread of a run that was stopped is still inside the engine (it may be compiling)."""
-    return _stopping is not None and _stopping.running
+    global _stopping
+    if _stopping is not None and not _stopping.running:
+        # It holds all that the solver held, for its last progress.
+        _stopping = None
+    return _stopping is not None
 
 
 def lets_through(context: bpy.types.Context, event: bpy.types.Event) -> bool:
