@@ -56,6 +56,7 @@ _INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINT
 
 # Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
+EDGE_SCALES = (RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,26 +267,28 @@ class ScatterJob:
         if not mean > 0.0:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
         sizes = list(surface.resolved(domain.area * mean / float(surface.density_image.mean(dtype=np.float64))).sizes)
-        for index, (size, made) in enumerate(zip(c.sizes, sizes, strict=True)):
-            if made.line is not None and not isinstance(size.line, Line) and isinstance(made.line.direction, str):
-                sizes[index] = replace(made, line=self._follow_edges(made.line, surface.density_image))
+        # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
+        ours = [i for i, size in enumerate(c.sizes) if sizes[i].line is not None and not isinstance(size.line, Line)]
+        if ours and isinstance(c.direction, str) and c.direction == "density":
+            direction = self._edge_directions(surface.density_image)
+            for i in ours:
+                sizes[i] = replace(sizes[i], line=replace(sizes[i].line, direction=direction))
         result = BodyClass(c.name, sizes, density)
         # The surface's own class did the sharpening, so it knows what there is to say about it.
         object.__setattr__(result, "notes", surface.notes)
         return result
 
-    def _follow_edges(self, line: Line, density: np.ndarray) -> Line:
-        """Return ``line`` with the directions of the density's edges on the surface, where it is to follow them."""
-        if line.direction != "density":
-            return line
+    def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
+        """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
+        if density.min() == density.max():
+            return "none"
         cell_width, cell_height = (float(length) for length in self.chart.cell)
-        edges = density_directions(density, *line.tensor_scales, pixel_size=(cell_width, cell_height))
+        edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
         weight = np.where(self.chart.area > 0.0, edges.weight, 0.0)
         if not weight.any():
-            return replace(line, direction="none")
+            return "none"
         weight /= weight.max()
-        vectors = weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
-        return replace(line, direction=vectors)
+        return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
 
     def _draw_instances(self) -> _Instances:
         """Choose every point's variant, turn and scale, and what of it lies on the point: of lines, the outline's middle."""
@@ -506,7 +509,7 @@ def _line_around(outlines: list[Footprint], scatter_class: ScatterClass, area: f
         _direction(scatter_class),
         width=width,
         stretch_weights=(0.0, 0.1),
-        tensor_scales=(RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS),
+        tensor_scales=EDGE_SCALES,
     )
 
 
