@@ -15,8 +15,9 @@ from . import kernels_cells, kernels_contact, kernels_update
 from .device import Launcher
 from .line_rules import line_widths
 from .problem import Domain, Problem
+from .quality import MeasuredBodies, measured_bodies
 
-__all__ = ["Contact", "Neighbourhood", "overlap_count"]
+__all__ = ["Contact", "Neighbourhood", "count_overlaps", "overlap_count"]
 
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
@@ -62,9 +63,10 @@ class Neighbourhood:
         device = launcher.device
         n = len(radius)
         reach = radius + half_length
-        level = np.clip(np.floor(np.log2(reach.max() / reach)), 0, MOST_LEVELS - 1).astype(np.int32)
-        used, level = np.unique(level, return_inverse=True)
-        most_reach = np.array([reach[level == m].max() for m in range(len(used))])
+        level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
+        used = np.flatnonzero(np.bincount(level))
+        level = np.searchsorted(used, level).astype(np.int32) if len(used) <= used[-1] else level
+        most_reach = np.array([reach.max(initial=0.0, where=level == m) for m in range(len(used))])
         # Cells as large as a body, but not many more than bodies.
         cell = np.maximum(2.0 * most_reach, math.sqrt(size[0] * size[1] / (2 * n + 64)))
         counts = np.array([[max(1, int(length / side)) for length in size] for side in cell])
@@ -79,7 +81,7 @@ class Neighbourhood:
         grid.periodic = int(periodic)
         self.grid = grid
         footprints = kernels_contact.Footprints()
-        footprints.level = wp.array(level.ravel(), dtype=wp.int32, device=device)
+        footprints.level = wp.array(level, dtype=wp.int32, device=device)
         footprints.radius = wp.array(radius, dtype=float, device=device)
         footprints.mass = wp.array(mass / mass.mean(), dtype=float, device=device)
         self.footprints = footprints
@@ -229,11 +231,17 @@ def overlap_count(
         length: Lengths of the axes [m], shape ``[n]``.
         width: Thicknesses of the capsules around them [m], shape ``[n]``; 0 for dots. One that bends counts as straight.
     """
-    nothing = np.zeros(len(area))
-    angle, length, width = (nothing if given is None else given for given in (angle, length, width))
-    unit = math.sqrt(domain.area / len(area))
-    radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi)) / unit
-    size = (domain.size[0] / unit, domain.size[1] / unit)
-    near = Neighbourhood(launcher, size, domain.periodic, radius, 0.5 * length / unit, area)
-    pose = np.column_stack([position / unit, angle, length / unit]).astype(np.float32)
-    return near.overlap_count(wp.array(pose, dtype=wp.vec4, device=launcher.device), TOUCH_TOLERANCE)
+    return count_overlaps(measured_bodies(launcher, domain, position, angle, length), area, length, width)
+
+
+def count_overlaps(
+    bodies: MeasuredBodies, area: np.ndarray, length: np.ndarray | None = None, width: np.ndarray | None = None
+) -> int:
+    """See :func:`overlap_count`: the same for bodies on a device."""
+    radius = np.sqrt(area / math.pi) / bodies.unit
+    half = np.zeros(len(area))
+    if length is not None and width is not None:
+        radius = np.where(width > 0.0, 0.5 * width / bodies.unit, radius)
+        half = 0.5 * length / bodies.unit
+    near = Neighbourhood(bodies.launcher, bodies.size, bodies.domain.periodic, radius, half, area)
+    return near.overlap_count(bodies.pose, TOUCH_TOLERANCE)

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["box_integrals", "sample_density", "settle_on_full_pixels", "spline_bands", "spline_deposit"]
+__all__ = [
+    "FOLD",
+    "Band",
+    "box_integrals",
+    "overlap_bands",
+    "sample_density",
+    "settle_on_full_pixels",
+    "spline_bands",
+    "spline_deposit",
+]
 
 # Nodes beyond either end of a periodic mesh that splines within it reach.
 FOLD = 3
@@ -28,8 +37,13 @@ def box_integrals(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
         Share of the image's integral in every cell, shape ``shape``, float64, sum 1; row 0 at the bottom.
     """
     upright = np.asarray(image, dtype=np.float64)[::-1]
-    result = _apply([_overlap_band(cells, pixels) for cells, pixels in zip(shape, upright.shape, strict=True)], upright)
+    result = _apply(overlap_bands(upright.shape, shape), upright)
     return result / result.sum()
+
+
+def overlap_bands(image_shape: tuple[int, ...], shape: tuple[int, int]) -> list[Band]:
+    """Weights of an image's pixels in the cells of a grid along y and along x, bottom first; see :func:`box_integrals`."""
+    return [_overlap_band(cells, pixels) for cells, pixels in zip(shape, image_shape, strict=True)]
 
 
 def spline_deposit(

@@ -100,11 +100,14 @@ class Launcher:
 
     def launch(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any] = ()) -> None:
         """Run ``kernel`` for the elements ``0 .. count - 1``; its first argument is the first element of its range."""
-        if self._pool is None or count <= SMALLEST_RANGE:
-            self.launch_ranges(kernel, [(0, count)], inputs, outputs)
-            return
-        cuts = [count * part // self.thread_count for part in range(self.thread_count + 1)]
-        self.launch_ranges(kernel, list(itertools.pairwise(cuts)), inputs, outputs)
+        self.launch_ranges(kernel, self.cut(0, count), inputs, outputs)
+
+    def cut(self, first: int, end: int) -> list[tuple[int, int]]:
+        """Cut the range ``first .. end - 1`` into one for every thread, unless it is too small for that."""
+        if self.thread_count == 1 or end - first <= SMALLEST_RANGE:
+            return [(first, end)]
+        cuts = [first + (end - first) * part // self.thread_count for part in range(self.thread_count + 1)]
+        return list(itertools.pairwise(cuts))
 
     def launch_ranges(
         self,

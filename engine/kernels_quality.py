@@ -1,20 +1,92 @@
-"""The kernel that finds every body's nearest neighbour."""
+"""Kernels that measure a placement."""
 
 from __future__ import annotations
 
 import warp as wp
 
-from .kernels_cells import CellGrid
+from .kernels_cells import CellGrid, cell_of
 from .kernels_mesh import wrap
+from .kernels_update import Images, density_pixel
 
 wp.set_module_options({"enable_backward": False})
+
+
+# Charges are added as integers in units of 2^-30 of the mean charge, so that the sum depends on no order.
+CLOUD_SCALE = wp.constant(1073741824.0)
+
+
+@wp.kernel
+def deposit_clouds(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    charge: wp.array(dtype=float),
+    class_index: wp.array(dtype=wp.int32),
+    rows: int,
+    columns: int,
+    domain: wp.vec2,
+    periodic: int,
+    # outputs
+    grid: wp.array(dtype=wp.int64),
+):
+    """Share every charge among the four nearest cells of its class's grid."""
+    i = first + wp.tid()
+    u = pose[i][0] / domain[0] * float(columns) - 0.5
+    v = pose[i][1] / domain[1] * float(rows) - 0.5
+    left = int(wp.floor(u))
+    low = int(wp.floor(v))
+    base = class_index[i] * rows * columns
+    for b in range(2):
+        row = low + b
+        weight_y = 1.0 - wp.abs(v - float(row))
+        for a in range(2):
+            column = left + a
+            weight = weight_y * (1.0 - wp.abs(u - float(column)))
+            r = wp.clamp(row, 0, rows - 1)
+            c = wp.clamp(column, 0, columns - 1)
+            if periodic != 0:
+                r = wrap(row, rows)
+                c = wrap(column, columns)
+            wp.atomic_add(grid, base + r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
+
+
+@wp.kernel
+def find_number_density(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    per_pixel: wp.array(dtype=float),
+    images: Images,
+    domain: wp.vec2,
+    # outputs
+    number_density: wp.array(dtype=float),
+):
+    """Sum of what all classes ask for at every body: their pixels times the number that a pixel stands for."""
+    i = first + wp.tid()
+    at = wp.vec2(pose[i][0], pose[i][1])
+    total = float(0.0)
+    for k in range(per_pixel.shape[0]):
+        total += per_pixel[k] * images.pixel[density_pixel(at, k, images, domain)]
+    number_density[i] = total
+
+
+@wp.kernel
+def compute_cell_keys(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    grid: CellGrid,
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    i = first + wp.tid()
+    key[i] = cell_of(wp.vec2(pose[i][0], pose[i][1]), grid)
+    order[i] = i
 
 
 @wp.kernel
 def find_nearest(
     first: int,
-    position: wp.array(dtype=wp.vec2),
-    inverse_spacing: wp.array(dtype=float),
+    pose: wp.array(dtype=wp.vec4),
+    number_density: wp.array(dtype=float),
     order: wp.array(dtype=wp.int32),
     cell_start: wp.array(dtype=wp.int32),
     grid: CellGrid,
@@ -23,7 +95,8 @@ def find_nearest(
 ):
     """Find each body's nearest neighbour in units of its own spacing."""
     i = first + wp.tid()
-    p = position[i]
+    p = wp.vec2(pose[i][0], pose[i][1])
+    inverse_spacing = wp.sqrt(number_density[i])
     cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
     cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
     closest = float(1.0e6)
@@ -46,12 +119,12 @@ def find_nearest(
                     for s in range(cell_start[cell], cell_start[cell + 1]):
                         j = order[s]
                         if j != i:
-                            d = position[j] - p
+                            d = wp.vec2(pose[j][0], pose[j][1]) - p
                             if grid.periodic != 0:
                                 d = wp.vec2(
                                     d[0] - grid.domain[0] * wp.round(d[0] / grid.domain[0]),
                                     d[1] - grid.domain[1] * wp.round(d[1] / grid.domain[1]),
                                 )
                             distance = wp.length(d)
-                            closest = wp.min(closest, distance * inverse_spacing[i])
+                            closest = wp.min(closest, distance * inverse_spacing)
     nearest[i] = closest

@@ -11,8 +11,8 @@ from .kernels_mesh import Mesh, nearest_node
 
 wp.set_module_options({"enable_backward": False})
 
-# Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads wait for
-# each other; the unit is 2^-24.
+# Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads of a GPU wait
+# for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-24.
 SLOTS = wp.constant(1024)
 SLOTS_AT_ONCE = wp.constant(32)
 SUM_SCALE = wp.constant(16777216.0)
@@ -263,10 +263,10 @@ def place_charges(
 
 
 @wp.func
-def add(sums: wp.array(dtype=wp.int64), kind: int, i: int, value: float):
-    """Add ``value`` to one of the sums over all bodies."""
+def add(sums: wp.array2d(dtype=wp.int64), part: int, kind: int, i: int, value: float):
+    """Add ``value`` to one of the sums over all bodies, in the slots of the ``part`` that body ``i`` belongs to."""
     amount = wp.int64(wp.clamp(value, -LARGEST_SUMMAND, LARGEST_SUMMAND) * SUM_SCALE)
-    wp.atomic_add(sums, kind * SLOTS + i % SLOTS, amount)
+    wp.atomic_add(sums, part, kind * SLOTS + i % SLOTS, amount)
 
 
 @wp.func
@@ -280,6 +280,7 @@ def limited(move: wp.vec2, limit: float):
 @wp.kernel
 def move_dots(
     first: int,
+    part: int,
     ahead: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
@@ -293,7 +294,7 @@ def move_dots(
     # outputs
     pose: wp.array(dtype=wp.vec4),
     displacement: wp.array(dtype=wp.vec4),
-    sums: wp.array(dtype=wp.int64),
+    sums: wp.array2d(dtype=wp.int64),
 ):
     """Move every dot from the extrapolated position ``ahead`` along the field; it never enters empty pixels.
 
@@ -313,13 +314,14 @@ def move_dots(
     way = shortest(new - old, domain, mesh.periodic)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
     displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
-    add(sums, UPHILL, i, -bodies.charge[charge] * wp.dot(field[charge], way))
-    add(sums, MOVED, i, wp.length_sq(way) / (4.0 * limit * limit))
+    add(sums, part, UPHILL, i, -bodies.charge[charge] * wp.dot(field[charge], way))
+    add(sums, part, MOVED, i, wp.length_sq(way) / (4.0 * limit * limit))
 
 
 @wp.kernel
 def move_lines(
     first: int,
+    part: int,
     ahead: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
@@ -335,7 +337,7 @@ def move_lines(
     pose: wp.array(dtype=wp.vec4),
     bend: wp.array(dtype=float),
     displacement: wp.array(dtype=wp.vec4),
-    sums: wp.array(dtype=wp.int64),
+    sums: wp.array2d(dtype=wp.int64),
 ):
     """Move every line from the extrapolated pose ``ahead`` along the field; its charges never enter empty pixels.
 
@@ -440,23 +442,24 @@ def move_lines(
     displacement[i] = wp.vec4(way[0], way[1], turned, grown)
     work = wp.dot(force, way) + torque * half * turned + 0.5 * tension * grown
     squared = wp.length_sq(way) + half * half * turned * turned + 0.25 * grown * grown
-    add(sums, UPHILL, i, -work)
-    add(sums, MOVED, i, squared / (4.0 * limit * limit))
-    add(sums, LENGTHS + kind, i, line[3] / desired_length)
+    add(sums, part, UPHILL, i, -work)
+    add(sums, part, MOVED, i, squared / (4.0 * limit * limit))
+    add(sums, part, LENGTHS + kind, i, line[3] / desired_length)
 
 
 @wp.kernel
 def add_up(
     first: int,
-    sums: wp.array(dtype=wp.int64),
+    sums: wp.array2d(dtype=wp.int64),
     # outputs
     totals: wp.array(dtype=wp.int64),
 ):
-    """Add the slots of every sum; an element takes ``SLOTS_AT_ONCE`` of them."""
+    """Add the slots of every sum; an element takes ``SLOTS_AT_ONCE`` of every part."""
     i = first + wp.tid()
     total = wp.int64(0)
-    for k in range(SLOTS_AT_ONCE):
-        total += sums[i * SLOTS_AT_ONCE + k]
+    for part in range(sums.shape[0]):
+        for k in range(SLOTS_AT_ONCE):
+            total += sums[part, i * SLOTS_AT_ONCE + k]
     wp.atomic_add(totals, i * SLOTS_AT_ONCE / SLOTS, total)
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import warp as wp
 
-from .contact import overlap_count
-from .density import box_integrals, sample_density
+from . import kernels_quality
+from .contact import count_overlaps
+from .density import box_integrals
 from .device import Launcher
+from .full_pixels import images_for_kernels
 from .placement import Placement
 from .problem import Problem
-from .quality import coverage_error, smallest_spacing
+from .quality import MeasuredBodies, charge_grids, coverage_error_of_grid, measured_bodies, smallest_distance
 from .report import ClassReport, Report, SizeReport
 
 __all__ = ["measure", "survey"]
@@ -35,15 +38,22 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
-    problem, position = placement.problem, placement.position
-    domain = problem.domain
-    class_index, size_index = placement.class_index, placement.size_index
-    area = placement.area
-    number_density = np.zeros(len(position))
-    for c in problem.classes:
-        share = sample_density(c.density_image, position, domain.size) / c.density_image.mean(dtype=np.float64)
-        number_density += c.body_count / domain.area * share
-    targets = [(c.density_image, sum((s.count or 0) * s.mean_area for s in c.sizes)) for c in problem.classes]
+    problem, domain = placement.problem, placement.problem.domain
+    class_index, size_index, area = placement.class_index, placement.size_index, placement.area
+    has_lines = bool((placement.width > 0.0).any())
+    axes = (placement.angle, placement.length) if has_lines else ()
+    bodies = measured_bodies(launcher, domain, placement.position, *axes)
+    grids = charge_grids(bodies, area, class_index, len(problem.classes))
+    charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
+    targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
+    counts = [c.body_count for c in problem.classes]
+    errors = [
+        coverage_error_of_grid(grid, [target], domain, count)
+        for grid, target, count in zip(grids, targets, counts, strict=True)
+    ]
+    whole = errors[0]
+    if len(errors) > 1:
+        whole = coverage_error_of_grid(grids.sum(axis=0), targets, domain, sum(counts))
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     if covered > 1.0:
@@ -51,9 +61,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
         )
-    overlaps = overlap_count(
-        position, area, domain, launcher, angle=placement.angle, length=placement.length, width=placement.width
-    )
+    overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
     if problem.avoid_overlap and overlaps:
         notes.append(
             f"{overlaps} pairs of footprints still overlap: the space where they may be cannot hold them all; lower the counts or "
@@ -64,20 +72,43 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         converged=False,
         seconds=0.0,
         device=str(launcher.device.alias),
-        coverage_error=coverage_error(position, area, targets, domain),
-        smallest_spacing=smallest_spacing(position, number_density, domain, launcher),
+        coverage_error=whole,
+        smallest_spacing=smallest_distance(bodies, _number_density(bodies, problem)),
         overlaps=overlaps,
         covered=covered,
         classes=tuple(
             ClassReport(
                 c.name,
-                coverage_error(position[class_index == i], area[class_index == i], c.density_image, domain),
+                errors[i],
                 tuple(
-                    SizeReport(s.name, s.mean_area, s.count or 0, int(((class_index == i) & (size_index == j)).sum()))
-                    for j, s in enumerate(c.sizes)
+                    SizeReport(s.name, s.mean_area, s.count or 0, placed)
+                    for s, placed in zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
                 ),
             )
             for i, c in enumerate(problem.classes)
         ),
         notes=tuple(notes),
     )
+
+
+def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
+    """Number of bodies per square unit that is asked for at every body."""
+    device = bodies.launcher.device
+    images = [c.density_image for c in problem.classes]
+    per_pixel = [
+        c.body_count / (bodies.size[0] * bodies.size[1] * float(image.mean(dtype=np.float64)))
+        for c, image in zip(problem.classes, images, strict=True)
+    ]
+    result = wp.empty(bodies.count, dtype=float, device=device)
+    bodies.launcher.launch(
+        kernels_quality.find_number_density,
+        bodies.count,
+        [
+            bodies.pose,
+            wp.array(per_pixel, dtype=float, device=device),
+            images_for_kernels(bodies.launcher, images, bodies.size, ways=False),
+            wp.vec2(*bodies.size),
+        ],
+        [result],
+    )
+    return result

@@ -3,21 +3,76 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
 from . import kernels_cells, kernels_quality
 from .density import box_integrals
-from .device import Launcher
+from .device import Launcher, resolve_device
 from .problem import Domain
 
-__all__ = ["coverage_error", "smallest_spacing"]
+__all__ = [
+    "MeasuredBodies",
+    "charge_grids",
+    "coverage_error",
+    "coverage_error_of_grid",
+    "measured_bodies",
+    "smallest_distance",
+    "smallest_spacing",
+]
 
 # Cells along the longer side of the domain, on which charge and target are compared.
 COVERAGE_CELLS = 512
 # A hexagonal lattice of number density 1 has this distance of neighbours.
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
+# An image's density, and the charge that its integral stands for.
+Target = tuple[np.ndarray, float]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredBodies:
+    """Bodies on a device, lengths in units of their mean spacing.
+
+    Attributes:
+        launcher: Where they are.
+        domain: The domain.
+        unit: Metres per unit.
+        pose: Position, angle [rad] and length of every body, ``wp.vec4``, shape ``[n]``.
+    """
+
+    launcher: Launcher
+    domain: Domain
+    unit: float
+    pose: wp.array
+
+    @property
+    def count(self) -> int:
+        """Number of bodies."""
+        return len(self.pose)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent of the domain."""
+        return self.domain.size[0] / self.unit, self.domain.size[1] / self.unit
+
+
+def measured_bodies(
+    launcher: Launcher,
+    domain: Domain,
+    position: np.ndarray,
+    angle: np.ndarray | None = None,
+    length: np.ndarray | None = None,
+) -> MeasuredBodies:
+    """Put bodies on a device: positions [m], shape ``[n, 2]``; angles [rad] and lengths [m], shape ``[n]``, None for dots."""
+    unit = math.sqrt(domain.area / max(len(position), 1))
+    pose = np.zeros((len(position), 4), dtype=np.float32)
+    np.multiply(position, 1.0 / unit, out=pose[:, :2], casting="same_kind")
+    if angle is not None and length is not None:
+        pose[:, 2] = angle
+        pose[:, 3] = length / unit
+    return MeasuredBodies(launcher, domain, unit, wp.array(pose, dtype=wp.vec4, device=launcher.device))
 
 
 def coverage_error(
@@ -40,14 +95,54 @@ def coverage_error(
         domain: The domain.
         k: Width of the blur in mean spacings.
     """
+    parts = image if isinstance(image, list) else [(image, 1.0)]
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        bodies = measured_bodies(launcher, domain, position)
+        grid = charge_grids(bodies, charge, np.zeros(len(position), dtype=np.int32), 1)[0]
+    finally:
+        launcher.close()
+    return coverage_error_of_grid(grid, parts, domain, len(position), k)
+
+
+def charge_grids(bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray, classes: int) -> np.ndarray:
+    """Deposit the charges of every class by cloud-in-cell, shape ``[classes, rows, columns]``, float64, row 0 at the bottom.
+
+    Charge within half a cell of an open edge stays inside: the domain ends there.
+    """
+    launcher, domain = bodies.launcher, bodies.domain
     cell = max(domain.size) / COVERAGE_CELLS
     columns, rows = (max(1, round(length / cell)) for length in domain.size)
-    parts = image if isinstance(image, list) else [(image, 1.0)]
-    target = np.sum([weight * box_integrals(part, (rows, columns)) for part, weight in parts], axis=0)
-    target *= charge.sum() / target.sum()
-    difference = _cloud_in_cell(position, charge, domain, rows, columns) - target
-    sigma = k * math.sqrt(domain.area / len(position))
-    blurred = _blur(difference, sigma * columns / domain.size[0], sigma * rows / domain.size[1], domain.periodic)
+    device = launcher.device
+    mean = float(charge.mean())
+    grid = wp.zeros(classes * rows * columns, dtype=wp.int64, device=device)
+    # One range: two threads of a CPU must not add to one cell at once.
+    launcher.launch_ranges(
+        kernels_quality.deposit_clouds,
+        [(0, bodies.count)],
+        [
+            bodies.pose,
+            wp.array((charge / mean).astype(np.float32), dtype=float, device=device),
+            wp.array(class_index, dtype=wp.int32, device=device),
+            rows,
+            columns,
+            wp.vec2(*bodies.size),
+            int(domain.periodic),
+        ],
+        [grid],
+    )
+    return grid.numpy().reshape(classes, rows, columns) * (mean / kernels_quality.CLOUD_SCALE)
+
+
+def coverage_error_of_grid(
+    grid: np.ndarray, targets: list[Target], domain: Domain, count: int, k: float = 1.0
+) -> float:
+    """See :func:`coverage_error`: the same for ``count`` bodies that are deposited on a grid of ``rows * columns`` cells."""
+    rows, columns = grid.shape
+    target = np.sum([weight * box_integrals(image, (rows, columns)) for image, weight in targets], axis=0)
+    target *= grid.sum() / target.sum()
+    sigma = k * math.sqrt(domain.area / count)
+    blurred = _blur(grid - target, sigma * columns / domain.size[0], sigma * rows / domain.size[1], domain.periodic)
     return float(np.sqrt(np.mean(blurred**2)) / target.mean())
 
 
@@ -65,83 +160,59 @@ def smallest_spacing(
     Returns:
         1 for a perfect hexagonal lattice; None for fewer than two bodies, or where no two are neighbours.
     """
-    if len(position) < 2:
+    bodies = measured_bodies(launcher, domain, position)
+    density = wp.array(number_density * bodies.unit**2, dtype=float, device=launcher.device)
+    return smallest_distance(bodies, density)
+
+
+def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float | None:
+    """See :func:`smallest_spacing`: the same for bodies on a device, with a number density per square unit."""
+    if bodies.count < 2:
         return None
-    reach = 1.5 / math.sqrt(float(np.median(number_density)))
-    smallest = float(_nearest(position, np.sqrt(number_density), domain, reach, launcher).min()) / HEXAGONAL_SPACING
-    return smallest if smallest < 1e3 else None
-
-
-def _nearest(
-    position: np.ndarray,
-    inverse_spacing: np.ndarray,
-    domain: Domain,
-    reach: float,
-    launcher: Launcher,
-) -> np.ndarray:
-    """Distance from every body to its nearest neighbour times ``inverse_spacing``; beyond ``reach`` it may be missed."""
-    n = len(position)
+    n = bodies.count
+    launcher, domain = bodies.launcher, bodies.domain
     device = launcher.device
-    # Cells no smaller than the reach, and not many more than bodies.
-    side = max(reach, math.sqrt(domain.area / (4 * n + 16)))
+    # A typical density; some thousand bodies tell it well enough.
+    reach = 1.5 / math.sqrt(float(np.median(number_density.numpy()[:: max(1, n // 10_000)])))
+    # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed.
+    side = max(reach, 0.5)
     grid = kernels_cells.CellGrid()
-    counts = [max(1, int(length / side)) for length in domain.size]
+    counts = [max(1, int(length / side)) for length in bodies.size]
     grid.count_x, grid.count_y = counts
-    # Positions relative to the domain's size would lose nothing, but areas are in square metres: scale by one length.
-    unit = math.sqrt(domain.area / n)
-    size = [length / unit for length in domain.size]
-    grid.inverse_size = wp.vec2(counts[0] / size[0], counts[1] / size[1])
-    grid.domain = wp.vec2(*size)
+    grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
+    grid.domain = wp.vec2(*bodies.size)
     grid.periodic = int(domain.periodic)
-    point = wp.array((position / unit).astype(np.float32), dtype=wp.vec2, device=device)
     key = wp.empty(2 * n, dtype=wp.int32, device=device)
     order = wp.empty(2 * n, dtype=wp.int32, device=device)
     cell_start = wp.empty(counts[0] * counts[1] + 1, dtype=wp.int32, device=device)
-    launcher.launch(kernels_cells.compute_cell_keys, n, [point, grid], [key, order])
+    launcher.launch(kernels_quality.compute_cell_keys, n, [bodies.pose, grid], [key, order])
     wp.utils.radix_sort_pairs(key, order, n)
     launcher.launch(kernels_cells.find_cell_starts, n, [key, n, counts[0] * counts[1]], [cell_start])
-    nearest = wp.zeros(n, dtype=float, device=device)
+    nearest = wp.empty(n, dtype=float, device=device)
     launcher.launch(
         kernels_quality.find_nearest,
         n,
-        [
-            point,
-            wp.array((inverse_spacing * unit).astype(np.float32), dtype=float, device=device),
-            order,
-            cell_start,
-            grid,
-        ],
+        [bodies.pose, number_density, order, cell_start, grid],
         [nearest],
     )
-    return nearest.numpy()
-
-
-def _cloud_in_cell(position: np.ndarray, charge: np.ndarray, domain: Domain, rows: int, columns: int) -> np.ndarray:
-    grid = np.zeros(rows * columns)
-    u = position[:, 0] / domain.size[0] * columns - 0.5
-    v = position[:, 1] / domain.size[1] * rows - 0.5
-    left, low = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-    for row, weight_y in ((low, 1.0 - (v - low)), (low + 1, v - low)):
-        for column, weight_x in ((left, 1.0 - (u - left)), (left + 1, u - left)):
-            # Charge within half a cell of an open edge stays inside: the domain ends there.
-            at_row = row % rows if domain.periodic else np.clip(row, 0, rows - 1)
-            at_column = column % columns if domain.periodic else np.clip(column, 0, columns - 1)
-            grid += np.bincount(at_row * columns + at_column, charge * weight_x * weight_y, rows * columns)
-    return grid.reshape(rows, columns)
+    smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
+    return smallest if smallest < 1e3 else None
 
 
 def _blur(grid: np.ndarray, sigma_x: float, sigma_y: float, periodic: bool) -> np.ndarray:
-    """Convolve with a Gaussian given in cells; by the transform of the sampled Gaussian, which equals direct summation."""
-    shape = list(grid.shape)
-    if not periodic:
-        shape = [n + min(n, math.ceil(6.0 * s) + 1) for n, s in zip(shape, (sigma_y, sigma_x), strict=True)]
-    spectrum = np.fft.rfft2(grid, shape)
-    for axis, sigma in ((0, sigma_y), (1, sigma_x)):
-        n = shape[axis]
-        offset = np.arange(n)
-        images = range(-1 - math.ceil(6.0 * sigma / n), 2 + math.ceil(6.0 * sigma / n)) if periodic else (0, -1)
-        kernel = sum(np.exp(-0.5 * ((offset + i * n) / sigma) ** 2) for i in images)
-        kernel /= kernel.sum()
-        transform = np.fft.fft(kernel).real
-        spectrum *= transform[:, None] if axis == 0 else transform[None, : n // 2 + 1]
-    return np.fft.irfft2(spectrum, shape)[: grid.shape[0], : grid.shape[1]]
+    """Convolve with a Gaussian given in cells, with zeros outside an open domain."""
+    along_y, along_x = (
+        _gaussian_matrix(n, sigma, periodic) for n, sigma in zip(grid.shape, (sigma_y, sigma_x), strict=True)
+    )
+    return along_y @ grid @ along_x
+
+
+def _gaussian_matrix(n: int, sigma: float, periodic: bool) -> np.ndarray:
+    """Weights of n cells in each other's blur, shape ``[n, n]``, symmetric."""
+    distance = np.arange(n)
+    periods = math.ceil(6.0 * sigma / n)
+    shifts = n * np.arange(-periods - 1, periods + 1) if periodic else np.zeros(1)
+    weight = np.exp(-0.5 * ((distance + shifts[:, None]) / sigma) ** 2).sum(axis=0)
+    reach = np.arange(1, math.ceil(9.0 * sigma) + 1)
+    weight = weight / (1.0 + 2.0 * np.exp(-0.5 * (reach / sigma) ** 2).sum())
+    return weight[np.abs(distance[:, None] - distance[None, :])]

@@ -23,7 +23,7 @@ from .density import settle_on_full_pixels
 from .device import Launcher, resolve_device
 from .field import Field, FieldTarget
 from .full_pixels import images_for_kernels
-from .initial_placement import initial_placement
+from .initial_placement import first_pose
 from .interaction import group_bodies
 from .line_rules import LineRules, line_widths
 from .measurement import measure, survey
@@ -162,19 +162,20 @@ class _Relaxation:
             charge_group=self.groups.body_group[charges.body],
         )
         self._prepare_steps()
-        self.images = images_for_kernels([c.density_image for c in problem.classes], self.size, device)
-
-        start = np.minimum(initial_placement(problem, self.groups) / self.unit, np.array(self.size)).astype(np.float32)
-        start = np.minimum(start, np.nextafter(np.array(self.size, np.float32), np.float32(0)))
-        pose = np.concatenate([start, self.rules.first_angle_and_length(start)], axis=1).astype(np.float32)
-        self.pose = wp.array(pose, dtype=wp.vec4, device=device)
+        self.images = images_for_kernels(launcher, [c.density_image for c in problem.classes], self.size)
+        self.pose = first_pose(launcher, problem, self.groups, self.images, self.size)
+        if self.rules.kind_count:
+            pose = self.pose.numpy()
+            pose[:, 2:] = self.rules.first_angle_and_length(pose[:, :2])
+            self.pose = wp.array(pose, dtype=wp.vec4, device=device)
         self.ahead = wp.clone(self.pose)
         self.displacement = wp.zeros(self.body_count, dtype=wp.vec4, device=device)
         self.bend = wp.zeros(self.charge_count, dtype=float, device=device)
         self.charge_position = wp.empty(self.charge_count, dtype=wp.vec2, device=device)
         self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
         kinds = kernels_update.LENGTHS + self.rules.kind_count
-        self.sums = wp.zeros(kinds * kernels_update.SLOTS, dtype=wp.int64, device=device)
+        self.parts = launcher.cut(0, self.body_count)
+        self.sums = wp.zeros((len(self.parts), kinds * kernels_update.SLOTS), dtype=wp.int64, device=device)
         self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
         # t, momentum and squared displacements; see kernels_update.decide_momentum.
         self.state = wp.array([1.0, 0.0, 0.0], dtype=float, device=device)
@@ -263,7 +264,12 @@ class _Relaxation:
         with self.launcher.phase("update"):
             self.totals.zero_()
             launch = self.launcher.launch
-            launch(kernels_update.add_up, len(self.sums) // kernels_update.SLOTS_AT_ONCE, [self.sums], [self.totals])
+            launch(
+                kernels_update.add_up,
+                self.sums.shape[1] // kernels_update.SLOTS_AT_ONCE,
+                [self.sums],
+                [self.totals],
+            )
             launch(
                 kernels_update.decide_momentum,
                 1,
@@ -292,34 +298,36 @@ class _Relaxation:
             images = [self.step_length, self.step_limit, RELAXATION, self.field.mesh, self.images, domain]
             charges = [self.ahead, self.charge_position, self.field_at_charge, self.bodies]
             if self.has_dots:
-                self.launcher.launch(
-                    kernels_update.move_dots,
-                    self.body_count,
-                    [*charges, *images],
-                    [self.pose, self.displacement, self.sums],
-                )
+                self._move(kernels_update.move_dots, [*charges, *images], [self.pose, self.displacement])
             if self.rules.kind_count:
-                self.launcher.launch(
+                self._move(
                     kernels_update.move_lines,
-                    self.body_count,
                     [*charges, self.rules.lines, *images],
-                    [self.pose, self.bend, self.displacement, self.sums],
+                    [self.pose, self.bend, self.displacement],
                 )
+
+    def _move(self, kernel: wp.Kernel, inputs: list, outputs: list[wp.array]) -> None:
+        parts = [(first, end, [part, *inputs]) for part, (first, end) in enumerate(self.parts)]
+        self.launcher.launch_each(kernel, parts, [*outputs, self.sums])
 
     def position_in_metres(self) -> np.ndarray:
         """Body positions [m], shape ``[n, 2]``, float64, inside the domain."""
-        position = self.pose.numpy()[:, :2].astype(np.float64) * self.unit
-        return np.clip(position, 0.0, self.problem.domain.size)
+        position = np.multiply(self.pose.numpy()[:, :2], self.unit, dtype=np.float64)
+        return np.minimum(position, self.problem.domain.size, out=position)
 
 
 def _placement(problem: Problem, relaxation: _Relaxation) -> Placement:
     """The final poses in metres; the report is still to be measured."""
-    pose = relaxation.pose.numpy().astype(np.float64)
     class_index, size_index = problem.body_indices()
-    length = pose[:, 3] * relaxation.unit
     position = _settled(problem, relaxation.position_in_metres())
-    # A line has no front: angles within half a turn.
-    angle = np.where(relaxation.rules.body_line < 0, 0.0, np.mod(pose[:, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi)
+    angle, length, width = np.zeros((3, len(position)))
+    if relaxation.rules.kind_count:
+        pose = relaxation.pose.numpy().astype(np.float64)
+        # A line has no front: angles within half a turn.
+        turned = np.mod(pose[:, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
+        angle = np.where(relaxation.rules.body_line < 0, 0.0, turned)
+        length = pose[:, 3] * relaxation.unit
+        width = line_widths(problem, length)
     return Placement(
         problem,
         position,
@@ -327,7 +335,7 @@ def _placement(problem: Problem, relaxation: _Relaxation) -> Placement:
         size_index,
         angle,
         length,
-        line_widths(problem, length),
+        width,
         NO_REPORT,
         _bends(problem, relaxation, position),
     )
@@ -357,6 +365,8 @@ def _settled(problem: Problem, position: np.ndarray) -> np.ndarray:
     """Undo what rounding to float32 did to bodies on the very edge of a full pixel."""
     class_index, _ = problem.body_indices()
     for k, body_class in enumerate(problem.classes):
+        if (body_class.density_image > 0.0).all():
+            continue
         own = class_index == k
         position[own] = settle_on_full_pixels(body_class.density_image, position[own], problem.domain.size)
     return position

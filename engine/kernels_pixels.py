@@ -1,0 +1,57 @@
+"""The kernel that finds the nearest full pixel of every empty one."""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def find_nearer_full_pixels(
+    first: int,
+    height: int,
+    width: int,
+    size: wp.vec2,
+    jump: int,
+    nearest: wp.array(dtype=wp.int32),
+    # outputs
+    nearer: wp.array(dtype=wp.int32),
+):
+    """One round of jump flooding: ask the eight pixels ``jump`` away for the full pixel that is nearest to them; -1 for none yet."""
+    i = first + wp.tid()
+    row = i / width
+    column = i - row * width
+    best = nearest[i]
+    least = float(1.0e30)
+    for b in range(-1, 2):
+        for a in range(-1, 2):
+            r = row + b * jump
+            c = column + a * jump
+            if r >= 0 and r < height and c >= 0 and c < width:
+                candidate = nearest[r * width + c]
+                if candidate >= 0:
+                    to = candidate / width
+                    dx = float(candidate - to * width - column) * size[0]
+                    dy = float(to - row) * size[1]
+                    away = dx * dx + dy * dy
+                    if away < least:
+                        least = away
+                        best = candidate
+    nearer[i] = best
+
+
+@wp.kernel
+def find_ways(
+    first: int,
+    width: int,
+    size: wp.vec2,
+    nearest: wp.array(dtype=wp.int32),
+    # outputs
+    way: wp.array(dtype=wp.vec2),
+):
+    """Vector from every pixel's centre to that of its nearest full one: x to the right, y up."""
+    i = first + wp.tid()
+    row = i / width
+    to = nearest[i] / width
+    way[i] = wp.vec2(float(nearest[i] - to * width - (i - row * width)) * size[0], float(row - to) * size[1])
