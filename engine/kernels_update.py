@@ -245,23 +245,6 @@ def confine(
     return old
 
 
-@wp.kernel
-def place_charges(
-    first: int,
-    ahead: wp.array(dtype=wp.vec4),
-    charge_body: wp.array(dtype=wp.int32),
-    bodies: Bodies,
-    bend: wp.array(dtype=float),
-    domain: wp.vec2,
-    periodic: int,
-    # outputs
-    charge_position: wp.array(dtype=wp.vec2),
-):
-    j = first + wp.tid()
-    p = charge_at(ahead[charge_body[j]], bodies.place[j], bend[j])
-    charge_position[j] = stay_inside(p, domain, periodic)
-
-
 @wp.func
 def add(sums: wp.array2d(dtype=wp.int64), part: int, kind: int, i: int, value: float):
     """Add ``value`` to one of the sums over all bodies, in the slots of the ``part`` that body ``i`` belongs to."""
@@ -499,13 +482,23 @@ def look_ahead(
     pose: wp.array(dtype=wp.vec4),
     displacement: wp.array(dtype=wp.vec4),
     state: wp.array(dtype=float),
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
     domain: wp.vec2,
     periodic: int,
     # outputs
     ahead: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
 ):
-    """Extrapolate along the last displacement (Nesterov's momentum)."""
+    """Extrapolate along the last displacement (Nesterov's momentum), and place the charges there."""
     i = first + wp.tid()
     p = pose[i] + state[1] * displacement[i]
     inside = stay_inside(wp.vec2(p[0], p[1]), domain, periodic)
-    ahead[i] = wp.vec4(inside[0], inside[1], p[2], wp.max(p[3], 0.0))
+    extrapolated = wp.vec4(inside[0], inside[1], p[2], wp.max(p[3], 0.0))
+    ahead[i] = extrapolated
+    begin = bodies.first_charge[i]
+    if bodies.line[i] < 0:
+        charge_position[begin] = inside
+        return
+    for j in range(begin, bodies.first_charge[i + 1]):
+        charge_position[j] = stay_inside(charge_at(extrapolated, bodies.place[j], bend[j]), domain, periodic)

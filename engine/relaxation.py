@@ -132,6 +132,7 @@ class _Relaxation:
         self.charge_count = len(charges.charge)
         self.unit = math.sqrt(domain.area / self.charge_count)
         self.size = (domain.size[0] / self.unit, domain.size[1] / self.unit)
+        self.domain = wp.vec2(*self.size)
         self.groups = group_bodies(problem)
         self.rules = LineRules(problem, self.unit, device)
         class_index, _ = problem.body_indices()
@@ -145,7 +146,7 @@ class _Relaxation:
         bodies.charge = wp.array(charges.charge, dtype=float, device=device)
         self.bodies = bodies
         self.has_dots = bool((self.rules.body_line < 0).any())
-        self.charge_body = wp.array(charges.body, dtype=wp.int32, device=device)
+        self.charge_body = charges.body
 
         group_charge = np.bincount(
             self.groups.body_group[charges.body], weights=charges.charge, minlength=self.groups.count
@@ -183,6 +184,7 @@ class _Relaxation:
         self.contact = None
         if problem.avoid_overlap or self.rules.kind_count:
             self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
+        self._look_ahead()
 
     def _prepare_steps(self) -> None:
         field = self.field
@@ -253,11 +255,8 @@ class _Relaxation:
             self.graph = capture.graph
 
     def _take_step(self) -> None:
-        domain = wp.vec2(*self.size)
-        periodic = int(self.problem.domain.periodic)
-        self._place_charges(domain, periodic)
         self.field.evaluate(self.charge_position, self.field_at_charge)
-        self._move_bodies(domain)
+        self._move_bodies()
         if self.contact is not None:
             with self.launcher.phase("contact"):
                 self.contact.push(self.pose, self.bend, self.displacement)
@@ -276,26 +275,21 @@ class _Relaxation:
                 [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
                 [self.state, self.rules.lines.length_factor],
             )
-            launch(
-                kernels_update.look_ahead,
-                self.body_count,
-                [self.pose, self.displacement, self.state, domain, periodic],
-                [self.ahead],
-            )
+            self._look_ahead()
 
-    def _place_charges(self, domain: wp.vec2, periodic: int) -> None:
-        with self.launcher.phase("update"):
-            self.launcher.launch(
-                kernels_update.place_charges,
-                self.charge_count,
-                [self.ahead, self.charge_body, self.bodies, self.bend, domain, periodic],
-                [self.charge_position],
-            )
+    def _look_ahead(self) -> None:
+        periodic = int(self.problem.domain.periodic)
+        self.launcher.launch(
+            kernels_update.look_ahead,
+            self.body_count,
+            [self.pose, self.displacement, self.state, self.bodies, self.bend, self.domain, periodic],
+            [self.ahead, self.charge_position],
+        )
 
-    def _move_bodies(self, domain: wp.vec2) -> None:
+    def _move_bodies(self) -> None:
         with self.launcher.phase("update"):
             self.sums.zero_()
-            images = [self.step_length, self.step_limit, RELAXATION, self.field.mesh, self.images, domain]
+            images = [self.step_length, self.step_limit, RELAXATION, self.field.mesh, self.images, self.domain]
             charges = [self.ahead, self.charge_position, self.field_at_charge, self.bodies]
             if self.has_dots:
                 self._move(kernels_update.move_dots, [*charges, *images], [self.pose, self.displacement])
@@ -347,7 +341,7 @@ def _bends(problem: Problem, relaxation: _Relaxation, position: np.ndarray) -> n
     if not bending:
         return None
     first = relaxation.bodies.first_charge.numpy()
-    body = relaxation.charge_body.numpy()
+    body = relaxation.charge_body
     along = 0.5 * relaxation.pose.numpy()[body, 3] * relaxation.bodies.place.numpy()
     across = relaxation.bend.numpy()
     angle = relaxation.pose.numpy()[body, 2]
