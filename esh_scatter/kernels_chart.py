@@ -97,9 +97,11 @@ def find_nearest(
     hit = wp.mesh_query_point_no_sign(mesh, wp.vec3(place[i] - middle), reach)
     near_triangle[i] = mesh_triangle[hit.face]
     corner = triangle[near_triangle[i]]
-    weight = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
-    near_weight[i] = weight
-    near_position[i] = blend(position[corner[0]], position[corner[1]], position[corner[2]], wp.vec3d(weight))
+    # They must add up to 1 in float64: far from the world's origin, what float32 rounds off is millimetres.
+    first_weight, second_weight = wp.float64(hit.u), wp.float64(hit.v)
+    weight = wp.vec3d(first_weight, second_weight, wp.float64(1.0) - first_weight - second_weight)
+    near_weight[i] = wp.vec3(weight)
+    near_position[i] = blend(position[corner[0]], position[corner[1]], position[corner[2]], weight)
 
 
 @wp.kernel(enable_backward=False)
