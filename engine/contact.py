@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from . import kernels_cells, kernels_contact, kernels_update
-from .device import Launcher
+from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher
 from .line_rules import line_widths
 from .problem import Domain, Problem
 from .quality import MeasuredBodies, measured_bodies
@@ -109,6 +109,7 @@ class Neighbourhood:
             self.body_count,
             [pose, self.footprints, self.order, self.cell_start, self.grid, 1.0 - tolerance, MOST_OVERLAPS_PER_BODY],
             [self._found],
+            SMALLEST_RANGE_OF_NEIGHBOURS,
         )
         return int(self._found.numpy().sum(dtype=np.int64)) // 2
 
@@ -199,6 +200,7 @@ class Contact:
                 DAMPING,
             ],
             [self._pushed, self._contacts],
+            SMALLEST_RANGE_OF_NEIGHBOURS,
         )
         self.launcher.launch(
             kernels_contact.accept_push,

@@ -25,8 +25,10 @@ __all__ = ["Launcher", "resolve_device"]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
-# Below this many elements a second thread costs more than it saves.
-SMALLEST_RANGE = 2048
+# Below this many elements a second thread costs more than it saves; elements of kernels that go through neighbours are many times
+# as much work.
+SMALLEST_RANGE = 8192
+SMALLEST_RANGE_OF_NEIGHBOURS = 1024
 
 
 def resolve_device(name: str = "auto") -> wp.Device:
@@ -98,13 +100,20 @@ class Launcher:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def launch(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any] = ()) -> None:
+    def launch(
+        self,
+        kernel: wp.Kernel,
+        count: int,
+        inputs: Sequence[Any],
+        outputs: Sequence[Any] = (),
+        smallest: int = SMALLEST_RANGE,
+    ) -> None:
         """Run ``kernel`` for the elements ``0 .. count - 1``; its first argument is the first element of its range."""
-        self.launch_ranges(kernel, self.cut(0, count), inputs, outputs)
+        self.launch_ranges(kernel, self.cut(0, count, smallest), inputs, outputs)
 
-    def cut(self, first: int, end: int) -> list[tuple[int, int]]:
-        """Cut the range ``first .. end - 1`` into one for every thread, unless it is too small for that."""
-        if self.thread_count == 1 or end - first <= SMALLEST_RANGE:
+    def cut(self, first: int, end: int, smallest: int = SMALLEST_RANGE) -> list[tuple[int, int]]:
+        """Cut the range ``first .. end - 1`` into one for every thread, unless it has at most ``smallest`` elements."""
+        if self.thread_count == 1 or end - first <= smallest:
             return [(first, end)]
         cuts = [first + (end - first) * part // self.thread_count for part in range(self.thread_count + 1)]
         return list(itertools.pairwise(cuts))

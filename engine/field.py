@@ -19,7 +19,7 @@ import warp as wp
 
 from . import kernels_cells, kernels_field, kernels_mesh
 from .convolution import Convolution
-from .device import Launcher
+from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher
 from .influence import open_influence, smoothed_influence
 from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from .target_correction import TargetCorrection
@@ -192,6 +192,7 @@ class Field:
                     self._correction.scale,
                 ],
                 [field],
+                SMALLEST_RANGE_OF_NEIGHBOURS,
             )
 
     def _sort(self, position: wp.array) -> None:

@@ -10,7 +10,7 @@ import warp as wp
 
 from . import kernels_cells, kernels_quality
 from .density import box_integrals
-from .device import Launcher, resolve_device
+from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher, resolve_device
 from .problem import Domain
 
 __all__ = [
@@ -194,6 +194,7 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
         n,
         [bodies.pose, number_density, order, cell_start, grid],
         [nearest],
+        SMALLEST_RANGE_OF_NEIGHBOURS,
     )
     smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
     return smallest if smallest < 1e3 else None
