@@ -17,6 +17,11 @@ wp.set_module_options({"enable_backward": False})
 LANES = 16
 
 
+def _compiled_once(body: str) -> str:
+    """Keep a function out of its callers: every kernel has two variants, which would each compile it again."""
+    return f"auto run = [&]() __attribute__((noinline)) {{ {body} }}; return run();"
+
+
 def _zip_mask(first: int) -> str:
     """Indices that interleave two vectors from lane ``first`` on."""
     return ", ".join(f"{first + k // 2 + (k % 2) * LANES}" for k in range(LANES))
@@ -143,7 +148,7 @@ _TRANSFORM = (
 )
 
 
-@wp.func_native(_TRANSFORM)
+@wp.func_native(_compiled_once(_TRANSFORM))
 def transform(
     scratch: wp.array(dtype=float), parity: int, length: int, twiddle: wp.array(dtype=float), inverse: int
 ) -> int: ...
@@ -335,13 +340,13 @@ _STORE_EVEN_COLUMNS = (
 )
 
 
-@wp.func_native(_LOAD_ROWS)
+@wp.func_native(_compiled_once(_LOAD_ROWS))
 def load_rows(
     real: wp.array(dtype=float), row: int, row_count: int, used: int, length: int, scratch: wp.array(dtype=float)
 ): ...
 
 
-@wp.func_native(_STORE_ROWS)
+@wp.func_native(_compiled_once(_STORE_ROWS))
 def store_rows(
     scratch: wp.array(dtype=float),
     parity: int,
@@ -353,7 +358,7 @@ def store_rows(
 ): ...
 
 
-@wp.func_native(_STORE_HALF_ROWS)
+@wp.func_native(_compiled_once(_STORE_HALF_ROWS))
 def store_half_rows(
     scratch: wp.array(dtype=float),
     parity: int,
@@ -366,7 +371,7 @@ def store_half_rows(
 ): ...
 
 
-@wp.func_native(_LOAD_HALF_ROWS)
+@wp.func_native(_compiled_once(_LOAD_HALF_ROWS))
 def load_half_rows(
     half_real: wp.array(dtype=float),
     half_imaginary: wp.array(dtype=float),
@@ -378,7 +383,7 @@ def load_half_rows(
 ): ...
 
 
-@wp.func_native(_LOAD_COLUMNS)
+@wp.func_native(_compiled_once(_LOAD_COLUMNS))
 def load_columns(
     half_real: wp.array(dtype=float),
     half_imaginary: wp.array(dtype=float),
@@ -391,7 +396,7 @@ def load_columns(
 ): ...
 
 
-@wp.func_native(_STORE_COLUMNS)
+@wp.func_native(_compiled_once(_STORE_COLUMNS))
 def store_columns(
     scratch: wp.array(dtype=float),
     parity: int,
@@ -405,7 +410,7 @@ def store_columns(
 ): ...
 
 
-@wp.func_native(_MULTIPLY)
+@wp.func_native(_compiled_once(_MULTIPLY))
 def multiply(
     influence: wp.array(dtype=float),
     column: int,
@@ -416,13 +421,13 @@ def multiply(
 ): ...
 
 
-@wp.func_native(_LOAD_EVEN_COLUMNS)
+@wp.func_native(_compiled_once(_LOAD_EVEN_COLUMNS))
 def load_even_columns(
     half_real: wp.array(dtype=float), column: int, stride: int, length: int, scratch: wp.array(dtype=float)
 ): ...
 
 
-@wp.func_native(_STORE_EVEN_COLUMNS)
+@wp.func_native(_compiled_once(_STORE_EVEN_COLUMNS))
 def store_even_columns(
     scratch: wp.array(dtype=float),
     parity: int,
