@@ -51,7 +51,7 @@ figures: $(VENV)/.with-test
 	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures
 
 # fmm2dpy needs NumPy 1, so it has an environment of its own; without it (no compiler, no wheel) its columns stay empty.
-bench: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)-fmm/.python-$(VERSION)
+bench: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)/.with-bench $(VENV)-fmm/.python-$(VERSION)
 	@$(VENV)-fmm/bin/python $(PIP_INSTALL) 'numpy<2' fmm2dpy finufft || echo "fmm2dpy and finufft cannot be installed here"
 	$(RUN) benchmarks/bench.py --output $(OUTPUT)/bench.md $(BENCH_ARGS) \
 		$$($(VENV)-fmm/bin/python -c 'import finufft, fmm2dpy; print("--fmm $(VENV)-fmm/bin/python")' 2>/dev/null)

@@ -2,7 +2,8 @@
 
     python benchmarks/bench.py --output output/bench.md [--device cuda:0] [--bodies 10000 100000] [--fmm .venv-fmm/bin/python]
 
-Medians of ``--repeat`` warm runs; what is compared alternates. Machines differ and are shared: look at the ratios.
+Our own times are pytest-benchmark's (:mod:`timings`), kept beside the tables as JSON. Medians of ``--repeat`` warm runs; whole
+runs beside direct summation alternate with it. Machines differ and are shared: look at the ratios.
 """
 
 from __future__ import annotations
@@ -21,16 +22,15 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import warp as wp
 from direct_summation import DirectSummation, direct_solve
 from esh.engine.device import Launcher, resolve_device
-from esh.engine.problem import BodyClass, Domain, Problem, Size
 from esh.engine.quality import coverage_error
 from esh.engine.relaxation import _Relaxation, solve
+from timings import SQUARE, problem_of
 
-SQUARE = Domain((64.0, 64.0))
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 # Where direct summation is compared over a whole run; and with --quick, which only shows that everything runs.
 DIRECT_BODIES, DIRECT_BODIES_QUICK = 16_384, 1024
@@ -42,16 +42,6 @@ GPU_STEP_OF_A_MILLION = 1.4e-3
 LAST_WAVE = 3.72
 
 
-def problem_of(count: int, groups: int = 1) -> Problem:
-    """One group; or classes of two sizes. A third of the space is covered."""
-    area = SQUARE.area / count / 3.0
-    if groups == 1:
-        return Problem(SQUARE, [BodyClass("a", [Size("s", area, count)])])
-    each = count // groups
-    sizes = [Size("s", 0.5 * area, each), Size("l", 1.5 * area, each)]
-    return Problem(SQUARE, [BodyClass(f"class {c}", sizes) for c in range(groups // 2)])
-
-
 def timed(run: Callable[[], object]) -> float:
     """Seconds of one call."""
     start = time.perf_counter()
@@ -59,61 +49,52 @@ def timed(run: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def peak_memory(count: int, groups: int, device: str) -> float:
-    """Peak memory [GB] of a process that solves a problem of this size: resident, or on a GPU what it has allocated there."""
-    script = (
-        "import sys; sys.path.insert(0, sys.argv[1]); from bench import own_peak, problem_of; "
-        "from esh.engine.relaxation import solve; "
-        f"solve(problem_of({count}, {groups}), device='{device}', max_steps=3); "
-        f"print(own_peak('{device}'))"
+def timings(device: str, counts: list[int], repeat: int, json_path: Path) -> list[dict[str, Any]]:
+    """What pytest-benchmark measures; see :mod:`timings`."""
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        str(Path(__file__).parent / "timings.py"),
+        "-q",
+        "-p",
+        "no:cacheprovider",
+    ]
+    command += ["--device", device, "--repeat", str(repeat), f"--benchmark-json={json_path}", "--benchmark-quiet"]
+    subprocess.run([*command, "--bodies", *map(str, counts)], check=True)
+    return json.loads(json_path.read_text(encoding="utf-8"))["benchmarks"]
+
+
+def named(entries: list[dict[str, Any]], test: str, **parameters: int) -> dict[str, Any]:
+    """The entry of a test with these parameters."""
+    return next(
+        entry for entry in entries if entry["name"].partition("[")[0] == test and (entry["params"] or {}) == parameters
     )
-    command = [sys.executable, "-c", script, str(Path(__file__).parent)]
-    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
-def own_peak(device: str) -> float:
-    """Peak memory [GB] of this process; not ru_maxrss, which starts from that of the process that started it."""
-    if device != "cpu":
-        return wp.get_mempool_used_mem_high(device) / 1e9
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        if line.startswith("VmHWM:"):
-            return float(line.split()[1]) * 1024.0 / 1e9
-    return math.nan
-
-
-def whole_runs(device: str, counts: list[int], repeat: int) -> list[str]:
+def whole_runs(entries: list[dict[str, Any]], counts: list[int], on_gpu: bool) -> list[str]:
     """Table of whole runs, and how time grows."""
-    on_gpu = device != "cpu"
     lines = ["| bodies | one group | six groups | coverage error | peak memory, one / six |", "|---|---|---|---|---|"]
     if on_gpu:
         lines = [line + extra for line, extra in zip(lines, (" times the bound, one / six |", "---|"), strict=True)]
     median: dict[tuple[int, int], float] = {}
     for count in counts:
-        for groups in (1, 6):
-            solve(problem_of(count, groups), device=device, max_steps=12)
-        seconds: dict[int, list[float]] = {1: [], 6: []}
-        for _ in range(repeat):
-            for groups in (1, 6):
-                problem = problem_of(count, groups)
-                start = time.perf_counter()
-                report = solve(problem, device=device).report
-                seconds[groups].append(time.perf_counter() - start)
-                if groups == 1:
-                    error = report.coverage_error
-        for groups in (1, 6):
-            median[count, groups] = statistics.median(seconds[groups])
-        memory = " / ".join(f"{peak_memory(count, groups, device):.1f} GB" for groups in (1, 6))
-        lines.append(f"| {count:,} | {median[count, 1]:.2f} s | {median[count, 6]:.2f} s | {error:.4f} | {memory} |")
+        runs = [named(entries, "test_whole_run", count=count, groups=groups) for groups in (1, 6)]
+        seconds = [run["stats"]["median"] for run in runs]
+        median[count, 1], median[count, 6] = seconds
+        memory = " / ".join(f"{run['extra_info']['memory']:.1f} GB" for run in runs)
+        error = runs[0]["extra_info"]["coverage_error"]
+        lines.append(f"| {count:,} | {seconds[0]:.2f} s | {seconds[1]:.2f} s | {error:.4f} | {memory} |")
         if on_gpu:
-            bound = report.steps * GPU_STEP_OF_A_MILLION * count / 1e6
-            lines[-1] += f" {median[count, 1] / bound:.1f} / {median[count, 6] / bound:.1f} |"
-        print(lines[-1], flush=True)
+            bounds = [run["extra_info"]["steps"] * GPU_STEP_OF_A_MILLION * count / 1e6 for run in runs]
+            lines[-1] += " " + " / ".join(f"{s / b:.1f}" for s, b in zip(seconds, bounds, strict=True)) + " |"
     if len(counts) > 1:
         growth = [
             math.log(median[counts[-1], g] / median[counts[0], g]) / math.log(counts[-1] / counts[0]) for g in (1, 6)
         ]
         lines += ["", f"Time grows as n^{growth[0]:.2f} (one group) and n^{growth[1]:.2f} (six groups)."]
-    return lines
+    start = named(entries, "test_start_of_the_command")["stats"]["median"]
+    return [*lines, "", f"`esh-scatter solve` on nine bodies, as a process: {start:.2f} s."]
 
 
 def against_direct(launcher: Launcher, count: int, repeat: int) -> list[str]:
@@ -166,36 +147,15 @@ def against_direct(launcher: Launcher, count: int, repeat: int) -> list[str]:
     ]
 
 
-def evaluate(relaxation: _Relaxation, points: wp.array) -> None:
-    """Evaluate all forces once, to the end."""
-    relaxation.field.evaluate(points, relaxation.field_at_charge)
-    wp.synchronize_device(relaxation.launcher.device)
-
-
-def force_evaluations(launcher: Launcher, counts: list[int], repeat: int, fmm: Path | None) -> list[str]:
+def force_evaluations(
+    entries: list[dict[str, Any]], launcher: Launcher, counts: list[int], repeat: int, fmm: Path | None
+) -> list[str]:
     """One evaluation of all forces: ours, direct, fmm2dpy, finufft."""
     lines = ["| charges | ours | direct, float32 | fmm2dpy | finufft, far part only |", "|---|---|---|---|---|"]
     for count in counts:
-        relaxation = _Relaxation(problem_of(count), launcher)
-        rng = np.random.default_rng(0)
-        position = (rng.random((count, 2)) * relaxation.size).astype(np.float32)
-        points = wp.array(position, dtype=wp.vec2, device=launcher.device)
-        evaluate(relaxation, points)
-        ours: list[float] = []
-        others: list[dict[str, float]] = []
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "points.npz"
-            # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
-            modes = 2 * math.ceil(LAST_WAVE / relaxation.field.split * max(relaxation.size) / math.pi)
-            np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)
-            for _ in range(repeat):
-                ours.append(timed(partial(evaluate, relaxation, points)))
-                if fmm is not None:
-                    command = [str(fmm), str(Path(__file__).parent / "other_libraries.py"), str(path)]
-                    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-                    others.append(json.loads(output.splitlines()[-1]))
-        own = statistics.median(ours)
+        own = named(entries, "test_evaluation_of_all_forces", count=count)["stats"]["median"]
         cells = [f"{own:.4f} s"]
+        rng = np.random.default_rng(0)
         if count <= 100_000:
             sums = DirectSummation(problem_of(count), launcher, double=False)
             scaled = rng.random((count, 2)) * sums.size
@@ -204,6 +164,7 @@ def force_evaluations(launcher: Launcher, counts: list[int], repeat: int, fmm: P
             cells.append(f"{seconds:.2f} s ({seconds / own:.0f} times)")
         else:
             cells.append("-")
+        others = [] if fmm is None else [other_libraries(fmm, launcher, count) for _ in range(repeat)]
         for name in ("fmm2dpy", "finufft"):
             if others:
                 seconds = statistics.median(entry[name] for entry in others)
@@ -213,6 +174,27 @@ def force_evaluations(launcher: Launcher, counts: list[int], repeat: int, fmm: P
         lines.append(f"| {count:,} | {' | '.join(cells)} |")
         print(lines[-1], flush=True)
     return lines
+
+
+def other_libraries(python: Path, launcher: Launcher, count: int) -> dict[str, float]:
+    """Seconds that other libraries take to evaluate the same forces."""
+    relaxation = _Relaxation(problem_of(count), launcher)
+    position = (np.random.default_rng(0).random((count, 2)) * relaxation.size).astype(np.float32)
+    # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
+    modes = 2 * math.ceil(LAST_WAVE / relaxation.field.split * max(relaxation.size) / math.pi)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "points.npz"
+        np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)
+        command = [str(python), str(Path(__file__).parent / "other_libraries.py"), str(path)]
+        output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return json.loads(output.splitlines()[-1])
+
+
+def table_of(script: str, *arguments: str) -> str:
+    """The Markdown table that another script of this folder prints, and what it says below."""
+    command = [sys.executable, str(Path(__file__).parent / script), *arguments]
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return output[output.index("|") :].strip()
 
 
 def main() -> None:
@@ -231,22 +213,22 @@ def main() -> None:
     launcher = Launcher(device)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     large = [count for count in options.bodies if count >= 100_000] or options.bodies
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    entries = timings(device.alias, options.bodies, options.repeat, options.output.with_suffix(".json"))
+    direct = DIRECT_BODIES_QUICK if options.quick else DIRECT_BODIES
     sections = [
         f"# Benchmark\n\n{device.name} ({device.alias}), {processor()}, {cores} cores used, {platform.machine()}; "
         f"medians of {options.repeat}.",
-        "## Whole runs\n\n" + "\n".join(whole_runs(device.alias, options.bodies, options.repeat)),
-        "## Against direct summation\n\n"
-        + "\n".join(against_direct(launcher, DIRECT_BODIES_QUICK if options.quick else DIRECT_BODIES, options.repeat)),
+        "## Whole runs\n\n" + "\n".join(whole_runs(entries, options.bodies, device.is_cuda)),
+        "## Against direct summation\n\n" + "\n".join(against_direct(launcher, direct, options.repeat)),
         "## One evaluation of the forces\n\n"
-        + "\n".join(force_evaluations(launcher, large, options.repeat, options.fmm)),
+        + "\n".join(force_evaluations(entries, launcher, large, options.repeat, options.fmm)),
     ]
     if importlib.util.find_spec("bpy") is not None:
-        command = [sys.executable, str(Path(__file__).parent / "blender_poisson.py")]
-        command += ["--repeat", str(options.repeat), "--bodies"]
-        counts = [str(count) for count in options.bodies if count <= 100_000] or ["10000"]
-        table = subprocess.run([*command, *counts], capture_output=True, text=True, check=True).stdout
-        sections.append("## Blender's own distribution\n\n" + table[table.index("|") :].strip())
-    options.output.parent.mkdir(parents=True, exist_ok=True)
+        repeat = ["--repeat", str(options.repeat), "--bodies"]
+        few = [str(count) for count in options.bodies if count <= 100_000] or ["10000"]
+        sections.append("## Blender's own distribution\n\n" + table_of("blender_poisson.py", *repeat, *few))
+        sections.append("## Blender's side\n\n" + table_of("blender_overhead.py", *repeat, *map(str, large)))
     options.output.write_text("\n\n".join(sections) + "\n", encoding="utf-8")
     print("\n\n".join(sections))
 

@@ -9,9 +9,9 @@ import argparse
 import cProfile
 import pstats
 
-from bench import problem_of
 from esh.engine.profile import Profile
 from esh.engine.relaxation import solve
+from timings import problem_of
 
 
 def main() -> None:
