@@ -29,6 +29,10 @@ MOST_OVERLAPS_PER_BODY = 200
 ROUNDS_PER_STEP = 2
 LAST_ROUNDS = 2000
 ROUNDS_WITHOUT_PROGRESS = 200
+# Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
+# fewer than before once only so many are left.
+PROGRESS = 0.8
+FEW_OVERLAPS = 100
 # Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
 DAMPING = 0.9
 SLACK = 1e-3
@@ -161,6 +165,8 @@ class Contact:
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""
+        # What a push brings together is found in the next step.
+        self._near.sort(pose)
         for _ in range(ROUNDS_PER_STEP):
             self._round(pose, bend, displacement)
 
@@ -172,18 +178,18 @@ class Contact:
         fewest, since = math.inf, 0
         for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
             for _ in range(ROUNDS_AT_ONCE):
+                self._near.sort(pose)
                 self._round(pose, bend, self._spare)
             left = self._near.overlap_count(pose, 0.0)
             if left == 0:
                 return
-            since = 0 if left < fewest else since + ROUNDS_AT_ONCE
-            fewest = min(fewest, left)
+            since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
+            fewest = min(fewest, left) if since == 0 else fewest
             if since >= ROUNDS_WITHOUT_PROGRESS:
                 return
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near
-        near.sort(pose)
         self.launcher.launch(
             kernels_contact.push_apart,
             near.body_count,
