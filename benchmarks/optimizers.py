@@ -26,7 +26,7 @@ import warp as wp
 from esh.engine.device import Launcher, resolve_device
 from esh.engine.problem import BodyClass, Domain, Line, Problem, Size
 from esh.engine.quality import coverage_error
-from esh.engine.relaxation import RELAXATION, STEP_LIMIT, _Relaxation
+from esh.engine.relaxation import STEP_LIMIT, _Relaxation
 from quality_and_speed import photograph
 from scipy.ndimage import minimum_filter
 
@@ -162,21 +162,16 @@ class Lines(Dots):
         self.inertia = np.bincount(body, weights=self.charge * place**2) / self.body_charge
         return relaxation.pose.numpy().astype(np.float64)
 
-    def _put(self, x: np.ndarray, ahead: np.ndarray) -> None:
-        self.relaxation.pose.assign(x.astype(np.float32))
-        self.relaxation.ahead.assign(ahead.astype(np.float32))
-
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         relaxation = self.relaxation
-        self._put(x, x)
-        # Nothing to extrapolate along: charges are placed at the poses themselves.
-        relaxation.displacement.zero_()
-        relaxation._look_ahead()
+        relaxation.pose.assign(x.astype(np.float32))
+        relaxation._place_charges()
         relaxation.field.evaluate(relaxation.charge_position, relaxation.field_at_charge)
         self.evaluations += self.cost
-        relaxation._move_bodies()
-        # The whole move in proportion: forces and wishes are weighed against each other at the engine's step.
-        move = relaxation.displacement.numpy().astype(np.float64) / RELAXATION
+        # The lengths reached decide how far the desired one is raised, which is the engine's matter whatever moves the lines.
+        relaxation._propose()
+        relaxation._decide()
+        move = relaxation.move.numpy().astype(np.float64)
         # Mean square of the way of a line's charges.
         half = 0.5 * x[:, 3]
         one = np.ones(len(x))
@@ -192,20 +187,12 @@ class Lines(Dots):
     def shifted(self, x: np.ndarray, move: np.ndarray, ahead: np.ndarray | None = None) -> np.ndarray:
         ahead = x if ahead is None else ahead
         relaxation = self.relaxation
-        wishes = [relaxation.rules.lines.turn_by_wish, relaxation.rules.lines.stretch_by_wish]
-        weights = [wish.numpy().copy() for wish in wishes]
-        evaluate = relaxation.field.evaluate
-        self._put(x, self.inside(ahead + self.limited(ahead, move)))
-        # A step without forces and wishes: what keeps lines on full pixels and apart, and their lengths, is the engine's.
-        relaxation.field.evaluate = lambda _position, field: field.zero_()
-        for wish in wishes:
-            wish.zero_()
-        try:
-            relaxation._take_step()
-        finally:
-            relaxation.field.evaluate = evaluate
-            for wish, weight in zip(wishes, weights, strict=True):
-                wish.assign(weight)
+        relaxation.pose.assign(x.astype(np.float32))
+        relaxation.move.assign((self.inside(ahead + self.limited(ahead, move)) - x).astype(np.float32))
+        relaxation.direction.assign(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32))
+        # What keeps lines on full pixels and apart is the engine's.
+        relaxation._move()
+        relaxation.contact.push(relaxation.pose, relaxation.bend, relaxation.displacement)
         return relaxation.pose.numpy().astype(np.float64)
 
     def errors(self, x: np.ndarray) -> np.ndarray:

@@ -60,7 +60,7 @@ def repeat(request: pytest.FixtureRequest) -> int:
 
 @pytest.mark.parametrize("groups", [1, 6])
 def test_whole_run(benchmark, device: wp.Device, repeat: int, count: int, groups: int) -> None:
-    """A run of at most 150 steps with its report."""
+    """A run of at most 100 steps with its report."""
     problem = problem_of(count, groups)
     # More steps than a GPU takes before it looks at how far bodies move: its graph is recorded, too.
     solve(problem, device=device.alias, max_steps=12)

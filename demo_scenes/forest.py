@@ -126,7 +126,7 @@ def add_undergrowth(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
             group.objects.link(item)
 
 
-def build(output: Path, max_steps: int = 150) -> tuple[ScatterResult, land.Terrain, dict[str, np.ndarray]]:
+def build(output: Path, max_steps: int = 100) -> tuple[ScatterResult, land.Terrain, dict[str, np.ndarray]]:
     """Build the whole scene in an empty file.
 
     Args:
@@ -298,7 +298,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, default=Path("output"), help="folder for the pictures and the .blend")
     parser.add_argument("--width", type=int, default=1280, help="width of the picture in pixels (16:9)")
     parser.add_argument("--samples", type=int, default=24, help="Cycles samples per pixel")
-    parser.add_argument("--max-steps", type=int, default=150, help="steps of the sampler at most")
+    parser.add_argument("--max-steps", type=int, default=100, help="steps of the sampler at most")
     options = parser.parse_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     start = time.perf_counter()

@@ -12,16 +12,28 @@ from .kernels_mesh import Mesh, nearest_node
 wp.set_module_options({"enable_backward": False})
 
 # Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads of a GPU wait
-# for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-24.
+# for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-30.
 SLOTS = wp.constant(1024)
 SLOTS_AT_ONCE = wp.constant(32)
-SUM_SCALE = wp.constant(16777216.0)
-LARGEST_SUMMAND = wp.constant(1.0e8)
-# What is summed: the work against the field (positive: the momentum points the wrong way), the squared displacement over the
-# squared local spacing, and then for every kind of line the length over the desired one.
-UPHILL = wp.constant(0)
-MOVED = wp.constant(1)
-LENGTHS = wp.constant(2)
+SUM_SCALE = wp.constant(1073741824.0)
+LARGEST_SUMMAND = wp.constant(1.0e6)
+# What is summed: the products of the last displacement s, the moves m that the forces ask for, and what they changed by, y, in the
+# metric of the curvature; the squared move over the squared local spacing; then for every kind of line the length over the desired
+# one.
+S_Y = wp.constant(0)
+S_S = wp.constant(1)
+Y_Y = wp.constant(2)
+S_M = wp.constant(3)
+Y_M = wp.constant(4)
+M_M = wp.constant(5)
+UNSETTLED = wp.constant(6)
+LENGTHS = wp.constant(7)
+# Share of the moves that is made where nothing is known of the last step, and bounds on it where something is.
+FIRST_SHARE = wp.constant(0.7)
+SMALLEST_SHARE = wp.constant(0.3)
+LARGEST_SHARE = wp.constant(2.0)
+# A last step whose cosine with the change of the moves is below this says nothing about the curvature.
+SMALLEST_COSINE = wp.constant(1.0e-3)
 # Times that a line is pushed back from empty pixels before its move is given up.
 PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
@@ -33,6 +45,8 @@ LENGTH_GAIN = wp.constant(0.05)
 LARGEST_FACTOR = wp.constant(3.0)
 GROWN = wp.constant(0.6)
 SIDE_BY_SIDE = wp.constant(1.0)
+# Forces on lines are weighed against their wishes as so large a share of the moves that the inverse curvature gives.
+WEIGHING_SHARE = wp.constant(0.5)
 
 
 @wp.struct
@@ -260,84 +274,114 @@ def limited(move: wp.vec2, limit: float):
     return move
 
 
+@wp.func
+def add_products(
+    sums: wp.array2d(dtype=wp.int64),
+    part: int,
+    i: int,
+    metric: wp.vec4,
+    displacement: wp.vec4,
+    change: wp.vec4,
+    move: wp.vec4,
+):
+    """Add a body's share to the six products that the direction depends on."""
+    add(sums, part, S_Y, i, wp.dot(wp.cw_mul(metric, displacement), change))
+    add(sums, part, S_S, i, wp.dot(wp.cw_mul(metric, displacement), displacement))
+    add(sums, part, Y_Y, i, wp.dot(wp.cw_mul(metric, change), change))
+    add(sums, part, S_M, i, wp.dot(wp.cw_mul(metric, displacement), move))
+    add(sums, part, Y_M, i, wp.dot(wp.cw_mul(metric, change), move))
+    add(sums, part, M_M, i, wp.dot(wp.cw_mul(metric, move), move))
+
+
+@wp.func
+def unsettled(squared_move: float, squared_way: float, limit: float, in_contact: int):
+    """Squared move over squared spacing; what presses against others and does not get away has settled, too."""
+    squared = squared_move
+    if in_contact != 0:
+        squared = wp.min(squared_move, squared_way)
+    return squared / (4.0 * limit * limit)
+
+
 @wp.kernel
-def move_dots(
+def propose_dots(
     first: int,
     part: int,
-    ahead: wp.array(dtype=wp.vec4),
+    pose: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
     bodies: Bodies,
     step_length: wp.array(dtype=float),
     step_limit: wp.array(dtype=float),
-    relaxation: float,
     mesh: Mesh,
-    images: Images,
     domain: wp.vec2,
-    # outputs
-    pose: wp.array(dtype=wp.vec4),
+    in_contact: int,
     displacement: wp.array(dtype=wp.vec4),
+    # outputs
+    move: wp.array(dtype=wp.vec4),
+    change: wp.array(dtype=wp.vec4),
     sums: wp.array2d(dtype=wp.int64),
 ):
-    """Move every dot from the extrapolated position ``ahead`` along the field; it never enters empty pixels.
-
-    ``displacement`` is the way from the last position.
-    """
+    """The move that the force on every dot asks for, and what it changed by since the last step."""
     i = first + wp.tid()
     if bodies.line[i] >= 0:
         return
     charge = bodies.first_charge[i]
-    node = nearest_node(charge_position[charge], mesh)
-    step = relaxation * step_length[bodies.group[i] * mesh.count_x * mesh.count_y + node]
+    at = charge_position[charge]
+    force = field[charge]
+    if mesh.periodic == 0:
+        # What presses a body against the border moves nothing.
+        if (at[0] <= 0.0 and force[0] < 0.0) or (at[0] >= domain[0] and force[0] > 0.0):
+            force = wp.vec2(0.0, force[1])
+        if (at[1] <= 0.0 and force[1] < 0.0) or (at[1] >= domain[1] and force[1] > 0.0):
+            force = wp.vec2(force[0], 0.0)
+    node = nearest_node(at, mesh)
+    length = step_length[bodies.group[i] * mesh.count_x * mesh.count_y + node]
     limit = step_limit[node]
-    move = limited(field[charge] * step, limit)
-    old = wp.vec2(pose[i][0], pose[i][1])
-    wanted = wp.vec2(ahead[i][0], ahead[i][1]) + move
-    new = slide(old, wanted, bodies.class_index[i], images, domain, mesh.periodic)
-    way = shortest(new - old, domain, mesh.periodic)
-    pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
-    displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
-    add(sums, part, UPHILL, i, -bodies.charge[charge] * wp.dot(field[charge], way))
-    add(sums, part, MOVED, i, wp.length_sq(way) / (4.0 * limit * limit))
+    # Beyond a spacing no move is more than a direction.
+    wanted = limited(force * length, 2.0 * limit)
+    new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
+    changed = move[i] - new
+    way = displacement[i]
+    move[i] = new
+    change[i] = changed
+    weight = bodies.charge[charge] / length
+    add_products(sums, part, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new)
+    add(sums, part, UNSETTLED, i, unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact))
 
 
 @wp.kernel
-def move_lines(
+def propose_lines(
     first: int,
     part: int,
-    ahead: wp.array(dtype=wp.vec4),
+    pose: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
     bodies: Bodies,
     lines: Lines,
     step_length: wp.array(dtype=float),
     step_limit: wp.array(dtype=float),
-    relaxation: float,
     mesh: Mesh,
-    images: Images,
     domain: wp.vec2,
-    # outputs
-    pose: wp.array(dtype=wp.vec4),
-    bend: wp.array(dtype=float),
+    in_contact: int,
     displacement: wp.array(dtype=wp.vec4),
+    # outputs
+    move: wp.array(dtype=wp.vec4),
+    change: wp.array(dtype=wp.vec4),
+    bend: wp.array(dtype=float),
     sums: wp.array2d(dtype=wp.int64),
 ):
-    """Move every line from the extrapolated pose ``ahead`` along the field; its charges never enter empty pixels.
-
-    ``displacement`` is the way from the last pose.
-    """
+    """The shift, turn and stretch that the forces on every line and its wishes ask for, and what they changed by."""
     i = first + wp.tid()
     kind = bodies.line[i]
     if kind < 0:
         return
-    start = ahead[i]
-    old = pose[i]
-    k = bodies.class_index[i]
+    start = pose[i]
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
     group_base = bodies.group[i] * mesh.count_x * mesh.count_y
-    centre = stay_inside(wp.vec2(start[0], start[1]), domain, mesh.periodic)
-    limit = step_limit[nearest_node(centre, mesh)]
+    centre = wp.vec2(start[0], start[1])
+    middle = nearest_node(centre, mesh)
+    limit = step_limit[middle]
 
     # Figure 9 (a): the charges' moves as one shift, one turn about the middle and one stretch, which fit them best.
     along = wp.vec2(wp.cos(start[2]), wp.sin(start[2]))
@@ -345,26 +389,20 @@ def move_lines(
     total = float(0.0)
     inertia = float(0.0)
     # Lines much longer than their spacing lie side by side, nearer than the mean density tells, and so the energy is steeper.
-    step = relaxation / (1.0 + SIDE_BY_SIDE * 0.5 * start[3] / limit)
+    step = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * 0.5 * start[3] / limit)
     shift = wp.vec2(0.0, 0.0)
     turn = float(0.0)
     stretch = float(0.0)
-    force = wp.vec2(0.0, 0.0)
-    torque = float(0.0)
-    tension = float(0.0)
     for j in range(begin, end):
         node = nearest_node(charge_position[j], mesh)
-        move = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
+        pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
         q = bodies.charge[j]
         s = bodies.place[j]
         total += q
         inertia += q * s * s
-        shift += q * move
-        turn += q * s * wp.dot(move, across)
-        stretch += q * s * wp.dot(move, along)
-        force += q * field[j]
-        torque += q * s * wp.dot(field[j], across)
-        tension += q * s * wp.dot(field[j], along)
+        shift += q * pull
+        turn += q * s * wp.dot(pull, across)
+        stretch += q * s * wp.dot(pull, along)
     shift = shift / total
     half = 0.5 * start[3]
     desired_length = lines.length[
@@ -391,19 +429,16 @@ def move_lines(
     wanted_length = desired_length * lines.length_factor[kind]
     growth = lines.stretch_by_force[kind] * 2.0 * stretch / inertia
     growth += lines.stretch_by_wish[kind] * (wanted_length - start[3])
-    length = wp.clamp(start[3] + growth, SHORTEST_LINE * desired_length, LONGEST_LINE * desired_length)
-
     shift = limited(shift, limit)
-    wanted = wp.vec4(centre[0] + shift[0], centre[1] + shift[1], start[2] + turn, length)
     straightness = lines.straightness[kind]
     if straightness >= 0.0:
         # What the shift and the turn leave of the moves across the axis bends it; part of every bend is taken back.
         spin = turn * half
         for j in range(begin, end):
             node = nearest_node(charge_position[j], mesh)
-            move = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
-            rest = wp.dot(move - shift, across) - spin * bodies.place[j]
-            bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -0.25 * length, 0.25 * length)
+            pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
+            rest = wp.dot(pull - shift, across) - spin * bodies.place[j]
+            bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -0.25 * start[3], 0.25 * start[3])
         # Whatever of the bends is a shift or a turn belongs to the pose.
         mean = float(0.0)
         slope = float(0.0)
@@ -412,22 +447,100 @@ def move_lines(
             slope += bodies.charge[j] * bodies.place[j] * bend[j] / inertia
         for j in range(begin, end):
             bend[j] = bend[j] - mean - slope * bodies.place[j]
+    new = wp.vec4(shift[0], shift[1], turn, growth) / WEIGHING_SHARE
+    changed = move[i] - new
+    way = displacement[i]
+    move[i] = new
+    change[i] = changed
+    # The mean square of the ways of its charges.
+    weight = total / step_length[group_base + middle]
+    of_turn = inertia / total * half * half
+    of_stretch = 0.25 * inertia / total
+    metric = wp.vec4(1.0, 1.0, of_turn, of_stretch)
+    add_products(sums, part, i, weight * metric, way, changed, new)
+    squared_move = wp.dot(wp.cw_mul(metric, new), new)
+    squared_way = wp.dot(wp.cw_mul(metric, way), way)
+    add(sums, part, UNSETTLED, i, unsettled(squared_move, squared_way, limit, in_contact))
+    add(sums, part, LENGTHS + kind, i, start[3] / desired_length)
+
+
+@wp.kernel
+def move_dots(
+    first: int,
+    direction: wp.array(dtype=float),
+    bodies: Bodies,
+    step_limit: wp.array(dtype=float),
+    mesh: Mesh,
+    images: Images,
+    domain: wp.vec2,
+    move: wp.array(dtype=wp.vec4),
+    change: wp.array(dtype=wp.vec4),
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+    displacement: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
+):
+    """Move every dot in the direction that :func:`decide_direction` found; it never enters empty pixels."""
+    i = first + wp.tid()
+    if bodies.line[i] >= 0:
+        return
+    old = wp.vec2(pose[i][0], pose[i][1])
+    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
+    wanted = old + limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(old, mesh)])
+    new = slide(old, wanted, bodies.class_index[i], images, domain, mesh.periodic)
+    way = shortest(new - old, domain, mesh.periodic)
+    pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
+    displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
+    charge_position[bodies.first_charge[i]] = new
+
+
+@wp.kernel
+def move_lines(
+    first: int,
+    direction: wp.array(dtype=float),
+    bodies: Bodies,
+    lines: Lines,
+    step_limit: wp.array(dtype=float),
+    mesh: Mesh,
+    images: Images,
+    domain: wp.vec2,
+    move: wp.array(dtype=wp.vec4),
+    change: wp.array(dtype=wp.vec4),
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+    bend: wp.array(dtype=float),
+    displacement: wp.array(dtype=wp.vec4),
+):
+    """Move every line in the direction that :func:`decide_direction` found; its charges never enter empty pixels."""
+    i = first + wp.tid()
+    kind = bodies.line[i]
+    if kind < 0:
+        return
+    old = pose[i]
+    k = bodies.class_index[i]
+    begin = bodies.first_charge[i]
+    end = bodies.first_charge[i + 1]
+    centre = wp.vec2(old[0], old[1])
+    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
+    shift = limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(centre, mesh)])
+    turn = wp.clamp(d[2], -LARGEST_TURN, LARGEST_TURN)
+    desired_length = lines.length[
+        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], domain)
+    ]
+    length = wp.clamp(old[3] + d[3], SHORTEST_LINE * desired_length, LONGEST_LINE * desired_length)
+    wanted = wp.vec4(old[0] + shift[0], old[1] + shift[1], old[2] + turn, length)
     line = confine(old, wanted, begin, end, bodies, bend, k, images, domain, mesh.periodic)
-    if straightness >= 0.0 and way_back(line, begin, end, bodies, bend, k, images, domain, mesh.periodic)[2] != 0.0:
+    if (
+        lines.straightness[kind] >= 0.0
+        and way_back(line, begin, end, bodies, bend, k, images, domain, mesh.periodic)[2] != 0.0
+    ):
         # The old pose with a new bend: straight, a line always fits where it stood.
         for j in range(begin, end):
             bend[j] = 0.0
     new_centre = stay_inside(wp.vec2(line[0], line[1]), domain, mesh.periodic)
-    way = shortest(new_centre - wp.vec2(old[0], old[1]), domain, mesh.periodic)
-    turned = line[2] - old[2]
-    grown = line[3] - old[3]
+    way = shortest(new_centre - centre, domain, mesh.periodic)
     pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
-    displacement[i] = wp.vec4(way[0], way[1], turned, grown)
-    work = wp.dot(force, way) + torque * half * turned + 0.5 * tension * grown
-    squared = wp.length_sq(way) + half * half * turned * turned + 0.25 * grown * grown
-    add(sums, part, UPHILL, i, -work)
-    add(sums, part, MOVED, i, squared / (4.0 * limit * limit))
-    add(sums, part, LENGTHS + kind, i, line[3] / desired_length)
+    displacement[i] = wp.vec4(way[0], way[1], line[2] - old[2], line[3] - old[3])
 
 
 @wp.kernel
@@ -446,30 +559,51 @@ def add_up(
     wp.atomic_add(totals, i * SLOTS_AT_ONCE / SLOTS, total)
 
 
+@wp.func
+def sum_of(totals: wp.array(dtype=wp.int64), kind: int):
+    return wp.float64(totals[kind]) / wp.float64(SUM_SCALE)
+
+
 @wp.kernel
-def decide_momentum(
+def decide_direction(
     first: int,
     totals: wp.array(dtype=wp.int64),
     kind_count: int,
     line_count: wp.array(dtype=float),
     pressed: wp.array(dtype=float),
     # outputs
-    state: wp.array(dtype=float),
+    direction: wp.array(dtype=float),
     length_factor: wp.array(dtype=float),
 ):
-    """Nesterov's momentum, restarted where it points uphill (O'Donoghue and Candes), and what makes up for compressed lines.
+    """The direction of memoryless BFGS (Shanno, 1978), and what makes up for compressed lines.
 
-    ``state`` is (t, momentum, squared displacement over squared spacing, summed over the bodies).
+    With the last displacement s, the moves m and what they changed by, y, it is
+    g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
+    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings.
     """
-    state[2] = float(totals[MOVED]) / SUM_SCALE
-    t = state[0]
-    if totals[UPHILL] > wp.int64(0):
-        t = 1.0
-    following = 0.5 * (1.0 + wp.sqrt(1.0 + 4.0 * t * t))
-    state[1] = (t - 1.0) / following
-    state[0] = following
+    sy = sum_of(totals, S_Y)
+    ss = sum_of(totals, S_S)
+    yy = sum_of(totals, Y_Y)
+    sm = sum_of(totals, S_M)
+    ym = sum_of(totals, Y_M)
+    of_move = wp.float64(FIRST_SHARE)
+    of_way = wp.float64(0.0)
+    of_change = wp.float64(0.0)
+    if sy > wp.float64(SMALLEST_COSINE) * wp.sqrt(ss * yy) and sy > wp.float64(0.0):
+        g = wp.clamp(wp.sqrt(ss / yy), wp.float64(SMALLEST_SHARE), wp.float64(LARGEST_SHARE))
+        way = sm / sy * (wp.float64(1.0) + g * yy / sy) - g * ym / sy
+        change = -g * sm / sy
+        # Only downhill.
+        if g * sum_of(totals, M_M) + way * sm + change * ym > wp.float64(0.0):
+            of_move = g
+            of_way = way
+            of_change = change
+    direction[0] = float(of_move)
+    direction[1] = float(of_way)
+    direction[2] = float(of_change)
+    direction[3] = float(sum_of(totals, UNSETTLED))
     for kind in range(kind_count):
-        ratio = float(totals[LENGTHS + kind]) / SUM_SCALE / wp.max(line_count[kind], 1.0)
+        ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
         # While lines still grow, what is missing is no pressure.
         if pressed[kind] > 0.0 and ratio > GROWN:
             raised = length_factor[kind] + LENGTH_GAIN * (1.0 - ratio)
@@ -477,28 +611,16 @@ def decide_momentum(
 
 
 @wp.kernel
-def look_ahead(
+def place_charges(
     first: int,
     pose: wp.array(dtype=wp.vec4),
-    displacement: wp.array(dtype=wp.vec4),
-    state: wp.array(dtype=float),
     bodies: Bodies,
     bend: wp.array(dtype=float),
     domain: wp.vec2,
     periodic: int,
     # outputs
-    ahead: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
 ):
-    """Extrapolate along the last displacement (Nesterov's momentum), and place the charges there."""
     i = first + wp.tid()
-    p = pose[i] + state[1] * displacement[i]
-    inside = stay_inside(wp.vec2(p[0], p[1]), domain, periodic)
-    extrapolated = wp.vec4(inside[0], inside[1], p[2], wp.max(p[3], 0.0))
-    ahead[i] = extrapolated
-    begin = bodies.first_charge[i]
-    if bodies.line[i] < 0:
-        charge_position[begin] = inside
-        return
-    for j in range(begin, bodies.first_charge[i + 1]):
-        charge_position[j] = stay_inside(charge_at(extrapolated, bodies.place[j], bend[j]), domain, periodic)
+    for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
+        charge_position[j] = stay_inside(charge_at(pose[i], bodies.place[j], bend[j]), domain, periodic)

@@ -1,8 +1,9 @@
 """solve(): from a problem to a placement.
 
 The bodies descend the energy 1/2 sum M[g, h] <rho_g - u_g, K (rho_h - u_h)>. Where the density is low the energy is flat, so
-every body's step is the inverse of its local curvature, 2 pi sum_h M[g, h] u_h, and Nesterov's momentum, restarted whenever
-it points uphill (O'Donoghue and Candes, 2015, the gradient scheme), speeds up the slow modes that span the domain.
+what the forces ask for is measured in the inverse of the local curvature, 2 pi sum_h M[g, h] u_h; and what the last step changed
+of it tells of the slow modes (memoryless BFGS; of the optimisers tried the one that needs the fewest evaluations of the forces,
+half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 """
 
 from __future__ import annotations
@@ -36,17 +37,14 @@ from .target_deposit import mix_images
 
 __all__ = ["Progress", "solve"]
 
-# Step over inverse curvature (measured: 0.25 to 0.7 end within 5 % of each other, the larger the better).
-RELAXATION = 0.5
 # No body moves further in a step than this share of the local spacing.
 STEP_LIMIT = 0.5
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite.
 SMALLEST_DENSITY = 2e-3
-# RMS displacement over local spacing at which a run has converged: later steps change no figure of the report.
-TOLERANCE = 1e-3
-# What counts as converged where the steps run out: bodies move by a few hundredths of their spacing, the coverage error by
-# less than a tenth of its value.
-SETTLED = 0.03
+# RMS move over local spacing at which a run has converged: later steps change no figure of the report.
+TOLERANCE = 2e-4
+# What counts as converged where the steps run out: bodies want to move by less than a hundredth of their spacing.
+SETTLED = 5e-3
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
 STEPS_UNWATCHED = 10
 
@@ -58,7 +56,7 @@ class Progress:
     Attributes:
         step: Steps taken.
         steps: Steps that the run takes at most.
-        residual: RMS displacement of the last step over the local spacing; falls as the run converges.
+        residual: RMS of the moves that the forces ask for, over the local spacing; falls as the run converges.
     """
 
     step: int
@@ -76,7 +74,7 @@ def solve(
     problem: Problem,
     *,
     device: str = "auto",
-    max_steps: int = 150,
+    max_steps: int = 100,
     progress: Callable[[Progress], bool | None] | None = None,
     profile: Profile | None = None,
 ) -> Placement:
@@ -91,8 +89,8 @@ def solve(
         profile: Gets the seconds that every phase takes.
 
     Returns:
-        The placement, with exact counts and its report. ``report.converged`` is True when the last steps were small: an RMS
-        displacement below 0.03 of the local spacing.
+        The placement, with exact counts and its report. ``report.converged`` is True when the forces have little left to ask for: an
+        RMS move below 0.005 of the local spacing.
 
     Raises:
         ProblemError: The problem does not fit into memory, or ``max_steps`` is below 1.
@@ -169,8 +167,9 @@ class _Relaxation:
             pose = self.pose.numpy()
             pose[:, 2:] = self.rules.first_angle_and_length(pose[:, :2])
             self.pose = wp.array(pose, dtype=wp.vec4, device=device)
-        self.ahead = wp.clone(self.pose)
-        self.displacement = wp.zeros(self.body_count, dtype=wp.vec4, device=device)
+        self.move, self.change, self.displacement = (
+            wp.zeros(self.body_count, dtype=wp.vec4, device=device) for _ in range(3)
+        )
         self.bend = wp.zeros(self.charge_count, dtype=float, device=device)
         self.charge_position = wp.empty(self.charge_count, dtype=wp.vec2, device=device)
         self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
@@ -178,13 +177,13 @@ class _Relaxation:
         self.parts = launcher.cut(0, self.body_count)
         self.sums = wp.zeros((len(self.parts), kinds * kernels_update.SLOTS), dtype=wp.int64, device=device)
         self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
-        # t, momentum and squared displacements; see kernels_update.decide_momentum.
-        self.state = wp.array([1.0, 0.0, 0.0], dtype=float, device=device)
+        # See kernels_update.decide_direction.
+        self.direction = wp.zeros(4, dtype=float, device=device)
         self.graph: wp.Graph | None = None
         self.contact = None
         if problem.avoid_overlap or self.rules.kind_count:
             self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
-        self._look_ahead()
+        self._place_charges()
 
     def _prepare_steps(self) -> None:
         field = self.field
@@ -223,7 +222,7 @@ class _Relaxation:
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None) -> tuple[int, bool]:
         """Relax; return the steps taken and whether they converged."""
-        moved = math.inf
+        unsettled = math.inf
         step = 0
         while step < max_steps:
             # With nobody watching, a GPU need not be asked how it goes after every step.
@@ -232,16 +231,17 @@ class _Relaxation:
                 self._advance()
             step += many
             with self.launcher.phase("readback"):
-                moved = float(self.state.numpy()[2])
-            residual = math.sqrt(max(moved, 0.0) / self.body_count)
+                unsettled = float(self.direction.numpy()[3])
+            residual = math.sqrt(max(unsettled, 0.0) / self.body_count)
             if progress is not None:
                 with self.launcher.phase("progress"):
                     go_on = progress(Progress(step, max_steps, residual, self.position_in_metres))
                 if go_on is False:
                     return step, False
-            if residual < TOLERANCE:
+            # Before the second step nothing has shown yet whether contact lets bodies move.
+            if residual < TOLERANCE and step > 1:
                 return step, True
-        return max_steps, math.sqrt(max(moved, 0.0) / self.body_count) < SETTLED
+        return max_steps, math.sqrt(max(unsettled, 0.0) / self.body_count) < SETTLED
 
     def _advance(self) -> None:
         """Take one step; on a GPU all steps after the first are one recorded graph."""
@@ -256,53 +256,75 @@ class _Relaxation:
 
     def _take_step(self) -> None:
         self.field.evaluate(self.charge_position, self.field_at_charge)
-        self._move_bodies()
+        with self.launcher.phase("update"):
+            self._propose()
+            self._decide()
+            self._move()
         if self.contact is not None:
             with self.launcher.phase("contact"):
                 self.contact.push(self.pose, self.bend, self.displacement)
-        with self.launcher.phase("update"):
-            self.totals.zero_()
-            launch = self.launcher.launch
-            launch(
-                kernels_update.add_up,
-                self.sums.shape[1] // kernels_update.SLOTS_AT_ONCE,
-                [self.sums],
-                [self.totals],
+            with self.launcher.phase("update"):
+                self._place_charges()
+
+    def _propose(self) -> None:
+        """What the forces ask for, and the sums over all bodies that the direction depends on."""
+        self.sums.zero_()
+        field = [self.step_length, self.step_limit, self.field.mesh, self.domain, int(self.contact is not None)]
+        charges = [self.pose, self.charge_position, self.field_at_charge, self.bodies]
+        moves = [self.move, self.change]
+        if self.has_dots:
+            self._launch_parts(kernels_update.propose_dots, [*charges, *field, self.displacement], moves)
+        if self.rules.kind_count:
+            self._launch_parts(
+                kernels_update.propose_lines,
+                [*charges, self.rules.lines, *field, self.displacement],
+                [*moves, self.bend],
             )
-            launch(
-                kernels_update.decide_momentum,
-                1,
-                [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
-                [self.state, self.rules.lines.length_factor],
-            )
-            self._look_ahead()
 
-    def _look_ahead(self) -> None:
-        periodic = int(self.problem.domain.periodic)
-        self.launcher.launch(
-            kernels_update.look_ahead,
-            self.body_count,
-            [self.pose, self.displacement, self.state, self.bodies, self.bend, self.domain, periodic],
-            [self.ahead, self.charge_position],
-        )
-
-    def _move_bodies(self) -> None:
-        with self.launcher.phase("update"):
-            self.sums.zero_()
-            images = [self.step_length, self.step_limit, RELAXATION, self.field.mesh, self.images, self.domain]
-            charges = [self.ahead, self.charge_position, self.field_at_charge, self.bodies]
-            if self.has_dots:
-                self._move(kernels_update.move_dots, [*charges, *images], [self.pose, self.displacement])
-            if self.rules.kind_count:
-                self._move(
-                    kernels_update.move_lines,
-                    [*charges, self.rules.lines, *images],
-                    [self.pose, self.bend, self.displacement],
-                )
-
-    def _move(self, kernel: wp.Kernel, inputs: list, outputs: list[wp.array]) -> None:
+    def _launch_parts(self, kernel: wp.Kernel, inputs: list, outputs: list[wp.array]) -> None:
         parts = [(first, end, [part, *inputs]) for part, (first, end) in enumerate(self.parts)]
         self.launcher.launch_each(kernel, parts, [*outputs, self.sums])
+
+    def _decide(self) -> None:
+        self.totals.zero_()
+        self.launcher.launch(
+            kernels_update.add_up,
+            self.sums.shape[1] // kernels_update.SLOTS_AT_ONCE,
+            [self.sums],
+            [self.totals],
+        )
+        self.launcher.launch(
+            kernels_update.decide_direction,
+            1,
+            [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
+            [self.direction, self.rules.lines.length_factor],
+        )
+
+    def _move(self) -> None:
+        where = [self.step_limit, self.field.mesh, self.images, self.domain, self.move, self.change]
+        if self.has_dots:
+            self.launcher.launch(
+                kernels_update.move_dots,
+                self.body_count,
+                [self.direction, self.bodies, *where],
+                [self.pose, self.displacement, self.charge_position],
+            )
+        if self.rules.kind_count:
+            self.launcher.launch(
+                kernels_update.move_lines,
+                self.body_count,
+                [self.direction, self.bodies, self.rules.lines, *where],
+                [self.pose, self.bend, self.displacement],
+            )
+
+    def _place_charges(self) -> None:
+        """Put the charges of all bodies where these are; those of dots follow at once where there is no contact."""
+        self.launcher.launch(
+            kernels_update.place_charges,
+            self.body_count,
+            [self.pose, self.bodies, self.bend, self.domain, int(self.problem.domain.periodic)],
+            [self.charge_position],
+        )
 
     def position_in_metres(self) -> np.ndarray:
         """Body positions [m], shape ``[n, 2]``, float64, inside the domain."""

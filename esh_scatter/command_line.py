@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument(
         "--device", metavar="D", default="auto", help='"auto" (default: a GPU where there is one), "cpu" or "cuda:0"'
     )
-    solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=150, help="steps at most (default: 150)")
+    solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=100, help="steps at most (default: 100)")
     solve.add_argument("--profile", action="store_true", help="print where the time went")
     solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
     separate = commands.add_parser(

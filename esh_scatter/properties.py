@@ -434,8 +434,8 @@ class ESH_PG_scatter(PropertyGroup):
     )
     max_steps: IntProperty(
         name="Steps",
-        description="Steps taken at most. More steps spread more evenly; beyond 150 little is gained",
-        default=150,
+        description="Steps taken at most. More steps spread more evenly; beyond 100 little is gained",
+        default=100,
         min=1,
         soft_min=20,
         soft_max=500,
