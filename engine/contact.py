@@ -25,7 +25,8 @@ MOST_LEVELS = 12
 TOUCH_TOLERANCE = 1e-4
 # No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
 MOST_OVERLAPS_PER_BODY = 200
-# Rounds of pushing after every step of the relaxation, of footprints or of axes alone, and at its end, where a run of so many without progress is the last.
+# Rounds of pushing after every step of the relaxation, of footprints or of axes alone; and at its end, where a run of so many without
+# progress is the last.
 ROUNDS_PER_STEP = 2
 ROUNDS_PER_STEP_OF_AXES = 4
 LAST_ROUNDS = 2000
