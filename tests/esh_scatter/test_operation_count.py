@@ -103,4 +103,5 @@ def reading_and_writing(side, pixels, bodies):
 def test_no_vertex_pixel_or_body_is_looped_over():
     reading_and_writing(20, 16, 1000)
     few, many = reading_and_writing(20, 16, 1000), reading_and_writing(200, 160, 10_000)
-    np.testing.assert_allclose(many, few, rtol=0.05)
+    # Ten times as many: a loop would be seen, a few launches on a second thread are not meant.
+    np.testing.assert_allclose(many, few, rtol=0.3)
