@@ -76,7 +76,7 @@ def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches,
     try:
         relaxation = _Relaxation(problem_of(count, groups), launcher)
         position = np.random.default_rng(0).random((relaxation.body_count, 2)) * relaxation.size
-        points = wp.array(position.astype(np.float32), dtype=wp.vec2)
+        points = wp.array(position.astype(np.float32), dtype=wp.vec2, device="cpu")
         launcher.launches, launcher.elements = 0, 0
         relaxation.field.evaluate(points, relaxation.field_at_charge)
         print(f"{launcher.launches} launches, {launcher.elements / count:.2f} elements per body")
@@ -101,9 +101,8 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
     launcher = Launcher(resolve_device("cpu"))
     try:
         relaxation = _Relaxation(problem_of(20_000, 1), launcher)
-        points = wp.array(
-            (np.random.default_rng(0).random((20_000, 2)) * relaxation.size).astype(np.float32), dtype=wp.vec2
-        )
+        position = (np.random.default_rng(0).random((20_000, 2)) * relaxation.size).astype(np.float32)
+        points = wp.array(position, dtype=wp.vec2, device="cpu")
         sums = DirectSummation(problem_of(8192, 1), launcher, double=False)
         at = np.random.default_rng(0).random((8192, 2)) * sums.size
 
