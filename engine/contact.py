@@ -27,7 +27,7 @@ TOUCH_TOLERANCE = 1e-4
 MOST_OVERLAPS_PER_BODY = 200
 # Rounds of pushing after every step of the relaxation, of footprints or of axes alone; and at its end, where a run of so many without
 # progress is the last.
-ROUNDS_PER_STEP = 2
+ROUNDS_PER_STEP = 3
 ROUNDS_PER_STEP_OF_AXES = 4
 LAST_ROUNDS = 2000
 ROUNDS_WITHOUT_PROGRESS = 200

@@ -296,7 +296,13 @@ class _Relaxation:
         self.launcher.launch(
             kernels_update.decide_direction,
             1,
-            [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
+            [
+                self.totals,
+                self.rules.kind_count,
+                self.rules.line_count,
+                self.rules.pressed,
+                int(self.problem.avoid_overlap),
+            ],
             [self.direction, self.rules.lines.length_factor],
         )
 
