@@ -25,10 +25,8 @@ MOST_LEVELS = 12
 TOUCH_TOLERANCE = 1e-4
 # No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
 MOST_OVERLAPS_PER_BODY = 200
-# Rounds of pushing after every step of the relaxation, of footprints or of axes alone; and at its end, where a run of so many without
-# progress is the last.
-ROUNDS_PER_STEP = 3
-ROUNDS_PER_STEP_OF_AXES = 4
+# Rounds of pushing after every step of the relaxation, and at its end, where a run of so many without progress is the last.
+ROUNDS_PER_STEP = 4
 LAST_ROUNDS = 2000
 ROUNDS_WITHOUT_PROGRESS = 200
 # Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
@@ -169,7 +167,7 @@ class Contact:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""
         # What a push brings together is found in the next step.
         self._near.sort(pose)
-        for _ in range(ROUNDS_PER_STEP if self._problem.avoid_overlap else ROUNDS_PER_STEP_OF_AXES):
+        for _ in range(ROUNDS_PER_STEP):
             self._round(pose, bend, displacement)
 
     def separate(self, pose: wp.array, bend: wp.array) -> None:

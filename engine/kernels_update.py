@@ -32,8 +32,6 @@ LENGTHS = wp.constant(7)
 FIRST_SHARE = wp.constant(0.7)
 SMALLEST_SHARE = wp.constant(0.3)
 LARGEST_SHARE = wp.constant(2.0)
-# Bodies in contact cannot go where the forces ask them to, and what they learn from that is no curvature.
-LARGEST_SHARE_IN_CONTACT = wp.constant(0.7)
 # A last step whose cosine with the change of the moves is below this says nothing about the curvature.
 SMALLEST_COSINE = wp.constant(1.0e-3)
 # Times that a line is pushed back from empty pixels before its move is given up.
@@ -573,7 +571,6 @@ def decide_direction(
     kind_count: int,
     line_count: wp.array(dtype=float),
     pressed: wp.array(dtype=float),
-    in_contact: int,
     # outputs
     direction: wp.array(dtype=float),
     length_factor: wp.array(dtype=float),
@@ -593,10 +590,7 @@ def decide_direction(
     of_way = wp.float64(0.0)
     of_change = wp.float64(0.0)
     if sy > wp.float64(SMALLEST_COSINE) * wp.sqrt(ss * yy) and sy > wp.float64(0.0):
-        largest = LARGEST_SHARE
-        if in_contact != 0:
-            largest = LARGEST_SHARE_IN_CONTACT
-        g = wp.clamp(wp.sqrt(ss / yy), wp.float64(SMALLEST_SHARE), wp.float64(largest))
+        g = wp.clamp(wp.sqrt(ss / yy), wp.float64(SMALLEST_SHARE), wp.float64(LARGEST_SHARE))
         way = sm / sy * (wp.float64(1.0) + g * yy / sy) - g * ym / sy
         change = -g * sm / sy
         # Only downhill.

@@ -296,13 +296,7 @@ class _Relaxation:
         self.launcher.launch(
             kernels_update.decide_direction,
             1,
-            [
-                self.totals,
-                self.rules.kind_count,
-                self.rules.line_count,
-                self.rules.pressed,
-                int(self.problem.avoid_overlap),
-            ],
+            [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
             [self.direction, self.rules.lines.length_factor],
         )
 
