@@ -29,6 +29,7 @@ from direct_summation import DirectSummation, direct_solve
 from esh.engine.device import Launcher, resolve_device
 from esh.engine.quality import coverage_error
 from esh.engine.relaxation import _Relaxation, solve
+from quality import quality_table
 from timings import SQUARE, problem_of
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
@@ -219,6 +220,7 @@ def main() -> None:
     sections = [
         f"# Benchmark\n\n{device.name} ({device.alias}), {processor()}, {cores} cores used, {platform.machine()}; "
         f"medians of {options.repeat}.",
+        "## Quality\n\n" + "\n".join(quality_table(device.alias)),
         "## Whole runs\n\n" + "\n".join(whole_runs(entries, options.bodies, device.is_cuda)),
         "## Against direct summation\n\n" + "\n".join(against_direct(launcher, direct, options.repeat)),
         "## One evaluation of the forces\n\n"

@@ -27,7 +27,7 @@ from esh.engine.device import Launcher, resolve_device
 from esh.engine.problem import BodyClass, Domain, Line, Problem, Size
 from esh.engine.quality import coverage_error
 from esh.engine.relaxation import STEP_LIMIT, _Relaxation
-from quality_and_speed import photograph
+from quality import photograph
 from scipy.ndimage import minimum_filter
 
 SQUARE = Domain((64.0, 64.0))

@@ -1,19 +1,13 @@
-"""Measure quality and speed on one device and print them as Markdown tables, for the README.
+"""How even placements are, beside those of the paper's scheme, as a Markdown table.
 
-    python benchmarks/quality_and_speed.py --device cpu --bodies 10000 100000
-
-Times are medians of ``--repeat`` warm runs of ``solve`` with its report, in one process.
+python benchmarks/quality.py --device cpu
 """
 
 from __future__ import annotations
 
 import argparse
-import platform
-import statistics
-import time
 
 import numpy as np
-from esh.engine.device import resolve_device
 from esh.engine.placement import Placement
 from esh.engine.problem import Balance, BodyClass, Domain, Problem, Size
 from esh.engine.quality import HEXAGONAL_SPACING, coverage_error
@@ -73,10 +67,12 @@ def nearest_distance(placement: Placement, chosen: object) -> str:
     return f"{distance.min():.2f} / {distance.mean():.2f}"
 
 
-def print_quality(device: str) -> None:
+def quality_table(device: str) -> list[str]:
     """Coverage errors, each with the direct sum's in brackets."""
-    print("| case | part | steps | k = 0.5 | k = 1 | k = 2 | smallest / mean spacing |")
-    print("|---|---|---|---|---|---|---|")
+    lines = [
+        "| case | part | steps | k = 0.5 | k = 1 | k = 2 | smallest / mean spacing |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for name, problem, parts in quality_cases():
         placement = solve(problem, device=device)
         for part, choose, image, reference in parts:
@@ -88,50 +84,16 @@ def print_quality(device: str) -> None:
             # Spacing means something where all bodies are alike and the density is uniform.
             alike = image is UNIFORM and np.ptp(placement.area[chosen]) == 0.0
             spacing = nearest_distance(placement, chosen) if alike else "-"
-            print(f"| {name} | {part} | {placement.report.steps} | {' | '.join(cells)} | {spacing} |")
-
-
-def speed_problem(count: int, groups: int) -> Problem:
-    """One group; or classes with two sizes each. A third of the space is covered."""
-    area = SQUARE.area / count / 3.0
-    if groups == 1:
-        return Problem(SQUARE, [BodyClass("a", [Size("s", area, count)])])
-    each = count // groups
-    sizes = [Size("s", 0.5 * area, each), Size("l", 1.5 * area, each)]
-    return Problem(SQUARE, [BodyClass(f"class {c}", sizes) for c in range(groups // 2)])
-
-
-def print_speed(device: str, counts: list[int], repeat: int) -> None:
-    """Seconds of whole runs, one group / six groups."""
-    print("| bodies | one group | six groups | coverage error (k = 1) | steps |")
-    print("|---|---|---|---|---|")
-    for count in counts:
-        cells = []
-        for groups in (1, 6):
-            problem = speed_problem(count, groups)
-            solve(problem, device=device, max_steps=2)
-            seconds = []
-            for _ in range(repeat):
-                start = time.perf_counter()
-                placement = solve(problem, device=device)
-                seconds.append(time.perf_counter() - start)
-            cells.append((statistics.median(seconds), placement.report))
-        (one, report), (six, _) = cells
-        print(f"| {count:,} | {one:.2f} s | {six:.2f} s | {report.coverage_error:.4f} | {report.steps} |", flush=True)
+            lines.append(f"| {name} | {part} | {placement.report.steps} | {' | '.join(cells)} | {spacing} |")
+    return lines
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", default="auto")
-    parser.add_argument("--bodies", type=int, nargs="*", default=[10_000, 100_000])
-    parser.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()
-    device = resolve_device(options.device)
-    print(f"Device: {device.name} ({device.alias}), {platform.machine()}\n")
-    print_quality(device.alias)
-    print()
-    print_speed(device.alias, options.bodies, options.repeat)
+    print("\n".join(quality_table(options.device)))
 
 
 if __name__ == "__main__":
