@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import warp as wp
 
 from . import kernels_influence
 from .convolution import Convolution
 from .mesh_layout import MeshLayout
 
-__all__ = ["open_influence", "smoothed_influence"]
+__all__ = ["open_influence", "product_influence", "smoothed_influence"]
 
 
 def smoothed_influence(
@@ -26,7 +27,7 @@ def smoothed_influence(
         at_zero: The transform of the kernel at k = 0.
     """
     launcher = convolution.launcher
-    waves = _waves(convolution, layout, 1.0 / layout.node_area)
+    waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
     influence = wp.zeros(convolution.influence_size, dtype=float, device=launcher.device)
     launcher.launch(
         kernels_influence.transform_of_smoothed,
@@ -56,22 +57,35 @@ def open_influence(convolution: Convolution, layout: MeshLayout, split: float) -
         [quarter],
     )
     influence = convolution.influence_of(quarter)
-    waves = _waves(convolution, layout, 1.0)
+    waves = _waves_of(convolution, layout, 1.0)
     launcher.launch(kernels_influence.multiply_window, waves.count_x * waves.count_y, [waves], [influence])
     return influence
 
 
-def _waves(convolution: Convolution, layout: MeshLayout, scale: float) -> kernels_influence.Waves:
-    rows, columns = layout.padded
+def product_influence(convolution: Convolution, along_y: np.ndarray, along_x: np.ndarray) -> wp.array:
+    """Influence function that is the product of one along y, shape ``[padded rows // 2 + 1]``, and one along x."""
+    launcher = convolution.launcher
+    waves = _waves(convolution, along_y, along_x)
+    influence = wp.full(convolution.influence_size, 1.0, dtype=float, device=launcher.device)
+    launcher.launch(kernels_influence.multiply_window, waves.count_x * waves.count_y, [waves], [influence])
+    return influence
+
+
+def _waves_of(convolution: Convolution, layout: MeshLayout, scale: float) -> kernels_influence.Waves:
     window_y, window_x = layout.windows()
+    waves = _waves(convolution, window_y * scale, window_x)
+    waves.step_y, waves.step_x = (
+        2.0 * math.pi / count / spacing for count, spacing in zip(layout.padded, layout.spacing[::-1], strict=True)
+    )
+    return waves
+
+
+def _waves(convolution: Convolution, window_y: np.ndarray, window_x: np.ndarray) -> kernels_influence.Waves:
     device = convolution.launcher.device
     waves = kernels_influence.Waves()
-    waves.count_y, waves.count_x = convolution.influence_rows, columns // 2 + 1
-    waves.step_y, waves.step_x = (
-        2.0 * math.pi / count / spacing for count, spacing in ((rows, layout.spacing[1]), (columns, layout.spacing[0]))
-    )
+    waves.count_y, waves.count_x = convolution.influence_rows, convolution.padded[1] // 2 + 1
     waves.stride_y, waves.stride_x = convolution.influence_strides
-    waves.period_y = rows
+    waves.period_y = convolution.padded[0]
     waves.window_x = wp.array(window_x, dtype=wp.float64, device=device)
-    waves.window_y = wp.array(window_y * scale, dtype=wp.float64, device=device)
+    waves.window_y = wp.array(window_y, dtype=wp.float64, device=device)
     return waves

@@ -50,6 +50,48 @@ def deposit_clouds(
 
 
 @wp.kernel
+def add_clouds(
+    first: int,
+    grid: wp.array(dtype=wp.int64),
+    start: int,
+    factor: float,
+    # outputs
+    result: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    result[i] = result[i] + factor * float(grid[start + i])
+
+
+@wp.kernel
+def add_shares(
+    first: int,
+    share: wp.array(dtype=float),
+    factor: float,
+    # outputs
+    result: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    result[i] = result[i] + factor * share[i]
+
+
+@wp.kernel
+def sum_squares(
+    first: int,
+    grid: wp.array(dtype=float),
+    columns: int,
+    # outputs
+    squares: wp.array(dtype=wp.float64),
+):
+    """Sum of the squares of every row."""
+    row = first + wp.tid()
+    total = wp.float64(0.0)
+    for column in range(columns):
+        value = wp.float64(grid[row * columns + column])
+        total += value * value
+    squares[row] = total
+
+
+@wp.kernel
 def find_number_density(
     first: int,
     pose: wp.array(dtype=wp.vec4),

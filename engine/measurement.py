@@ -12,7 +12,7 @@ from .device import Launcher
 from .full_pixels import images_for_kernels
 from .placement import Placement
 from .problem import Problem
-from .quality import MeasuredBodies, charge_grids, coverage_error_of_grid, measured_bodies, smallest_distance
+from .quality import Coverage, MeasuredBodies, measured_bodies, smallest_distance
 from .report import ClassReport, Report, SizeReport
 
 __all__ = ["measure", "survey"]
@@ -43,17 +43,16 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     has_lines = bool((placement.width > 0.0).any())
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
-    grids = charge_grids(bodies, area, class_index, len(problem.classes))
+    coverage = Coverage(bodies, area, class_index, len(problem.classes))
     charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
     targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
     counts = [c.body_count for c in problem.classes]
     errors = [
-        coverage_error_of_grid(grid, [target], domain, count)
-        for grid, target, count in zip(grids, targets, counts, strict=True)
+        coverage.error([i], [target], count) for i, (target, count) in enumerate(zip(targets, counts, strict=True))
     ]
     whole = errors[0]
     if len(errors) > 1:
-        whole = coverage_error_of_grid(grids.sum(axis=0), targets, domain, sum(counts))
+        whole = coverage.error(range(len(errors)), targets, sum(counts))
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     if covered > 1.0:

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
 from . import kernels_cells, kernels_quality
-from .density import box_integrals
+from .convolution import Convolution, good_length
 from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher, resolve_device
+from .influence import product_influence
 from .problem import Domain
+from .target_deposit import integrate_boxes
 
 __all__ = [
+    "Coverage",
     "MeasuredBodies",
-    "charge_grids",
     "coverage_error",
-    "coverage_error_of_grid",
     "measured_bodies",
     "smallest_distance",
     "smallest_spacing",
 ]
 
-# Cells along the longer side of the domain, on which charge and target are compared.
+# Cells along the longer side of the domain, on which charge and target are compared: so many, or so many for each mean spacing,
+# below which what is left is the pattern of the cells, but never more than at most.
 COVERAGE_CELLS = 512
+CELLS_PER_SPACING = 4.0
+MOST_CELLS = 4096
+# A Gaussian has fallen to 1e-8 of its height here.
+REACH_OVER_SIGMA = 6.0
 # A hexagonal lattice of number density 1 has this distance of neighbours.
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
 # An image's density, and the charge that its integral stands for.
@@ -84,10 +91,9 @@ def coverage_error(
 ) -> float:
     """Return how far the blurred charge is from the blurred target: RMS of the difference over the mean of the target.
 
-    Charges are deposited by cloud-in-cell on a grid of square cells, 512 along the longer side, and blurred, as the target
-    is, by a Gaussian of standard deviation ``k * sqrt(domain.area / n)``: with zeros outside an open domain, wrapped in a
-    periodic one. Independent random points score 0.31 at k = 1. Above some 16,000 bodies a cell is wider than a quarter of their
-    spacing, and what a narrow blur leaves is partly the pattern of both.
+    Charges are deposited by cloud-in-cell on a grid of square cells and blurred, as the target is, by a Gaussian of standard
+    deviation ``k * sqrt(domain.area / n)``: with zeros outside an open domain, wrapped in a periodic one. The grid has 512 cells
+    along the longer side, or four for each mean spacing, but at most 4,096. Independent random points score 0.31 at k = 1.
 
     Args:
         position: Body positions [m], shape ``[n, 2]``.
@@ -96,55 +102,102 @@ def coverage_error(
         domain: The domain.
         k: Width of the blur in mean spacings.
     """
-    parts = image if isinstance(image, list) else [(image, 1.0)]
     launcher = Launcher(resolve_device("cpu"))
     try:
         bodies = measured_bodies(launcher, domain, position)
-        grid = charge_grids(bodies, charge, np.zeros(len(position), dtype=np.int32), 1)[0]
+        compared = Coverage(bodies, charge, np.zeros(len(position), dtype=np.int32), 1)
+        return compared.error([0], image if isinstance(image, list) else [(image, 1.0)], len(position), k)
     finally:
         launcher.close()
-    return coverage_error_of_grid(grid, parts, domain, len(position), k)
 
 
-def charge_grids(bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray, classes: int) -> np.ndarray:
-    """Deposit the charges of every class by cloud-in-cell, shape ``[classes, rows, columns]``, float64, row 0 at the bottom.
+class Coverage:
+    """Charges on a grid, to be compared with targets.
 
-    Charge within half a cell of an open edge stays inside: the domain ends there.
+    Args:
+        bodies: The bodies.
+        charge: Their charges, shape ``[n]``.
+        class_index: Their classes, shape ``[n]``.
+        class_count: Number of classes.
     """
-    launcher, domain = bodies.launcher, bodies.domain
-    cell = max(domain.size) / COVERAGE_CELLS
-    columns, rows = (max(1, round(length / cell)) for length in domain.size)
-    device = launcher.device
-    mean = float(charge.mean())
-    grid = wp.zeros(classes * rows * columns, dtype=wp.int64, device=device)
-    # One range: two threads of a CPU must not add to one cell at once.
-    launcher.launch_ranges(
-        kernels_quality.deposit_clouds,
-        [(0, bodies.count)],
-        [
-            bodies.pose,
-            wp.array((charge / mean).astype(np.float32), dtype=float, device=device),
-            wp.array(class_index, dtype=wp.int32, device=device),
-            rows,
-            columns,
-            wp.vec2(*bodies.size),
-            int(domain.periodic),
-        ],
-        [grid],
-    )
-    return grid.numpy().reshape(classes, rows, columns) * (mean / kernels_quality.CLOUD_SCALE)
+
+    def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray, class_count: int) -> None:
+        self.launcher, self.domain = bodies.launcher, bodies.domain
+        self._total = np.bincount(class_index, weights=charge, minlength=class_count)
+        longer = max(self.domain.size)
+        wanted = CELLS_PER_SPACING * longer / bodies.unit
+        cell = longer / min(max(COVERAGE_CELLS, math.ceil(wanted)), MOST_CELLS)
+        columns, rows = (max(1, round(length / cell)) for length in self.domain.size)
+        if self.domain.periodic:
+            # What wraps is as long as its transform.
+            rows, columns = (good_length(n, power_of_two=self.launcher.device.is_cuda) for n in (rows, columns))
+        self.shape = (rows, columns)
+        device = self.launcher.device
+        mean = float(charge.mean())
+        self._unit = mean / kernels_quality.CLOUD_SCALE
+        self._grid = wp.zeros(class_count * rows * columns, dtype=wp.int64, device=device)
+        # One range: two threads of a CPU must not add to one cell at once.
+        self.launcher.launch_ranges(
+            kernels_quality.deposit_clouds,
+            [(0, bodies.count)],
+            [
+                bodies.pose,
+                wp.array((charge / mean).astype(np.float32), dtype=float, device=device),
+                wp.array(class_index, dtype=wp.int32, device=device),
+                rows,
+                columns,
+                wp.vec2(*bodies.size),
+                int(self.domain.periodic),
+            ],
+            [self._grid],
+        )
+
+    def error(self, classes: Sequence[int], targets: Sequence[Target], count: int, k: float = 1.0) -> float:
+        """:func:`coverage_error` of some classes together, of ``count`` bodies, beside what their targets add up to."""
+        launcher, domain = self.launcher, self.domain
+        rows, columns = self.shape
+        sigma = [
+            k * math.sqrt(domain.area / count) / length * n
+            for length, n in zip(domain.size[::-1], self.shape, strict=True)
+        ]
+        # Rows are transformed in pairs.
+        shape = (rows + rows % 2, columns)
+        padded = shape
+        if not domain.periodic:
+            reach = [min(n, math.ceil(REACH_OVER_SIGMA * s)) for n, s in zip(shape, sigma, strict=True)]
+            on_gpu = launcher.device.is_cuda
+            padded_rows, padded_columns = (
+                good_length(n + r, power_of_two=on_gpu) for n, r in zip(shape, reach, strict=True)
+            )
+            padded = (padded_rows, padded_columns)
+        convolution = Convolution(launcher, shape, padded)
+        along_y, along_x = (_gaussian_transform(n, s) for n, s in zip(padded, sigma, strict=True))
+        influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
+
+        difference = wp.zeros(shape[0] * shape[1], dtype=float, device=launcher.device)
+        mean = float(self._total[list(classes)].sum()) / (rows * columns)
+        for one in classes:
+            start = one * rows * columns
+            launcher.launch(
+                kernels_quality.add_clouds, rows * columns, [self._grid, start, self._unit / mean], [difference]
+            )
+        weights = sum(weight for _, weight in targets)
+        for image, weight in targets:
+            share = integrate_boxes(launcher, image, self.shape)
+            factor = -rows * columns * weight / weights
+            launcher.launch(kernels_quality.add_shares, rows * columns, [share, factor], [difference])
+        convolution.apply(influence, difference)
+        squares = wp.empty(rows, dtype=wp.float64, device=launcher.device)
+        launcher.launch(kernels_quality.sum_squares, rows, [difference, columns], [squares])
+        return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
 
 
-def coverage_error_of_grid(
-    grid: np.ndarray, targets: list[Target], domain: Domain, count: int, k: float = 1.0
-) -> float:
-    """See :func:`coverage_error`: the same for ``count`` bodies that are deposited on a grid of ``rows * columns`` cells."""
-    rows, columns = grid.shape
-    target = np.sum([weight * box_integrals(image, (rows, columns)) for image, weight in targets], axis=0)
-    target *= grid.sum() / target.sum()
-    sigma = k * math.sqrt(domain.area / count)
-    blurred = _blur(grid - target, sigma * columns / domain.size[0], sigma * rows / domain.size[1], domain.periodic)
-    return float(np.sqrt(np.mean(blurred**2)) / target.mean())
+def _gaussian_transform(count: int, sigma: float) -> np.ndarray:
+    """Transform of a Gaussian of sum 1, sampled and wrapped, shape ``[count // 2 + 1]``."""
+    periods = math.ceil(9.0 * sigma / count)
+    shifts = count * np.arange(-periods - 1, periods + 1)
+    weight = np.exp(-0.5 * ((np.arange(count) + shifts[:, None]) / sigma) ** 2).sum(axis=0)
+    return np.fft.rfft(weight / weight.sum()).real
 
 
 def smallest_spacing(
@@ -199,22 +252,3 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
     )
     smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
     return smallest if smallest < 1e3 else None
-
-
-def _blur(grid: np.ndarray, sigma_x: float, sigma_y: float, periodic: bool) -> np.ndarray:
-    """Convolve with a Gaussian given in cells, with zeros outside an open domain."""
-    along_y, along_x = (
-        _gaussian_matrix(n, sigma, periodic) for n, sigma in zip(grid.shape, (sigma_y, sigma_x), strict=True)
-    )
-    return along_y @ grid @ along_x
-
-
-def _gaussian_matrix(n: int, sigma: float, periodic: bool) -> np.ndarray:
-    """Weights of n cells in each other's blur, shape ``[n, n]``, symmetric."""
-    distance = np.arange(n)
-    periods = math.ceil(6.0 * sigma / n)
-    shifts = n * np.arange(-periods - 1, periods + 1) if periodic else np.zeros(1)
-    weight = np.exp(-0.5 * ((distance + shifts[:, None]) / sigma) ** 2).sum(axis=0)
-    reach = np.arange(1, math.ceil(9.0 * sigma) + 1)
-    weight = weight / (1.0 + 2.0 * np.exp(-0.5 * (reach / sigma) ** 2).sum())
-    return weight[np.abs(distance[:, None] - distance[None, :])]

@@ -25,14 +25,49 @@ def test_independent_points_score_as_they_should(boundary):
     assert np.mean(scores) == pytest.approx(0.282 if boundary == "periodic" else 0.29, rel=0.12)
 
 
-def test_blur_equals_scipys():
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize(("size", "k"), [((3.0, 2.0), 1.0), ((3.0, 2.0), 0.4), ((1.0, 40.0), 2.0)])
+def test_equals_what_scipys_blur_gives(boundary, size, k):
+    """The definition written out: clouds in cells, the target's integrals, a Gaussian with zeros outside or wrapped, the RMS."""
     ndimage = pytest.importorskip("scipy.ndimage")
-    from esh.engine.quality import _blur
+    from esh.engine.convolution import good_length
+    from esh.engine.density import box_integrals
 
-    grid = np.random.default_rng(0).random((60, 90))
-    for periodic, mode in ((False, "constant"), (True, "wrap")):
-        expected = ndimage.gaussian_filter(grid, (3.0, 4.5), mode=mode, truncate=8.0)
-        np.testing.assert_allclose(_blur(grid, 4.5, 3.0, periodic), expected, atol=1e-6)
+    domain = Domain(size, boundary)
+    rng = np.random.default_rng(0)
+    image = rng.random((3, 5)) + 0.1
+    position, charge = rng.random((300, 2)) * size, rng.random(300) + 0.5
+    cell = max(size) / 512
+    columns, rows = (round(length / cell) for length in size)
+    if boundary == "periodic":
+        rows, columns = good_length(rows), good_length(columns)
+    grid = np.zeros((rows, columns))
+    u, v = position[:, 0] / size[0] * columns - 0.5, position[:, 1] / size[1] * rows - 0.5
+    for dy in (0, 1):
+        for dx in (0, 1):
+            c, r = np.floor(u).astype(int) + dx, np.floor(v).astype(int) + dy
+            weight = charge * (1 - np.abs(u - c)) * (1 - np.abs(v - r))
+            if boundary == "periodic":
+                np.add.at(grid, (r % rows, c % columns), weight)
+            else:
+                np.add.at(grid, (np.clip(r, 0, rows - 1), np.clip(c, 0, columns - 1)), weight)
+    difference = grid - charge.sum() * box_integrals(image, (rows, columns))
+    sigma = k * np.sqrt(domain.area / 300)
+    blurred = ndimage.gaussian_filter(
+        difference,
+        (sigma / size[1] * rows, sigma / size[0] * columns),
+        mode="constant" if boundary == "open" else "wrap",
+        truncate=9.0,
+    )
+    expected = np.sqrt(np.mean(blurred**2)) / (charge.sum() / grid.size)
+    assert coverage_error(position, charge, image, domain, k) == pytest.approx(expected, rel=2e-4)
+
+
+def test_the_grid_is_fine_enough_for_many_bodies():
+    """A lattice whose spacing is no multiple of the cells: on 512 of them their own pattern would be thrice as strong."""
+    side = 300
+    lattice = np.stack(np.meshgrid(np.arange(side) + 0.5, np.arange(side) + 0.5), -1).reshape(-1, 2) / side
+    assert coverage_error(lattice, np.ones(side**2), UNIFORM, Domain((1.0, 1.0), "periodic")) < 4e-3
 
 
 def test_a_lattice_covers_better_than_random_points():
