@@ -17,7 +17,7 @@ from esh.engine.problem import BodyClass, Domain, Problem, Size
 from esh.engine.relaxation import _Relaxation, solve
 
 # An evaluation for 20,000 bodies beside a direct float32 sum over 8,192; its noise is said at the test.
-MEASURED_RATIO = 1.97
+MEASURED_RATIO = 0.66
 # Above the noise, and below the fifth that is to be seen.
 SLACK = 1.12
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
@@ -47,7 +47,7 @@ def operations(count, groups):
 
 # Operations per body when this was written, which do not scatter.
 @pytest.mark.parametrize(
-    ("count", "groups", "budget"), [(10_000, 1, 6460), (10_000, 6, 12360), (100_000, 1, 6890), (100_000, 6, 11830)]
+    ("count", "groups", "budget"), [(10_000, 1, 4160), (10_000, 6, 8400), (100_000, 1, 3980), (100_000, 6, 9470)]
 )
 def test_an_evaluation_takes_no_more_operations_than_it_did(count, groups, budget):
     assert operations(count, groups) <= 1.1 * budget
@@ -93,7 +93,7 @@ def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():
 
 
 def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypatch):
-    """Noise: 1.92 to 1.98 on two cores beside one other process, 2.00 to 2.04 beside three, 1.85 on one core."""
+    """Noise: 0.64 to 0.66 on two idle cores, 0.56 to 0.60 beside one or two other processes, 0.51 on one core."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     monkeypatch.delitem(sys.modules, "direct_summation", raising=False)
     from direct_summation import DirectSummation
