@@ -21,6 +21,7 @@ def deposit_clouds(
     pose: wp.array(dtype=wp.vec4),
     charge: wp.array(dtype=float),
     class_index: wp.array(dtype=wp.int32),
+    one: int,
     rows: int,
     columns: int,
     domain: wp.vec2,
@@ -28,13 +29,14 @@ def deposit_clouds(
     # outputs
     grid: wp.array(dtype=wp.int64),
 ):
-    """Share every charge among the four nearest cells of its class's grid."""
+    """Share every charge of class ``one`` (or, below 0, of all classes) among the four nearest cells."""
     i = first + wp.tid()
+    if one >= 0 and class_index[i] != one:
+        return
     u = pose[i][0] / domain[0] * float(columns) - 0.5
     v = pose[i][1] / domain[1] * float(rows) - 0.5
     left = int(wp.floor(u))
     low = int(wp.floor(v))
-    base = class_index[i] * rows * columns
     for b in range(2):
         row = low + b
         weight_y = 1.0 - wp.abs(v - float(row))
@@ -46,20 +48,19 @@ def deposit_clouds(
             if periodic != 0:
                 r = wrap(row, rows)
                 c = wrap(column, columns)
-            wp.atomic_add(grid, base + r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
+            wp.atomic_add(grid, r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
 
 
 @wp.kernel
 def add_clouds(
     first: int,
     grid: wp.array(dtype=wp.int64),
-    start: int,
     factor: float,
     # outputs
     result: wp.array(dtype=float),
 ):
     i = first + wp.tid()
-    result[i] = result[i] + factor * float(grid[start + i])
+    result[i] = result[i] + factor * float(grid[i])
 
 
 @wp.kernel

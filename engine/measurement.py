@@ -43,16 +43,11 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     has_lines = bool((placement.width > 0.0).any())
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
-    coverage = Coverage(bodies, area, class_index, len(problem.classes))
+    coverage = Coverage(bodies, area, class_index)
     charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
     targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
-    counts = [c.body_count for c in problem.classes]
-    errors = [
-        coverage.error([i], [target], count) for i, (target, count) in enumerate(zip(targets, counts, strict=True))
-    ]
-    whole = errors[0]
-    if len(errors) > 1:
-        whole = coverage.error(range(len(errors)), targets, sum(counts))
+    errors = [coverage.error([target], one) for one, target in enumerate(targets)]
+    whole = coverage.error(targets) if len(errors) > 1 else errors[0]
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     if covered > 1.0:

@@ -105,8 +105,8 @@ def coverage_error(
     launcher = Launcher(resolve_device("cpu"))
     try:
         bodies = measured_bodies(launcher, domain, position)
-        compared = Coverage(bodies, charge, np.zeros(len(position), dtype=np.int32), 1)
-        return compared.error([0], image if isinstance(image, list) else [(image, 1.0)], len(position), k)
+        compared = Coverage(bodies, charge, np.zeros(len(position), dtype=np.int32))
+        return compared.error(image if isinstance(image, list) else [(image, 1.0)], k=k)
     finally:
         launcher.close()
 
@@ -118,12 +118,13 @@ class Coverage:
         bodies: The bodies.
         charge: Their charges, shape ``[n]``.
         class_index: Their classes, shape ``[n]``.
-        class_count: Number of classes.
     """
 
-    def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray, class_count: int) -> None:
+    def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray) -> None:
         self.launcher, self.domain = bodies.launcher, bodies.domain
-        self._total = np.bincount(class_index, weights=charge, minlength=class_count)
+        self._bodies = bodies
+        self._total = np.bincount(class_index, weights=charge)
+        self._count = np.bincount(class_index)
         longer = max(self.domain.size)
         wanted = CELLS_PER_SPACING * longer / bodies.unit
         cell = longer / min(max(COVERAGE_CELLS, math.ceil(wanted)), MOST_CELLS)
@@ -135,26 +136,17 @@ class Coverage:
         device = self.launcher.device
         mean = float(charge.mean())
         self._unit = mean / kernels_quality.CLOUD_SCALE
-        self._grid = wp.zeros(class_count * rows * columns, dtype=wp.int64, device=device)
-        # One range: two threads of a CPU must not add to one cell at once.
-        self.launcher.launch_ranges(
-            kernels_quality.deposit_clouds,
-            [(0, bodies.count)],
-            [
-                bodies.pose,
-                wp.array((charge / mean).astype(np.float32), dtype=float, device=device),
-                wp.array(class_index, dtype=wp.int32, device=device),
-                rows,
-                columns,
-                wp.vec2(*bodies.size),
-                int(self.domain.periodic),
-            ],
-            [self._grid],
-        )
+        self._charge = wp.array((charge / mean).astype(np.float32), dtype=float, device=device)
+        self._class = wp.array(class_index, dtype=wp.int32, device=device)
+        # One grid for all classes in turn: there may be many of them.
+        self._grid = wp.empty(rows * columns, dtype=wp.int64, device=device)
 
-    def error(self, classes: Sequence[int], targets: Sequence[Target], count: int, k: float = 1.0) -> float:
-        """:func:`coverage_error` of some classes together, of ``count`` bodies, beside what their targets add up to."""
+    def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
+        """:func:`coverage_error` of class ``one``, or else of all together, beside what the targets add up to."""
         launcher, domain = self.launcher, self.domain
+        self._deposit(-1 if one is None else one)
+        chosen = slice(None) if one is None else one
+        count, total = int(self._count[chosen].sum()), float(self._total[chosen].sum())
         rows, columns = self.shape
         sigma = [
             k * math.sqrt(domain.area / count) / length * n
@@ -175,12 +167,9 @@ class Coverage:
         influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
         difference = wp.zeros(shape[0] * shape[1], dtype=float, device=launcher.device)
-        mean = float(self._total[list(classes)].sum()) / (rows * columns)
-        for one in classes:
-            start = one * rows * columns
-            launcher.launch(
-                kernels_quality.add_clouds, rows * columns, [self._grid, start, self._unit / mean], [difference]
-            )
+        launcher.launch(
+            kernels_quality.add_clouds, rows * columns, [self._grid, self._unit * rows * columns / total], [difference]
+        )
         weights = sum(weight for _, weight in targets)
         for image, weight in targets:
             share = integrate_boxes(launcher, image, self.shape)
@@ -190,6 +179,24 @@ class Coverage:
         squares = wp.empty(rows, dtype=wp.float64, device=launcher.device)
         launcher.launch(kernels_quality.sum_squares, rows, [difference, columns], [squares])
         return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
+
+    def _deposit(self, one: int) -> None:
+        self._grid.zero_()
+        # One range: two threads of a CPU must not add to one cell at once.
+        self.launcher.launch_ranges(
+            kernels_quality.deposit_clouds,
+            [(0, self._bodies.count)],
+            [
+                self._bodies.pose,
+                self._charge,
+                self._class,
+                one,
+                *self.shape,
+                wp.vec2(*self._bodies.size),
+                int(self.domain.periodic),
+            ],
+            [self._grid],
+        )
 
 
 def _gaussian_transform(count: int, sigma: float) -> np.ndarray:
