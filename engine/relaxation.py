@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from . import kernels_density, kernels_update
+from . import kernels_density, kernels_direction, kernels_update
 from .body_charges import charges_of
 from .checks import check_count
 from .contact import Contact
@@ -173,11 +173,11 @@ class _Relaxation:
         self.bend = wp.zeros(self.charge_count, dtype=float, device=device)
         self.charge_position = wp.empty(self.charge_count, dtype=wp.vec2, device=device)
         self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
-        kinds = kernels_update.LENGTHS + self.rules.kind_count
+        kinds = kernels_direction.LENGTHS + self.rules.kind_count
         self.parts = launcher.cut(0, self.body_count)
-        self.sums = wp.zeros((len(self.parts), kinds * kernels_update.SLOTS), dtype=wp.int64, device=device)
+        self.sums = wp.zeros((len(self.parts), kinds * kernels_direction.SLOTS), dtype=wp.int64, device=device)
         self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
-        # See kernels_update.decide_direction.
+        # See kernels_direction.decide_direction.
         self.direction = wp.zeros(4, dtype=float, device=device)
         self.graph: wp.Graph | None = None
         self.contact = None
@@ -288,13 +288,13 @@ class _Relaxation:
     def _decide(self) -> None:
         self.totals.zero_()
         self.launcher.launch(
-            kernels_update.add_up,
-            self.sums.shape[1] // kernels_update.SLOTS_AT_ONCE,
+            kernels_direction.add_up,
+            self.sums.shape[1] // kernels_direction.SLOTS_AT_ONCE,
             [self.sums],
             [self.totals],
         )
         self.launcher.launch(
-            kernels_update.decide_direction,
+            kernels_direction.decide_direction,
             1,
             [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
             [self.direction, self.rules.lines.length_factor],

@@ -1,0 +1,129 @@
+"""Kernels that decide, from sums over all bodies, in which direction they move."""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+# Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads of a GPU wait
+# for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-30.
+SLOTS = wp.constant(1024)
+SLOTS_AT_ONCE = wp.constant(32)
+SUM_SCALE = wp.constant(1073741824.0)
+LARGEST_SUMMAND = wp.constant(1.0e6)
+# What is summed: the products of the last displacement s, the moves m that the forces ask for, and what they changed by, y, in the
+# metric of the curvature; the squared move over the squared local spacing; then for every kind of line the length over the desired
+# one.
+S_Y = wp.constant(0)
+S_S = wp.constant(1)
+Y_Y = wp.constant(2)
+S_M = wp.constant(3)
+Y_M = wp.constant(4)
+M_M = wp.constant(5)
+UNSETTLED = wp.constant(6)
+LENGTHS = wp.constant(7)
+# Share of the moves that is made where nothing is known of the last step, and bounds on it where something is.
+FIRST_SHARE = wp.constant(0.7)
+SMALLEST_SHARE = wp.constant(0.3)
+LARGEST_SHARE = wp.constant(2.0)
+# A last step whose cosine with the change of the moves is below this says nothing about the curvature.
+SMALLEST_COSINE = wp.constant(1.0e-3)
+# Charges that repel one another compress lines. The desired length is raised until the mean length reached is the one asked for, by
+# this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown.
+LENGTH_GAIN = wp.constant(0.05)
+LARGEST_FACTOR = wp.constant(3.0)
+GROWN = wp.constant(0.6)
+
+
+@wp.func
+def add(sums: wp.array2d(dtype=wp.int64), part: int, kind: int, i: int, value: float):
+    """Add ``value`` to one of the sums over all bodies, in the slots of the ``part`` that body ``i`` belongs to."""
+    amount = wp.int64(wp.clamp(value, -LARGEST_SUMMAND, LARGEST_SUMMAND) * SUM_SCALE)
+    wp.atomic_add(sums, part, kind * SLOTS + i % SLOTS, amount)
+
+
+@wp.func
+def add_products(
+    sums: wp.array2d(dtype=wp.int64),
+    part: int,
+    i: int,
+    metric: wp.vec4,
+    displacement: wp.vec4,
+    change: wp.vec4,
+    move: wp.vec4,
+):
+    """Add a body's share to the six products that the direction depends on."""
+    add(sums, part, S_Y, i, wp.dot(wp.cw_mul(metric, displacement), change))
+    add(sums, part, S_S, i, wp.dot(wp.cw_mul(metric, displacement), displacement))
+    add(sums, part, Y_Y, i, wp.dot(wp.cw_mul(metric, change), change))
+    add(sums, part, S_M, i, wp.dot(wp.cw_mul(metric, displacement), move))
+    add(sums, part, Y_M, i, wp.dot(wp.cw_mul(metric, change), move))
+    add(sums, part, M_M, i, wp.dot(wp.cw_mul(metric, move), move))
+
+
+@wp.kernel
+def add_up(
+    first: int,
+    sums: wp.array2d(dtype=wp.int64),
+    # outputs
+    totals: wp.array(dtype=wp.int64),
+):
+    """Add the slots of every sum; an element takes ``SLOTS_AT_ONCE`` of every part."""
+    i = first + wp.tid()
+    total = wp.int64(0)
+    for part in range(sums.shape[0]):
+        for k in range(SLOTS_AT_ONCE):
+            total += sums[part, i * SLOTS_AT_ONCE + k]
+    wp.atomic_add(totals, i * SLOTS_AT_ONCE / SLOTS, total)
+
+
+@wp.func
+def sum_of(totals: wp.array(dtype=wp.int64), kind: int):
+    return wp.float64(totals[kind]) / wp.float64(SUM_SCALE)
+
+
+@wp.kernel
+def decide_direction(
+    first: int,
+    totals: wp.array(dtype=wp.int64),
+    kind_count: int,
+    line_count: wp.array(dtype=float),
+    pressed: wp.array(dtype=float),
+    # outputs
+    direction: wp.array(dtype=float),
+    length_factor: wp.array(dtype=float),
+):
+    """The direction of memoryless BFGS (Shanno, 1978), and what makes up for compressed lines.
+
+    With the last displacement s, the moves m and what they changed by, y, it is
+    g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
+    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings.
+    """
+    sy = sum_of(totals, S_Y)
+    ss = sum_of(totals, S_S)
+    yy = sum_of(totals, Y_Y)
+    sm = sum_of(totals, S_M)
+    ym = sum_of(totals, Y_M)
+    of_move = wp.float64(FIRST_SHARE)
+    of_way = wp.float64(0.0)
+    of_change = wp.float64(0.0)
+    if sy > wp.float64(SMALLEST_COSINE) * wp.sqrt(ss * yy) and sy > wp.float64(0.0):
+        g = wp.clamp(wp.sqrt(ss / yy), wp.float64(SMALLEST_SHARE), wp.float64(LARGEST_SHARE))
+        way = sm / sy * (wp.float64(1.0) + g * yy / sy) - g * ym / sy
+        change = -g * sm / sy
+        # Only downhill.
+        if g * sum_of(totals, M_M) + way * sm + change * ym > wp.float64(0.0):
+            of_move = g
+            of_way = way
+            of_change = change
+    direction[0] = float(of_move)
+    direction[1] = float(of_way)
+    direction[2] = float(of_change)
+    direction[3] = float(sum_of(totals, UNSETTLED))
+    for kind in range(kind_count):
+        ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
+        # While lines still grow, what is missing is no pressure.
+        if pressed[kind] > 0.0 and ratio > GROWN:
+            raised = length_factor[kind] + LENGTH_GAIN * (1.0 - ratio)
+            length_factor[kind] = wp.clamp(raised, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR)
