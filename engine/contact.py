@@ -31,7 +31,7 @@ LAST_ROUNDS = 2000
 ROUNDS_WITHOUT_PROGRESS = 200
 # Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
 # fewer than before once only so many are left.
-PROGRESS = 0.8
+PROGRESS = 0.97
 FEW_OVERLAPS = 100
 # Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
 DAMPING = 0.9

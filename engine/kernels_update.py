@@ -253,7 +253,6 @@ def unsettled(squared_move: float, squared_way: float, limit: float, in_contact:
 def propose_dots(
     first: int,
     part: int,
-    pose: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
     bodies: Bodies,

@@ -270,14 +270,14 @@ class _Relaxation:
         """What the forces ask for, and the sums over all bodies that the direction depends on."""
         self.sums.zero_()
         field = [self.step_length, self.step_limit, self.field.mesh, self.domain, int(self.contact is not None)]
-        charges = [self.pose, self.charge_position, self.field_at_charge, self.bodies]
+        charges = [self.charge_position, self.field_at_charge, self.bodies]
         moves = [self.move, self.change]
         if self.has_dots:
             self._launch_parts(kernels_update.propose_dots, [*charges, *field, self.displacement], moves)
         if self.rules.kind_count:
             self._launch_parts(
                 kernels_update.propose_lines,
-                [*charges, self.rules.lines, *field, self.displacement],
+                [self.pose, *charges, self.rules.lines, *field, self.displacement],
                 [*moves, self.bend],
             )
 
