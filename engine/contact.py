@@ -11,8 +11,9 @@ import math
 import numpy as np
 import warp as wp
 
-from . import kernels_cells, kernels_contact, kernels_update
-from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher
+from . import kernels_contact, kernels_update
+from .cell_sort import CellSort
+from .device import GRAIN_OF_NEIGHBOURS, Launcher
 from .line_rules import line_widths
 from .problem import Domain, Problem
 from .quality import MeasuredBodies, measured_bodies
@@ -90,31 +91,41 @@ class Neighbourhood:
         footprints.mass = wp.array(mass / mass.mean(), dtype=float, device=device)
         self.footprints = footprints
         self.body_count = n
-        self._cell_count = int(first[-1])
-        self._key = wp.empty(2 * n, dtype=wp.int32, device=device)
-        self.order = wp.empty(2 * n, dtype=wp.int32, device=device)
-        self.cell_start = wp.empty(self._cell_count + 1, dtype=wp.int32, device=device)
+        self._cells = CellSort(launcher, n, int(first[-1]))
         self._found = wp.zeros(n, dtype=wp.int32, device=device)
+
+    @property
+    def order(self) -> wp.array:
+        """Bodies, cell after cell."""
+        return self._cells.order
+
+    @property
+    def cell_start(self) -> wp.array:
+        """Place of the first body of every cell in :attr:`order`."""
+        return self._cells.cell_start
 
     def sort(self, pose: wp.array) -> None:
         """Put bodies where they are now into the cells."""
-        n = self.body_count
-        self.launcher.launch(
-            kernels_contact.contact_keys, n, [pose, self.footprints, self.grid], [self._key, self.order]
-        )
-        wp.utils.radix_sort_pairs(self._key, self.order, n)
-        self.launcher.launch(kernels_cells.find_cell_starts, n, [self._key, n, self._cell_count], [self.cell_start])
+        self._cells.sort(kernels_contact.contact_keys, [pose, self.footprints, self.grid])
 
     def overlap_count(self, pose: wp.array, tolerance: float) -> int:
         """Pairs whose footprints overlap by more than ``tolerance`` of their distance; a lower bound beyond 200 a body."""
+        self.count_overlaps(pose, tolerance)
+        return self.counted_overlaps()
+
+    def count_overlaps(self, pose: wp.array, tolerance: float) -> None:
+        """Launch what counts them."""
         self.sort(pose)
         self.launcher.launch(
             kernels_contact.count_overlaps,
             self.body_count,
             [pose, self.footprints, self.order, self.cell_start, self.grid, 1.0 - tolerance, MOST_OVERLAPS_PER_BODY],
             [self._found],
-            SMALLEST_RANGE_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBOURS,
         )
+
+    def counted_overlaps(self) -> int:
+        """What :meth:`count_overlaps` has counted."""
         return int(self._found.numpy().sum(dtype=np.int64)) // 2
 
 
@@ -175,12 +186,19 @@ class Contact:
         # Where lines have no width of their own, it follows from the lengths that they have reached.
         reached = pose.numpy()[:, 3].astype(np.float64) * self._unit
         self._near.footprints.radius.assign((self._radii(reached) / self._unit).astype(np.float32))
+
+        def run_round() -> None:
+            self._near.sort(pose)
+            self._round(pose, bend, self._spare)
+
+        one_round = self.launcher.record(run_round)
+        counting = self.launcher.record(lambda: self._near.count_overlaps(pose, 0.0))
         fewest, since = math.inf, 0
         for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
             for _ in range(ROUNDS_AT_ONCE):
-                self._near.sort(pose)
-                self._round(pose, bend, self._spare)
-            left = self._near.overlap_count(pose, 0.0)
+                one_round.play()
+            counting.play()
+            left = self._near.counted_overlaps()
             if left == 0:
                 return
             since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
@@ -206,7 +224,7 @@ class Contact:
                 DAMPING,
             ],
             [self._pushed, self._contacts],
-            SMALLEST_RANGE_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBOURS,
         )
         self.launcher.launch(
             kernels_contact.accept_push,

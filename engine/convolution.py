@@ -19,6 +19,8 @@ from .device import Launcher
 __all__ = ["Convolution", "good_length"]
 
 SHORTEST = 64
+# A block of such rows is worth a CPU thread of its own.
+SHORT_ROW = 256
 
 
 def good_length(least: float, *, power_of_two: bool = False) -> int:
@@ -67,10 +69,9 @@ class Convolution:
         self.influence_size = self.influence_rows * self._stride
         self._halves = self._half_rows(count * shape[0])
         self._twiddles = {length: wp.array(_twiddle(length), dtype=float, device=device) for length in set(padded)}
-        self._scratch = [
-            wp.empty(max(padded) * kernels_fft.LANES * 4, dtype=float, device=device)
-            for _ in range(launcher.thread_count)
-        ]
+        self._scratch = wp.empty(
+            (launcher.thread_count, max(padded) * kernels_fft.LANES * 4), dtype=float, device=device
+        )
 
     def apply(self, influence: wp.array, meshes: wp.array) -> None:
         """Convolve real ``meshes`` (flat, of ``shape``, one after the other) in place."""
@@ -128,11 +129,9 @@ class Convolution:
         )
 
     def _each_block(self, kernel: wp.Kernel, blocks: int, inputs: list[Any], outputs: Sequence[wp.array]) -> None:
-        threads = self.launcher.thread_count
-        parts = [
-            (blocks * t // threads, blocks * (t + 1) // threads, [self._scratch[t], *inputs]) for t in range(threads)
-        ]
-        self.launcher.launch_each(kernel, parts, outputs)
+        # The shortest blocks take some microseconds.
+        grain = max(1, SHORT_ROW // max(self.padded))
+        self.launcher.launch(kernel, blocks, [self._scratch, *inputs], outputs, grain=grain, per_thread=True)
 
 
 def _whole_blocks(count: int, rows_per_lane: int = 1) -> int:

@@ -9,7 +9,6 @@ Units: the solver's length unit makes the mean number density 1, and its charge 
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +17,9 @@ import numpy as np
 import warp as wp
 
 from . import kernels_cells, kernels_field, kernels_mesh
+from .cell_sort import CellSort
 from .convolution import Convolution
-from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher
+from .device import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
 from .influence import open_influence, smoothed_influence
 from .mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from .target_correction import TargetCorrection
@@ -32,6 +32,8 @@ SPLIT_OVER_MESH = 2.0
 # Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
 MESH_OVER_SPACING = 0.72
 SMALLEST_MESH = 48
+# Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
+BANDS_PER_THREAD = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +98,7 @@ class Field:
         self._choose_cells()
 
         n = self.charge_count
-        self._key = wp.empty(2 * n, dtype=wp.int32, device=device)
-        self._order = wp.empty(2 * n, dtype=wp.int32, device=device)
-        self._cell_start = wp.empty(self.cells.count_x * self.cells.count_y + 1, dtype=wp.int32, device=device)
+        self._cell_sort = CellSort(launcher, n, self.cells.count_x * self.cells.count_y)
         self._weight_stride = n + kernels_field.LANES
         self._sorted = [wp.zeros(self._weight_stride, dtype=float, device=device) for _ in range(3)]
         self._weight = wp.zeros(self.group_count * self._weight_stride, dtype=float, device=device)
@@ -176,12 +176,12 @@ class Field:
                 kernels_field.evaluate_field,
                 self.charge_count,
                 [
-                    self._order,
+                    self._cell_sort.order,
                     *self._sorted[:2],
                     self._sorted_group,
                     self._weight,
                     self._weight_stride,
-                    self._cell_start,
+                    self._cell_sort.cell_start,
                     self.cells,
                     self.cutoff**2,
                     self.mesh,
@@ -192,24 +192,16 @@ class Field:
                     self._correction.scale,
                 ],
                 [field],
-                SMALLEST_RANGE_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBOURS,
             )
 
     def _sort(self, position: wp.array) -> None:
-        n = self.charge_count
-        self.launcher.launch(kernels_cells.compute_cell_keys, n, [position, self.cells], [self._key, self._order])
-        wp.utils.radix_sort_pairs(self._key, self._order, n)
-        self.launcher.launch(
-            kernels_cells.find_cell_starts,
-            n,
-            [self._key, n, self.cells.count_x * self.cells.count_y],
-            [self._cell_start],
-        )
+        self._cell_sort.sort(kernels_cells.compute_cell_keys, [position, self.cells])
         self.launcher.launch(
             kernels_cells.gather_charges,
-            n,
+            self.charge_count,
             [
-                self._order,
+                self._cell_sort.order,
                 position,
                 self._charge,
                 self._charge_group,
@@ -221,32 +213,34 @@ class Field:
         )
 
     def _deposit(self) -> None:
-        self._node_charge.zero_()
         inputs = [*self._sorted, self._sorted_group, self.mesh]
         if self.launcher.device.is_cuda:
             self.launcher.launch(kernels_mesh.deposit_charges, self.charge_count, inputs, [self._node_charge])
             return
         # Threads must not write to one node at once. Charges are sorted by rows of cells, and a row of cells is higher than
         # a spline's reach: bands of at least two rows never meet once every other one is left out.
-        band_count = max(1, min(2 * self.launcher.thread_count, self.cells.count_y // 2))
-        edges = [self.cells.count_y * b // band_count for b in range(band_count + 1)]
-        starts = self._cell_start.numpy()[[edge * self.cells.count_x for edge in edges]]
-        bands = list(itertools.pairwise(starts.tolist()))
+        rows = self.cells.count_y
+        bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, rows // 2))
         # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
-        rounds = [bands[0::2], bands[1::2]]
-        if self.periodic and band_count % 2 == 1 and band_count > 1:
-            rounds = [bands[0:-1:2], bands[1::2], bands[-1:]]
-        for chosen in rounds:
-            if chosen:
-                self.launcher.launch_ranges(kernels_mesh.deposit_charges, chosen, inputs, [self._node_charge])
+        alone = 1 if self.periodic and bands % 2 == 1 and bands > 1 else 0
+        rounds = [(0, (bands - alone + 1) // 2), (1, (bands - alone) // 2), (bands - 1, alone)]
+        for first_band, count in rounds:
+            self.launcher.launch(
+                kernels_mesh.deposit_bands,
+                count,
+                [first_band, bands, rows, self.cells.count_x, self._cell_sort.cell_start, *inputs],
+                [self._node_charge],
+                grain=max(1, GRAIN_OF_NEIGHBOURS * bands // self.charge_count),
+            )
 
     def _solve_far_field(self) -> None:
         at_once = 1 if self.launcher.device.is_cuda else kernels_mesh.MIXED_AT_ONCE
         self.launcher.launch(
             kernels_mesh.mix_groups,
             -(-self.node_count // at_once),
-            [self._node_charge, self._interaction, self.attraction, self.group_count, self.node_count, at_once],
-            [self._potential],
+            [self._interaction, self.attraction, self.group_count, self.node_count, at_once],
+            [self._node_charge, self._potential],
+            grain=max(1, GRAIN * 8 // (at_once * self.group_count**2)),
         )
         self._convolution.apply(self._influence, self._potential)
 

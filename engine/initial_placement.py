@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from . import kernels_start
-from .device import Launcher, resolve_device
+from .device import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
 from .full_pixels import images_for_kernels
 from .interaction import Groups
 from .kernels_update import Images
@@ -60,11 +60,13 @@ def first_pose(
     for k, body_class in enumerate(problem.classes):
         most = int(count[groups.class_index == k].max())
         order = min(max(math.ceil(math.log2(math.sqrt(CELLS_PER_BODY * most) + 1.0)), 3), LARGEST_ORDER)
-        launcher.launch_ranges(
+        launcher.launch(
             kernels_start.place_bodies,
-            launcher.cut(first, first + body_class.body_count),
+            body_class.body_count,
             [k, *of_bodies, order, _pyramid(launcher, body_class.density_image, order), images, wp.vec2(*size), seed],
             [pose],
+            first=first,
+            grain=GRAIN_OF_NEIGHBOURS,
         )
         first += body_class.body_count
     return pose

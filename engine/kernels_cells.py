@@ -1,4 +1,4 @@
-"""Kernels that sort charges into square cells, so that neighbours lie next to each other in memory."""
+"""Kernels that sort charges and bodies into cells, so that neighbours lie next to each other in memory (see :mod:`.cell_sort`)."""
 
 from __future__ import annotations
 
@@ -60,6 +60,115 @@ def find_cell_starts(
     if i == charge_count - 1:
         for c in range(cell + 1, cell_count + 1):
             cell_start[c] = charge_count
+
+
+@wp.func
+def first_of_part(part: int, count: int, parts: int):
+    return int(wp.int64(count) * wp.int64(part) / wp.int64(parts))
+
+
+@wp.kernel
+def count_in_buckets(
+    first: int,
+    key: wp.array(dtype=wp.int32),
+    count: int,
+    parts: int,
+    shift: int,
+    # outputs
+    counted: wp.array2d(dtype=wp.int32),
+):
+    """Count how many items of a part lie in every bucket; an element is a part."""
+    part = first + wp.tid()
+    own = counted[part]
+    for b in range(counted.shape[1]):
+        own[b] = 0
+    for i in range(first_of_part(part, count, parts), first_of_part(part + 1, count, parts)):
+        b = key[i] >> shift
+        own[b] = own[b] + 1
+
+
+@wp.kernel
+def find_bucket_starts(
+    first: int,
+    counted: wp.array2d(dtype=wp.int32),
+    # outputs
+    bucket_start: wp.array(dtype=wp.int32),
+):
+    """Turn the counts into places: bucket after bucket, and in each of them part after part."""
+    total = int(0)
+    for b in range(counted.shape[1]):
+        bucket_start[b] = total
+        for part in range(counted.shape[0]):
+            here = counted[part, b]
+            counted[part, b] = total
+            total += here
+    bucket_start[counted.shape[1]] = total
+
+
+@wp.kernel
+def fill_buckets(
+    first: int,
+    key: wp.array(dtype=wp.int32),
+    count: int,
+    parts: int,
+    shift: int,
+    place: wp.array2d(dtype=wp.int32),
+    # outputs
+    bucket_key: wp.array(dtype=wp.int32),
+    bucket_item: wp.array(dtype=wp.int32),
+):
+    """Put the items of a part into their buckets, in their order; an element is a part."""
+    part = first + wp.tid()
+    own = place[part]
+    for i in range(first_of_part(part, count, parts), first_of_part(part + 1, count, parts)):
+        k = key[i]
+        b = k >> shift
+        at = own[b]
+        own[b] = at + 1
+        bucket_key[at] = k
+        bucket_item[at] = i
+
+
+@wp.kernel
+def sort_buckets(
+    first: int,
+    bucket_start: wp.array(dtype=wp.int32),
+    bucket_key: wp.array(dtype=wp.int32),
+    bucket_item: wp.array(dtype=wp.int32),
+    shift: int,
+    cell_count: int,
+    single: int,
+    # outputs
+    cell_start: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    """Sort a bucket by cells; an element is a bucket. Where there is a ``single`` one, its items are numbered by their places."""
+    bucket = first + wp.tid()
+    begin = bucket_start[bucket]
+    end = bucket_start[bucket + 1]
+    low = bucket << shift
+    high = wp.min((bucket + 1) << shift, cell_count)
+    for c in range(low, high):
+        cell_start[c] = 0
+    for s in range(begin, end):
+        k = bucket_key[s]
+        cell_start[k] = cell_start[k] + 1
+    total = begin
+    for c in range(low, high):
+        total += cell_start[c]
+        cell_start[c] = total
+    # From the last to the first: what is the end of a cell becomes its start.
+    for back in range(end - begin):
+        s = end - 1 - back
+        k = bucket_key[s]
+        at = cell_start[k] - 1
+        cell_start[k] = at
+        if single != 0:
+            order[at] = s
+        else:
+            order[at] = bucket_item[s]
+    if high == cell_count:
+        cell_start[cell_count] = end
 
 
 @wp.kernel

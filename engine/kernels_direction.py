@@ -6,10 +6,12 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-# Sums over all bodies are kept as integers in so many slots each, so that they depend on no order and no two threads of a GPU wait
-# for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-30.
-SLOTS = wp.constant(1024)
-SLOTS_AT_ONCE = wp.constant(32)
+# Sums over all bodies are kept as integers in several slots each, a power of two of them, so that they depend on no order and few
+# threads of a GPU wait for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-30.
+SLOTS_ON_GPU = 1024
+SLOTS_ON_CPU = 8
+# Slots that a thread of a GPU adds up.
+SLOTS_AT_ONCE = 32
 SUM_SCALE = wp.constant(1073741824.0)
 LARGEST_SUMMAND = wp.constant(1.0e6)
 # What is summed: the products of the last displacement s, the moves m that the forces ask for, and what they changed by, y, in the
@@ -37,16 +39,16 @@ GROWN = wp.constant(0.6)
 
 
 @wp.func
-def add(sums: wp.array2d(dtype=wp.int64), part: int, kind: int, i: int, value: float):
-    """Add ``value`` to one of the sums over all bodies, in the slots of the ``part`` that body ``i`` belongs to."""
+def add(sums: wp.array3d(dtype=wp.int64), thread: int, kind: int, i: int, value: float):
+    """Add ``value`` of body ``i`` to one of the sums over all bodies, in the slots of a thread."""
     amount = wp.int64(wp.clamp(value, -LARGEST_SUMMAND, LARGEST_SUMMAND) * SUM_SCALE)
-    wp.atomic_add(sums, part, kind * SLOTS + i % SLOTS, amount)
+    wp.atomic_add(sums, thread, kind, i & (sums.shape[2] - 1), amount)
 
 
 @wp.func
 def add_products(
-    sums: wp.array2d(dtype=wp.int64),
-    part: int,
+    sums: wp.array3d(dtype=wp.int64),
+    thread: int,
     i: int,
     metric: wp.vec4,
     displacement: wp.vec4,
@@ -54,28 +56,33 @@ def add_products(
     move: wp.vec4,
 ):
     """Add a body's share to the six products that the direction depends on."""
-    add(sums, part, S_Y, i, wp.dot(wp.cw_mul(metric, displacement), change))
-    add(sums, part, S_S, i, wp.dot(wp.cw_mul(metric, displacement), displacement))
-    add(sums, part, Y_Y, i, wp.dot(wp.cw_mul(metric, change), change))
-    add(sums, part, S_M, i, wp.dot(wp.cw_mul(metric, displacement), move))
-    add(sums, part, Y_M, i, wp.dot(wp.cw_mul(metric, change), move))
-    add(sums, part, M_M, i, wp.dot(wp.cw_mul(metric, move), move))
+    add(sums, thread, S_Y, i, wp.dot(wp.cw_mul(metric, displacement), change))
+    add(sums, thread, S_S, i, wp.dot(wp.cw_mul(metric, displacement), displacement))
+    add(sums, thread, Y_Y, i, wp.dot(wp.cw_mul(metric, change), change))
+    add(sums, thread, S_M, i, wp.dot(wp.cw_mul(metric, displacement), move))
+    add(sums, thread, Y_M, i, wp.dot(wp.cw_mul(metric, change), move))
+    add(sums, thread, M_M, i, wp.dot(wp.cw_mul(metric, move), move))
 
 
 @wp.kernel
 def add_up(
     first: int,
-    sums: wp.array2d(dtype=wp.int64),
+    at_once: int,
     # outputs
+    sums: wp.array3d(dtype=wp.int64),
     totals: wp.array(dtype=wp.int64),
 ):
-    """Add the slots of every sum; an element takes ``SLOTS_AT_ONCE`` of every part."""
+    """Add the slots of every sum, and empty them; an element takes ``at_once`` of every thread."""
     i = first + wp.tid()
+    elements = sums.shape[2] / at_once
+    kind = i / elements
+    start = (i - kind * elements) * at_once
     total = wp.int64(0)
-    for part in range(sums.shape[0]):
-        for k in range(SLOTS_AT_ONCE):
-            total += sums[part, i * SLOTS_AT_ONCE + k]
-    wp.atomic_add(totals, i * SLOTS_AT_ONCE / SLOTS, total)
+    for thread in range(sums.shape[0]):
+        for k in range(at_once):
+            total += sums[thread, kind, start + k]
+            sums[thread, kind, start + k] = wp.int64(0)
+    wp.atomic_add(totals, kind, total)
 
 
 @wp.func
@@ -86,11 +93,11 @@ def sum_of(totals: wp.array(dtype=wp.int64), kind: int):
 @wp.kernel
 def decide_direction(
     first: int,
-    totals: wp.array(dtype=wp.int64),
     kind_count: int,
     line_count: wp.array(dtype=float),
     pressed: wp.array(dtype=float),
     # outputs
+    totals: wp.array(dtype=wp.int64),
     direction: wp.array(dtype=float),
     length_factor: wp.array(dtype=float),
 ):
@@ -98,7 +105,7 @@ def decide_direction(
 
     With the last displacement s, the moves m and what they changed by, y, it is
     g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
-    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings.
+    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings. Leaves the totals empty.
     """
     sy = sum_of(totals, S_Y)
     ss = sum_of(totals, S_S)
@@ -127,3 +134,5 @@ def decide_direction(
         if pressed[kind] > 0.0 and ratio > GROWN:
             raised = length_factor[kind] + LENGTH_GAIN * (1.0 - ratio)
             length_factor[kind] = wp.clamp(raised, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR)
+    for kind in range(totals.shape[0]):
+        totals[kind] = wp.int64(0)

@@ -449,7 +449,8 @@ def block_of_rows(block: int, row_count: int):
 @wp.kernel
 def transform_rows(
     first: int,
-    scratch: wp.array(dtype=float),
+    thread: int,
+    scratch: wp.array2d(dtype=float),
     twiddle: wp.array(dtype=float),
     row_count: int,
     used: int,
@@ -462,15 +463,17 @@ def transform_rows(
 ):
     """Transform real rows of ``used`` elements, padded by zeros to ``length``, into half rows of ``stride``."""
     row, end = block_of_rows(first + wp.tid(), row_count)
-    load_rows(real, row, end, used, length, scratch)
-    parity = transform(scratch, 0, length, twiddle, 0)
-    store_half_rows(scratch, parity, row, end, length, stride, half_real, half_imaginary)
+    own = scratch[thread]
+    load_rows(real, row, end, used, length, own)
+    parity = transform(own, 0, length, twiddle, 0)
+    store_half_rows(own, parity, row, end, length, stride, half_real, half_imaginary)
 
 
 @wp.kernel
 def convolve_columns(
     first: int,
-    scratch: wp.array(dtype=float),
+    thread: int,
+    scratch: wp.array2d(dtype=float),
     twiddle: wp.array(dtype=float),
     used: int,
     length: int,
@@ -485,17 +488,19 @@ def convolve_columns(
     blocks = stride / LANES
     row = block / blocks * used
     column = block % blocks * LANES
-    load_columns(half_real, half_imaginary, row, column, stride, used, length, scratch)
-    parity = transform(scratch, 0, length, twiddle, 0)
-    multiply(influence, column, stride, length, parity, scratch)
-    parity = transform(scratch, parity, length, twiddle, 1)
-    store_columns(scratch, parity, row, column, stride, used, length, half_real, half_imaginary)
+    own = scratch[thread]
+    load_columns(half_real, half_imaginary, row, column, stride, used, length, own)
+    parity = transform(own, 0, length, twiddle, 0)
+    multiply(influence, column, stride, length, parity, own)
+    parity = transform(own, parity, length, twiddle, 1)
+    store_columns(own, parity, row, column, stride, used, length, half_real, half_imaginary)
 
 
 @wp.kernel
 def transform_rows_back(
     first: int,
-    scratch: wp.array(dtype=float),
+    thread: int,
+    scratch: wp.array2d(dtype=float),
     twiddle: wp.array(dtype=float),
     row_count: int,
     used: int,
@@ -508,15 +513,17 @@ def transform_rows_back(
 ):
     """The inverse of :func:`transform_rows`, times ``length``; the padding is left out."""
     row, end = block_of_rows(first + wp.tid(), row_count)
-    load_half_rows(half_real, half_imaginary, row, end, length, stride, scratch)
-    parity = transform(scratch, 0, length, twiddle, 1)
-    store_rows(scratch, parity, row, end, used, length, real)
+    own = scratch[thread]
+    load_half_rows(half_real, half_imaginary, row, end, length, stride, own)
+    parity = transform(own, 0, length, twiddle, 1)
+    store_rows(own, parity, row, end, used, length, real)
 
 
 @wp.kernel
 def transform_even_columns(
     first: int,
-    scratch: wp.array(dtype=float),
+    thread: int,
+    scratch: wp.array2d(dtype=float),
     twiddle: wp.array(dtype=float),
     length: int,
     stride: int,
@@ -526,6 +533,7 @@ def transform_even_columns(
 ):
     """Transform the columns of an even mesh, whose rows are transformed: its real and even transform."""
     column = (first + wp.tid()) * LANES
-    load_even_columns(half_real, column, stride, length, scratch)
-    parity = transform(scratch, 0, length, twiddle, 0)
-    store_even_columns(scratch, parity, column, stride, length, influence)
+    own = scratch[thread]
+    load_even_columns(half_real, column, stride, length, own)
+    parity = transform(own, 0, length, twiddle, 0)
+    store_even_columns(own, parity, column, stride, length, influence)

@@ -73,18 +73,17 @@ _DEPOSIT = """
 def add_to_rows(node_charge: wp.array(dtype=wp.int64), start: int, stride: int, wx: wp.vec4, wy: wp.vec4): ...
 
 
-@wp.kernel
-def deposit_charges(
-    first: int,
+@wp.func
+def deposit(
+    i: int,
     sorted_x: wp.array(dtype=float),
     sorted_y: wp.array(dtype=float),
     sorted_charge: wp.array(dtype=float),
     sorted_group: wp.array(dtype=wp.int32),
     mesh: Mesh,
-    # outputs
     node_charge: wp.array(dtype=wp.int64),
 ):
-    i = first + wp.tid()
+    """Spread a charge onto the sixteen nodes around it."""
     u = sorted_x[i] * mesh.inverse_spacing[0] + float(mesh.margin)
     v = sorted_y[i] * mesh.inverse_spacing[1] + float(mesh.margin)
     iu = int(wp.floor(u))
@@ -103,6 +102,44 @@ def deposit_charges(
             wp.atomic_add(node_charge, base + row * mesh.count_x + column, wp.int64(wy[b] * wx[a]))
 
 
+@wp.kernel
+def deposit_charges(
+    first: int,
+    sorted_x: wp.array(dtype=float),
+    sorted_y: wp.array(dtype=float),
+    sorted_charge: wp.array(dtype=float),
+    sorted_group: wp.array(dtype=wp.int32),
+    mesh: Mesh,
+    # outputs
+    node_charge: wp.array(dtype=wp.int64),
+):
+    deposit(first + wp.tid(), sorted_x, sorted_y, sorted_charge, sorted_group, mesh, node_charge)
+
+
+@wp.kernel
+def deposit_bands(
+    first: int,
+    first_band: int,
+    bands: int,
+    rows: int,
+    cells_in_row: int,
+    cell_start: wp.array(dtype=wp.int32),
+    sorted_x: wp.array(dtype=float),
+    sorted_y: wp.array(dtype=float),
+    sorted_charge: wp.array(dtype=float),
+    sorted_group: wp.array(dtype=wp.int32),
+    mesh: Mesh,
+    # outputs
+    node_charge: wp.array(dtype=wp.int64),
+):
+    """Spread the charges of every other of ``bands`` bands of rows of cells; an element is a band."""
+    band = first_band + 2 * (first + wp.tid())
+    begin = cell_start[rows * band / bands * cells_in_row]
+    end = cell_start[rows * (band + 1) / bands * cells_in_row]
+    for i in range(begin, end):
+        deposit(i, sorted_x, sorted_y, sorted_charge, sorted_group, mesh, node_charge)
+
+
 # Nodes that the CPU mixes at once.
 MIXED_AT_ONCE = 16
 
@@ -117,6 +154,7 @@ _MIX = """
                 * ((float)node_charge.data[(size_t)h * node_count + start] * inverse_scale);
         mixed.data[(size_t)g * node_count + start] = total;
     }
+    for (int h = 0; h < group_count; ++h) node_charge.data[(size_t)h * node_count + start] = 0;
 #else
     enum { L = 16 };
     const int last = node_count - start < L ? node_count - start : L;
@@ -125,9 +163,13 @@ _MIX = """
             mixed.data[(size_t)g * node_count + start + k] = -target.data[(size_t)g * node_count + start + k];
     for (int h = 0; h < group_count; ++h)
     {
-        const long long* __restrict__ from = (const long long*)node_charge.data + (size_t)h * node_count + start;
+        long long* __restrict__ from = (long long*)node_charge.data + (size_t)h * node_count + start;
         float charge[L];
-        for (int k = 0; k < last; ++k) charge[k] = (float)from[k] * inverse_scale;
+        for (int k = 0; k < last; ++k)
+        {
+            charge[k] = (float)from[k] * inverse_scale;
+            from[k] = 0;
+        }
         for (int g = 0; g < group_count; ++g)
         {
             const float factor = interaction.data[g * group_count + h];
@@ -156,16 +198,16 @@ def mix_nodes(
 @wp.kernel
 def mix_groups(
     first: int,
-    node_charge: wp.array(dtype=wp.int64),
     interaction: wp.array(dtype=float),
     target: wp.array(dtype=float),
     group_count: int,
     node_count: int,
     at_once: int,
     # outputs
+    node_charge: wp.array(dtype=wp.int64),
     mixed: wp.array(dtype=float),
 ):
-    """Sum of M[g, h] (rho_h - u_h) over h, for every group g; an element takes ``at_once`` nodes."""
+    """Sum of M[g, h] (rho_h - u_h) over h, for every group g; an element takes ``at_once`` nodes, and leaves them without charge."""
     start = (first + wp.tid()) * at_once
     mix_nodes(node_charge, interaction, target, group_count, node_count, start, 1.0 / FIXED_POINT_SCALE, mixed)
 

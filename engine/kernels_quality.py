@@ -15,6 +15,20 @@ wp.set_module_options({"enable_backward": False})
 CLOUD_SCALE = wp.constant(1073741824.0)
 
 
+# wp.atomic_add is not atomic on the CPU, where several threads add to a cell.
+_ADD = """
+#if defined(__CUDA_ARCH__)
+    atomicAdd((unsigned long long*)grid.data + cell, (unsigned long long)amount);
+#else
+    __atomic_fetch_add((long long*)grid.data + cell, (long long)amount, __ATOMIC_RELAXED);
+#endif
+"""
+
+
+@wp.func_native(_ADD)
+def add_at_once(grid: wp.array(dtype=wp.int64), cell: int, amount: wp.int64): ...
+
+
 @wp.kernel
 def deposit_clouds(
     first: int,
@@ -48,7 +62,7 @@ def deposit_clouds(
             if periodic != 0:
                 r = wrap(row, rows)
                 c = wrap(column, columns)
-            wp.atomic_add(grid, r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
+            add_at_once(grid, r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
 
 
 @wp.kernel

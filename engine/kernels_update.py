@@ -252,7 +252,7 @@ def unsettled(squared_move: float, squared_way: float, limit: float, in_contact:
 @wp.kernel
 def propose_dots(
     first: int,
-    part: int,
+    thread: int,
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
     bodies: Bodies,
@@ -265,7 +265,7 @@ def propose_dots(
     # outputs
     move: wp.array(dtype=wp.vec4),
     change: wp.array(dtype=wp.vec4),
-    sums: wp.array2d(dtype=wp.int64),
+    sums: wp.array3d(dtype=wp.int64),
 ):
     """The move that the force on every dot asks for, and what it changed by since the last step."""
     i = first + wp.tid()
@@ -291,14 +291,14 @@ def propose_dots(
     move[i] = new
     change[i] = changed
     weight = bodies.charge[charge] / length
-    add_products(sums, part, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new)
-    add(sums, part, UNSETTLED, i, unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact))
+    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new)
+    add(sums, thread, UNSETTLED, i, unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact))
 
 
 @wp.kernel
 def propose_lines(
     first: int,
-    part: int,
+    thread: int,
     pose: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
     field: wp.array(dtype=wp.vec2),
@@ -314,7 +314,7 @@ def propose_lines(
     move: wp.array(dtype=wp.vec4),
     change: wp.array(dtype=wp.vec4),
     bend: wp.array(dtype=float),
-    sums: wp.array2d(dtype=wp.int64),
+    sums: wp.array3d(dtype=wp.int64),
 ):
     """The shift, turn and stretch that the forces on every line and its wishes ask for, and what they changed by."""
     i = first + wp.tid()
@@ -403,11 +403,11 @@ def propose_lines(
     of_turn = inertia / total * half * half
     of_stretch = 0.25 * inertia / total
     metric = wp.vec4(1.0, 1.0, of_turn, of_stretch)
-    add_products(sums, part, i, weight * metric, way, changed, new)
+    add_products(sums, thread, i, weight * metric, way, changed, new)
     squared_move = wp.dot(wp.cw_mul(metric, new), new)
     squared_way = wp.dot(wp.cw_mul(metric, way), way)
-    add(sums, part, UNSETTLED, i, unsettled(squared_move, squared_way, limit, in_contact))
-    add(sums, part, LENGTHS + kind, i, start[3] / desired_length)
+    add(sums, thread, UNSETTLED, i, unsettled(squared_move, squared_way, limit, in_contact))
+    add(sums, thread, LENGTHS + kind, i, start[3] / desired_length)
 
 
 @wp.kernel

@@ -10,8 +10,9 @@ import numpy as np
 import warp as wp
 
 from . import kernels_cells, kernels_quality
+from .cell_sort import CellSort
 from .convolution import Convolution, good_length
-from .device import SMALLEST_RANGE_OF_NEIGHBOURS, Launcher, resolve_device
+from .device import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
 from .influence import product_influence
 from .problem import Domain
 from .target_deposit import integrate_boxes
@@ -182,10 +183,9 @@ class Coverage:
 
     def _deposit(self, one: int) -> None:
         self._grid.zero_()
-        # One range: two threads of a CPU must not add to one cell at once.
-        self.launcher.launch_ranges(
+        self.launcher.launch(
             kernels_quality.deposit_clouds,
-            [(0, self._bodies.count)],
+            self._bodies.count,
             [
                 self._bodies.pose,
                 self._charge,
@@ -243,19 +243,15 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
     grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
     grid.domain = wp.vec2(*bodies.size)
     grid.periodic = int(domain.periodic)
-    key = wp.empty(2 * n, dtype=wp.int32, device=device)
-    order = wp.empty(2 * n, dtype=wp.int32, device=device)
-    cell_start = wp.empty(counts[0] * counts[1] + 1, dtype=wp.int32, device=device)
-    launcher.launch(kernels_quality.compute_cell_keys, n, [bodies.pose, grid], [key, order])
-    wp.utils.radix_sort_pairs(key, order, n)
-    launcher.launch(kernels_cells.find_cell_starts, n, [key, n, counts[0] * counts[1]], [cell_start])
+    cells = CellSort(launcher, n, counts[0] * counts[1])
+    cells.sort(kernels_quality.compute_cell_keys, [bodies.pose, grid])
     nearest = wp.empty(n, dtype=float, device=device)
     launcher.launch(
         kernels_quality.find_nearest,
         n,
-        [bodies.pose, number_density, order, cell_start, grid],
+        [bodies.pose, number_density, cells.order, cells.cell_start, grid],
         [nearest],
-        SMALLEST_RANGE_OF_NEIGHBOURS,
+        grain=GRAIN_OF_NEIGHBOURS,
     )
     smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
     return smallest if smallest < 1e3 else None

@@ -21,7 +21,7 @@ from .body_charges import charges_of
 from .checks import check_count
 from .contact import Contact
 from .density import settle_on_full_pixels
-from .device import Launcher, resolve_device
+from .device import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
 from .field import Field, FieldTarget
 from .full_pixels import images_for_kernels
 from .initial_placement import first_pose
@@ -174,16 +174,16 @@ class _Relaxation:
         self.charge_position = wp.empty(self.charge_count, dtype=wp.vec2, device=device)
         self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
         kinds = kernels_direction.LENGTHS + self.rules.kind_count
-        self.parts = launcher.cut(0, self.body_count)
-        self.sums = wp.zeros((len(self.parts), kinds * kernels_direction.SLOTS), dtype=wp.int64, device=device)
+        slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
+        self.sums = wp.zeros((launcher.thread_count, kinds, slots), dtype=wp.int64, device=device)
         self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
         # See kernels_direction.decide_direction.
         self.direction = wp.zeros(4, dtype=float, device=device)
-        self.graph: wp.Graph | None = None
         self.contact = None
         if problem.avoid_overlap or self.rules.kind_count:
             self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
         self._place_charges()
+        self.step = launcher.record(self._take_step)
 
     def _prepare_steps(self) -> None:
         field = self.field
@@ -226,9 +226,10 @@ class _Relaxation:
         step = 0
         while step < max_steps:
             # With nobody watching, a GPU need not be asked how it goes after every step.
-            many = 1 if progress is not None or self.graph is None else min(STEPS_UNWATCHED, max_steps - step)
+            watched = progress is not None or not self.launcher.device.is_cuda or self.launcher.profiled or step == 0
+            many = 1 if watched else min(STEPS_UNWATCHED, max_steps - step)
             for _ in range(many):
-                self._advance()
+                self.step.play()
             step += many
             with self.launcher.phase("readback"):
                 unsettled = float(self.direction.numpy()[3])
@@ -242,17 +243,6 @@ class _Relaxation:
             if residual < TOLERANCE and step > 1:
                 return step, True
         return max_steps, math.sqrt(max(unsettled, 0.0) / self.body_count) < SETTLED
-
-    def _advance(self) -> None:
-        """Take one step; on a GPU all steps after the first are one recorded graph."""
-        if self.graph is not None:
-            wp.capture_launch(self.graph)
-            return
-        self._take_step()
-        if self.launcher.device.is_cuda and not self.launcher.profiled:
-            with wp.ScopedCapture(device=self.launcher.device) as capture:
-                self._take_step()
-            self.graph = capture.graph
 
     def _take_step(self) -> None:
         self.field.evaluate(self.charge_position, self.field_at_charge)
@@ -268,36 +258,38 @@ class _Relaxation:
 
     def _propose(self) -> None:
         """What the forces ask for, and the sums over all bodies that the direction depends on."""
-        self.sums.zero_()
         field = [self.step_length, self.step_limit, self.field.mesh, self.domain, int(self.contact is not None)]
         charges = [self.charge_position, self.field_at_charge, self.bodies]
         moves = [self.move, self.change]
         if self.has_dots:
-            self._launch_parts(kernels_update.propose_dots, [*charges, *field, self.displacement], moves)
+            self.launcher.launch(
+                kernels_update.propose_dots,
+                self.body_count,
+                [*charges, *field, self.displacement],
+                [*moves, self.sums],
+                per_thread=True,
+            )
         if self.rules.kind_count:
-            self._launch_parts(
+            self.launcher.launch(
                 kernels_update.propose_lines,
+                self.body_count,
                 [self.pose, *charges, self.rules.lines, *field, self.displacement],
-                [*moves, self.bend],
+                [*moves, self.bend, self.sums],
+                grain=GRAIN_OF_NEIGHBOURS,
+                per_thread=True,
             )
 
-    def _launch_parts(self, kernel: wp.Kernel, inputs: list, outputs: list[wp.array]) -> None:
-        parts = [(first, end, [part, *inputs]) for part, (first, end) in enumerate(self.parts)]
-        self.launcher.launch_each(kernel, parts, [*outputs, self.sums])
-
     def _decide(self) -> None:
-        self.totals.zero_()
+        _, kinds, slots = self.sums.shape
+        at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
         self.launcher.launch(
-            kernels_direction.add_up,
-            self.sums.shape[1] // kernels_direction.SLOTS_AT_ONCE,
-            [self.sums],
-            [self.totals],
+            kernels_direction.add_up, kinds * slots // at_once, [at_once], [self.sums, self.totals]
         )
         self.launcher.launch(
             kernels_direction.decide_direction,
             1,
-            [self.totals, self.rules.kind_count, self.rules.line_count, self.rules.pressed],
-            [self.direction, self.rules.lines.length_factor],
+            [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
+            [self.totals, self.direction, self.rules.lines.length_factor],
         )
 
     def _move(self) -> None:
@@ -315,6 +307,7 @@ class _Relaxation:
                 self.body_count,
                 [self.direction, self.bodies, self.rules.lines, *where],
                 [self.pose, self.bend, self.displacement],
+                grain=GRAIN_OF_NEIGHBOURS,
             )
 
     def _place_charges(self) -> None:

@@ -14,7 +14,7 @@ import pytest
 import warp as wp
 from esh.engine.device import Launcher, resolve_device
 from esh.engine.kernels_field import CELLS_PER_CUTOFF
-from esh.engine.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem import BodyClass, Domain, Line, Problem, Size
 from esh.engine.relaxation import _Relaxation, solve
 
 # An evaluation for 20,000 bodies beside a direct float32 sum over 8,192; its noise is said at the test.
@@ -62,16 +62,16 @@ class CountingLauncher(Launcher):
         super().__init__(device)
         self.launches, self.elements = 0, 0
 
-    def launch_each(self, kernel, parts, outputs=()):
+    def launch(self, kernel, count, *arguments, **options):
         self.launches += 1
-        self.elements += sum(end - first for first, end, _ in parts)
-        super().launch_each(kernel, parts, outputs)
+        self.elements += count
+        super().launch(kernel, count, *arguments, **options)
 
 
 # Launches of one evaluation, and the elements they run over per body, when this was written: a pass more is seen here, which
 # the operations above, reckoned from the mesh, do not show.
 @pytest.mark.parametrize(
-    ("count", "groups", "launches", "elements"), [(10_000, 1, 10, 5.5), (10_000, 6, 10, 5.5), (100_000, 1, 10, 5.5)]
+    ("count", "groups", "launches", "elements"), [(10_000, 1, 14, 3.2), (10_000, 6, 14, 3.2), (100_000, 1, 14, 3.2)]
 )
 def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches, elements):
     launcher = CountingLauncher(resolve_device("cpu"))
@@ -84,6 +84,20 @@ def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches,
         print(f"{launcher.launches} launches, {launcher.elements / count:.2f} elements per body")
         assert 0 < launcher.launches <= launches
         assert 0 < launcher.elements / count <= 1.1 * elements
+    finally:
+        launcher.close()
+
+
+@pytest.mark.parametrize("lines", [False, True])
+def test_a_step_costs_python_one_launch_however_many_kernels_it_has(lines):
+    line = Line(1.0, "none") if lines else None
+    problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 0.5, 2000, line=line)])], avoid_overlap=True)
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        relaxation = _Relaxation(problem, launcher)
+        before = launcher.python_launches
+        relaxation.run(6, None)
+        assert launcher.python_launches - before == 6
     finally:
         launcher.close()
 

@@ -8,7 +8,7 @@ from esh.engine.density import sample_density
 from esh.engine.errors import DeviceError, ProblemError
 from esh.engine.initial_placement import initial_placement
 from esh.engine.interaction import group_bodies
-from esh.engine.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem import Balance, BodyClass, Domain, Line, Problem, Size
 from esh.engine.quality import HEXAGONAL_SPACING, coverage_error
 from esh.engine.relaxation import solve
 
@@ -122,14 +122,24 @@ def test_same_seed_same_bytes_and_another_seed_another_result():
     assert first.tobytes() != other.tobytes()
 
 
-def test_threads_do_not_change_the_bytes(monkeypatch):
-    from esh.engine import device
-
-    problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 6000)])])
-    several = solve(problem, device="cpu", max_steps=8).position
-    monkeypatch.setattr(device, "SMALLEST_RANGE", 10**9)
-    monkeypatch.setattr(device, "core_count", lambda: 1)
-    assert several.tobytes() == solve(problem, device="cpu", max_steps=8).position.tobytes()
+@pytest.mark.parametrize("threads", ["2", "8", "13"])
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("kind", ["dots", "lines", "contact"])
+def test_threads_do_not_change_the_bytes(monkeypatch, threads, boundary, kind):
+    """Also where a thread has few chunks, and where there are more threads than processors."""
+    ramp = np.linspace(0.0, 1.0, 64)[None, :]
+    line = Line(2.0, "density") if kind == "lines" else None
+    sizes = [Size("s", 0.4, 5000, line=line), Size("l", 1.5, 600)]
+    problem = Problem(
+        Domain((64.0, 64.0), boundary), [BodyClass("a", sizes, ramp)], avoid_overlap=kind == "contact", seed=4
+    )
+    monkeypatch.setenv("ESH_THREADS", "1")
+    alone = solve(problem, device="cpu", max_steps=8)
+    monkeypatch.setenv("ESH_THREADS", threads)
+    several = solve(problem, device="cpu", max_steps=8)
+    assert alone.position.tobytes() == several.position.tobytes()
+    assert alone.angle.tobytes() == several.angle.tobytes()
+    assert replace(alone.report, seconds=0.0) == replace(several.report, seconds=0.0)
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])

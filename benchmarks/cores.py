@@ -1,0 +1,133 @@
+"""What more processors are worth: whole runs on 1, 2, 4, 8, 16, ... of this machine's, and how many threads each phase keeps busy.
+
+    python benchmarks/cores.py --bodies 200 10000 100000 --groups 1 6 --kinds dots contact lines
+
+Every number of processors has a process of its own, which may use so many of them and no more; so a run leaves one of four or more to
+others, as it always does. Times are medians of warm runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+KINDS = ("dots", "contact", "lines")
+
+
+def machine_cores() -> list[int]:
+    """Processors that this process may use."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+def time_cases(bodies: list[int], groups: list[int], kinds: list[str], repeat: int, profiled: bool) -> list[dict]:
+    """Time every case in this process, warm: bodies, groups, kind, seconds of every run and, of one more, the phases."""
+    from esh.engine.problem import Line, Size
+    from esh.engine.profile import Profile
+    from esh.engine.relaxation import solve
+    from timings import problem_of
+
+    def problem(count: int, group_count: int, kind: str):
+        made = problem_of(count, group_count)
+        if kind == "contact":
+            return replace(made, avoid_overlap=True)
+        if kind == "lines":
+            classes = [
+                replace(c, sizes=[Size(s.name, s.area, s.count, line=Line(3.0 * s.area**0.5, "none")) for s in c.sizes])
+                for c in made.classes
+            ]
+            return replace(made, classes=classes)
+        return made
+
+    cases = []
+    for count in bodies:
+        for group_count in groups:
+            if group_count > count:
+                continue
+            for kind in kinds:
+                asked = problem(count, group_count, kind)
+                solve(asked, device="cpu", max_steps=3)
+                seconds = []
+                while len(seconds) < repeat or (sum(seconds) < 0.3 and len(seconds) < 5 * repeat):
+                    start = time.perf_counter()
+                    solve(asked, device="cpu")
+                    seconds.append(time.perf_counter() - start)
+                case = {"bodies": count, "groups": group_count, "kind": kind, "seconds": statistics.median(seconds)}
+                if profiled:
+                    profile = Profile()
+                    solve(asked, device="cpu", profile=profile)
+                    case["phases"] = {
+                        name: (spent, profile.busy_threads[name]) for name, spent in profile.seconds.items()
+                    }
+                cases.append(case)
+                print(json.dumps(case), flush=True)
+    return cases
+
+
+def time_on(cores: list[int], arguments: list[str], environment: dict[str, str] | None = None) -> list[dict]:
+    """Time every case in a process that may use these processors only."""
+    command = [sys.executable, __file__, "--inside", ",".join(map(str, cores)), *arguments]
+    output = subprocess.run(
+        command, capture_output=True, text=True, check=True, env={**os.environ, **(environment or {})}
+    ).stdout
+    return [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+
+
+def tables(arguments: list[str], cores: list[int]) -> list[str]:
+    """The whole comparison as Markdown."""
+    numbers = [n for n in (1, 2, 4, 8, 16, 32, 64) if n <= len(cores)]
+    if len(cores) not in numbers:
+        numbers.append(len(cores))
+    results = {n: time_on(cores[:n], arguments) for n in numbers}
+    lines = [
+        "| bodies | groups | kind | " + " | ".join(f"{n} processors" for n in numbers) + " |",
+        "|---|---|---|" + "---|" * len(numbers),
+    ]
+    for k, case in enumerate(results[numbers[0]]):
+        times = " | ".join(f"{results[n][k]['seconds']:.3g} s" for n in numbers)
+        lines.append(f"| {case['bodies']:,} | {case['groups']} | {case['kind']} | {times} |")
+    lines += ["", "Seconds of every phase, and in brackets how many threads were at work in it:", ""]
+    most = numbers[-1]
+    for k, case in enumerate(results[most]):
+        if "phases" not in case:
+            continue
+        lines += [
+            f"{case['bodies']:,} bodies, groups: {case['groups']}, {case['kind']}",
+            "",
+            "| phase | " + " | ".join(f"{n} processors" for n in numbers) + " |",
+            "|---|" + "---|" * len(numbers),
+        ]
+        for name in case["phases"]:
+            cells = [results[n][k]["phases"].get(name, (0.0, 1.0)) for n in numbers]
+            lines.append(f"| {name} | " + " | ".join(f"{spent:.3f} s ({busy:.1f})" for spent, busy in cells) + " |")
+        lines.append("")
+    return lines
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--bodies", type=int, nargs="+", default=[200, 10_000, 100_000])
+    parser.add_argument("--groups", type=int, nargs="+", default=[1, 6])
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--phases", action="store_true", help="time the phases of every case, too")
+    parser.add_argument("--inside", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.inside is not None:
+        if options.inside:
+            os.sched_setaffinity(0, [int(core) for core in options.inside.split(",")])
+        sys.path.insert(0, str(Path(__file__).resolve().parent))
+        time_cases(options.bodies, options.groups, options.kinds, options.repeat, options.phases)
+        return
+    print("\n".join(tables(sys.argv[1:], machine_cores())))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,215 @@
+"""The loop in which CPU threads carry out a program of kernels together, without a line of Python in between.
+
+A program is a row of *operations*; an operation is a kernel for many elements, cut into *chunks*. All threads share one
+*cursor*: which operation is under way and which of its chunks is to be taken next. Whoever finishes the last chunk moves the
+cursor on. So no thread ever waits for another one to arrive, only for chunks that are being worked on: a thread that the
+system has put aside holds up nobody, unless it was put aside in the middle of a chunk.
+
+The structures are those of :mod:`.threads`, field for field.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+__all__ = ["LARGEST_ARGUMENTS", "carry_out", "join_in", "read_clock"]
+
+wp.set_module_options({"enable_backward": False})
+
+# Every chunk has its kernel's arguments copied, so that its first element can be written into them [bytes].
+LARGEST_ARGUMENTS = 4096
+# Looks at the cursor before a thread lets others run, and then before it sleeps. Short enough that a thread that waits costs other
+# programs little, long enough that none sleeps between the operations of a step: together some 50 microseconds.
+SPINS = 200
+YIELDS = 40
+
+_STRUCTURES = f"""
+    struct Operation
+    {{
+        void (*kernel)(void* bounds, void* arguments);
+        const long long* arguments;
+        long long arguments_size, first, count, chunks, per_thread;
+        long long busy, wall;
+    }};
+    // Warp takes the name int before a parenthesis for a conversion.
+    struct Shared
+    {{
+        // Sequence number of the operation under way (high half) and its next chunk (low half); the whole program's end has no
+        // chunk, which reads as the largest number.
+        unsigned long long cursor; char pad_0[120];
+        long long done; char pad_1[120];
+        long long sleepers, leader_sleeps; char pad_2[112];
+        Operation* operations;
+        long long base, operation_count, stop, timed, started;
+        void* lock;
+        void* workers_wake;
+        void* leader_wakes;
+        signed (*take_lock)(void*);
+        signed (*give_lock)(void*);
+        signed (*sleep)(void* condition, void* lock, unsigned forever, unsigned shared);
+        signed (*wake_one)(void*);
+        signed (*wake_all)(void*);
+        signed (*yield)();
+    }};
+    // The launch bounds of a kernel with one dimension, as Warp lays them out.
+    struct Bounds {{ unsigned shape; unsigned long long size, threads_per_element; }};
+    #define PEEK(x) __atomic_load_n(&(x), __ATOMIC_RELAXED)
+
+    auto clock = []() -> long long
+    {{
+    #if defined(__x86_64__) || defined(_M_X64)
+        return (long long)__builtin_ia32_rdtsc();
+    #elif defined(__aarch64__)
+        long long now;
+        __asm__ volatile("mrs %0, cntvct_el0" : "=r"(now));
+        return now;
+    #else
+        return 0;
+    #endif
+    }};
+    auto relax = []()
+    {{
+    #if defined(__x86_64__) || defined(_M_X64)
+        __builtin_ia32_pause();
+    #elif defined(__aarch64__)
+        __asm__ volatile("yield");
+    #endif
+    }};
+    // Wakes as many sleeping threads as find a chunk. A sleeper looks at the cursor once more after it has counted itself, and with
+    // the lock held: whoever moved the cursor before either sees it counted, or is seen.
+    auto wake = [](Shared* s, long long wanted)
+    {{
+        const long long asleep = __atomic_load_n(&s->sleepers, __ATOMIC_SEQ_CST);
+        const bool leader = __atomic_load_n(&s->leader_sleeps, __ATOMIC_SEQ_CST) != 0;
+        if (!leader && (asleep == 0 || wanted <= 0)) return;
+        s->take_lock(s->lock);
+        s->give_lock(s->lock);
+        if (leader) s->wake_one(s->leader_wakes);
+        if (wanted >= asleep) {{ if (asleep > 0 && wanted > 0) s->wake_all(s->workers_wake); }}
+        else for (long long k = 0; k < wanted; ++k) s->wake_one(s->workers_wake);
+    }};
+"""
+
+_WORK = f"""
+    auto work = [&](Shared* s, int thread, bool leads)
+    {{
+        int waited = 0;
+        for (;;)
+        {{
+            unsigned long long seen = __atomic_load_n(&s->cursor, __ATOMIC_SEQ_CST);
+            const unsigned sequence = (unsigned)(seen >> 32), chunk = (unsigned)seen;
+            // What follows may belong to the next program already: then the cursor has moved, and the chunk is not taken.
+            const unsigned at = sequence - (unsigned)PEEK(s->base);
+            const unsigned operation_count = (unsigned)PEEK(s->operation_count);
+            Operation* operations = PEEK(s->operations);
+            if (at < operation_count && chunk != 0xffffffffu)
+            {{
+                Operation* op = operations + at;
+                const unsigned chunks = (unsigned)PEEK(op->chunks);
+                if (chunk < chunks)
+                {{
+                    if (!__atomic_compare_exchange_n(
+                            &s->cursor, &seen, seen + 1, false, __ATOMIC_SEQ_CST, __ATOMIC_RELAXED))
+                        continue;
+                    const long long start = s->timed ? clock() : 0;
+                    const long long low = op->first + op->count * chunk / chunks;
+                    const long long high = op->first + op->count * (chunk + 1) / chunks;
+                    alignas(16) long long arguments[{LARGEST_ARGUMENTS // 8}];
+                    for (long long k = 0; k < op->arguments_size / 8; ++k) arguments[k] = op->arguments[k];
+                    ((int*)arguments)[0] = (int)low;
+                    if (op->per_thread) ((int*)arguments)[1] = thread;
+                    Bounds bounds = {{ (unsigned)(high - low), (unsigned long long)(high - low), 1 }};
+                    op->kernel(&bounds, arguments);
+                    if (s->timed) __atomic_fetch_add(&op->busy, clock() - start, __ATOMIC_RELAXED);
+                    if (__atomic_add_fetch(&s->done, 1, __ATOMIC_ACQ_REL) == chunks)
+                    {{
+                        if (s->timed)
+                        {{
+                            const long long now = clock();
+                            op->wall += now - s->started;
+                            s->started = now;
+                        }}
+                        __atomic_store_n(&s->done, 0, __ATOMIC_RELAXED);
+                        const bool last = at + 1 == operation_count;
+                        const long long next_chunks = last ? 0 : operations[at + 1].chunks;
+                        const unsigned long long next = (unsigned long long)(sequence + 1) << 32;
+                        __atomic_store_n(&s->cursor, last ? next | 0xffffffffull : next, __ATOMIC_SEQ_CST);
+                        // This thread takes a chunk, too.
+                        wake(s, next_chunks - 1);
+                    }}
+                    waited = 0;
+                    continue;
+                }}
+            }}
+            else if (leads) return;
+            else if (__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST)) return;
+
+            ++waited;
+            if (waited < {SPINS}) relax();
+            else if (waited < {SPINS + YIELDS}) s->yield();
+            else
+            {{
+                long long* counted = leads ? &s->leader_sleeps : &s->sleepers;
+                s->take_lock(s->lock);
+                __atomic_add_fetch(counted, 1, __ATOMIC_SEQ_CST);
+                while (__atomic_load_n(&s->cursor, __ATOMIC_SEQ_CST) == seen && !__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST))
+                    s->sleep(leads ? s->leader_wakes : s->workers_wake, s->lock, 0xffffffffu, 0);
+                __atomic_sub_fetch(counted, 1, __ATOMIC_SEQ_CST);
+                s->give_lock(s->lock);
+                waited = 0;
+            }}
+        }}
+    }};
+"""
+
+
+@wp.func_native(
+    _STRUCTURES
+    + _WORK
+    + """
+    work((Shared*)shared, thread, false);
+"""
+)
+def work_until_stopped(shared: wp.uint64, thread: int): ...
+
+
+@wp.func_native(
+    _STRUCTURES
+    + _WORK
+    + """
+    Shared* s = (Shared*)shared;
+    const unsigned sequence = (unsigned)(s->cursor >> 32) + 1;
+    __atomic_store_n(&s->base, (long long)sequence, __ATOMIC_RELAXED);
+    __atomic_store_n(&s->operations, (Operation*)operations, __ATOMIC_RELAXED);
+    __atomic_store_n(&s->operation_count, (long long)operation_count, __ATOMIC_RELAXED);
+    if (s->timed) s->started = clock();
+    __atomic_store_n(&s->cursor, (unsigned long long)sequence << 32, __ATOMIC_SEQ_CST);
+    wake(s, ((Operation*)operations)->chunks - 1);
+    work(s, 0, true);
+"""
+)
+def lead(shared: wp.uint64, operations: wp.uint64, operation_count: int): ...
+
+
+@wp.func_native(_STRUCTURES + "return clock();")
+def clock() -> wp.int64: ...
+
+
+@wp.kernel
+def join_in(shared: wp.uint64, thread: int):
+    """Take chunks of whatever programs are carried out, until told to stop."""
+    work_until_stopped(shared, thread)
+
+
+@wp.kernel
+def carry_out(shared: wp.uint64, operations: wp.uint64, operation_count: int):
+    """Carry out a program, with all threads that have joined in; returns at its end."""
+    lead(shared, operations, operation_count)
+
+
+@wp.kernel
+def read_clock(
+    # outputs
+    ticks: wp.array(dtype=wp.int64),
+):
+    ticks[0] = clock()
