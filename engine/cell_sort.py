@@ -88,7 +88,14 @@ class CellSort:
         launch(
             kernels_cells.sort_buckets,
             self._buckets,
-            [self._bucket_start, self._bucket_key, self._bucket_item, self._shift, self._cell_count, int(self._parts == 1)],
+            [
+                self._bucket_start,
+                self._bucket_key,
+                self._bucket_item,
+                self._shift,
+                self._cell_count,
+                int(self._parts == 1),
+            ],
             [self.cell_start, self.order],
             grain=1,
         )

@@ -39,6 +39,8 @@ DAMPING = 0.9
 SLACK = 1e-3
 # Lines that may overlap still do not cross: footprints thinned to this share keep apart.
 AXIS_RADIUS = 0.25
+# Bodies that the CPU looks after with one reading of a kernel's many arguments.
+BODIES_AT_ONCE = 32
 # Rounds between two looks at the number of overlaps that are left.
 ROUNDS_AT_ONCE = 10
 
@@ -92,21 +94,24 @@ class Neighbourhood:
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))
+        room = n + kernels_contact.LANES
+        near = kernels_contact.Sorted()
+        near.body = self._cells.order
+        near.place = wp.empty(n, dtype=wp.int32, device=device)
+        near.x, near.y, near.reach = (wp.zeros(room, dtype=float, device=device) for _ in range(3))
+        near.half_axis = wp.zeros(room, dtype=wp.vec2, device=device)
+        self.near = near
         self._found = wp.zeros(n, dtype=wp.int32, device=device)
 
     @property
-    def order(self) -> wp.array:
-        """Bodies, cell after cell."""
-        return self._cells.order
-
-    @property
     def cell_start(self) -> wp.array:
-        """Place of the first body of every cell in :attr:`order`."""
+        """Place of the first body of every cell in :attr:`near`."""
         return self._cells.cell_start
 
     def sort(self, pose: wp.array) -> None:
         """Put bodies where they are now into the cells."""
         self._cells.sort(kernels_contact.contact_keys, [pose, self.footprints, self.grid])
+        self.launcher.launch(kernels_contact.gather_bodies, self.body_count, [pose, self.footprints], [self.near])
 
     def overlap_count(self, pose: wp.array, tolerance: float) -> int:
         """Pairs whose footprints overlap by more than ``tolerance`` of their distance; a lower bound beyond 200 a body."""
@@ -119,7 +124,15 @@ class Neighbourhood:
         self.launcher.launch(
             kernels_contact.count_overlaps,
             self.body_count,
-            [pose, self.footprints, self.order, self.cell_start, self.grid, 1.0 - tolerance, MOST_OVERLAPS_PER_BODY],
+            [
+                pose,
+                self.near,
+                self.footprints,
+                self.cell_start,
+                self.grid,
+                1.0 - tolerance,
+                MOST_OVERLAPS_PER_BODY,
+            ],
             [self._found],
             grain=GRAIN_OF_NEIGHBOURS,
         )
@@ -165,7 +178,6 @@ class Contact:
         self._near = Neighbourhood(launcher, size, domain.periodic, radius / unit, half / unit, area)
         n = len(area)
         self._pushed = wp.empty(n, dtype=wp.vec4, device=launcher.device)
-        self._contacts = wp.zeros(n, dtype=wp.int32, device=launcher.device)
         self._spare = wp.zeros(n, dtype=wp.vec4, device=launcher.device)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
@@ -208,29 +220,37 @@ class Contact:
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near
+        at_once = 1 if self.launcher.device.is_cuda else BODIES_AT_ONCE
         self.launcher.launch(
             kernels_contact.push_apart,
-            near.body_count,
+            -(-near.body_count // at_once),
             [
                 pose,
+                near.near,
                 near.footprints,
-                self._bodies,
-                bend,
-                near.order,
                 near.cell_start,
                 near.grid,
-                self._images,
                 SLACK,
                 DAMPING,
+                near.body_count,
+                at_once,
             ],
-            [self._pushed, self._contacts],
-            grain=GRAIN_OF_NEIGHBOURS,
+            [self._pushed],
+            grain=max(1, GRAIN_OF_NEIGHBOURS // at_once),
         )
         self.launcher.launch(
             kernels_contact.accept_push,
             near.body_count,
-            [self._pushed, near.grid.domain, near.grid.periodic],
-            [pose, displacement],
+            [
+                self._pushed,
+                near.footprints,
+                self._bodies,
+                bend,
+                self._images,
+                near.grid.domain,
+                near.grid.periodic,
+            ],
+            [near.near, pose, displacement],
         )
 
 

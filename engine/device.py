@@ -27,10 +27,10 @@ __all__ = ["GRAIN", "GRAIN_OF_NEIGHBOURS", "Launcher", "Recording", "core_count"
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
-# Elements that take a CPU thread about 20 microseconds, several times as long as it takes to wake another one: by itself, and in
-# kernels that go through an element's neighbours.
-GRAIN = 2048
-GRAIN_OF_NEIGHBOURS = 192
+# Elements that take a CPU thread some 10 microseconds, many times as long as it takes to hand them out: by themselves, and in kernels
+# that go through an element's neighbours.
+GRAIN = 1024
+GRAIN_OF_NEIGHBOURS = 96
 # From so many processors on, one is left to whatever else runs: Blender's window, for one.
 CORES_TO_SPARE_ONE = 4
 
@@ -106,12 +106,12 @@ class Launcher:
 
     def __init__(self, device: wp.Device, profile: Profile | None = None) -> None:
         self.device = device
-        self.thread_count = 1 if device.is_cuda else core_count()
+        self._team = None if device.is_cuda else ThreadTeam(core_count())
+        self.thread_count = 1 if self._team is None else self._team.count
         self.python_launches = 0
         self._profile = profile
         self._phase = ""
         self._recording: CpuRecording | None = None
-        self._team = None if device.is_cuda else ThreadTeam(self.thread_count)
         if self._team is not None and profile is not None:
             self._team.timed = True
 

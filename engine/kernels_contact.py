@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import warp as wp
 
+from .kernels_mesh import wrap
 from .kernels_update import Bodies, Images, confine, shortest, slide
 
 wp.set_module_options({"enable_backward": False})
+
+# Bodies that the CPU looks at at once.
+LANES = wp.constant(8)
+# Looking at them quickly, they count as so much larger: far more than rounding may be wrong by.
+SAFELY = wp.constant(1.0005)
 
 
 @wp.struct
@@ -32,6 +38,37 @@ class Footprints:
     level: wp.array(dtype=wp.int32)
     radius: wp.array(dtype=float)
     mass: wp.array(dtype=float)
+
+
+@wp.func
+def half_axis(pose: wp.vec4):
+    if pose[3] == 0.0:
+        return wp.vec2(0.0, 0.0)
+    return wp.vec2(0.5 * pose[3] * wp.cos(pose[2]), 0.5 * pose[3] * wp.sin(pose[2]))
+
+
+@wp.struct
+class Sorted:
+    """Bodies in the order of their cells: which one it is, its position, how far it reaches, and half its axis; and the place of every
+    body in that order.
+
+    Positions and reaches have room for :data:`LANES` more.
+    """
+
+    body: wp.array(dtype=wp.int32)
+    place: wp.array(dtype=wp.int32)
+    x: wp.array(dtype=float)
+    y: wp.array(dtype=float)
+    reach: wp.array(dtype=float)
+    half_axis: wp.array(dtype=wp.vec2)
+
+
+@wp.func
+def set_sorted(s: int, pose: wp.vec4, radius: float, bodies: Sorted):
+    bodies.x[s] = pose[0]
+    bodies.y[s] = pose[1]
+    bodies.reach[s] = 0.5 * pose[3] + radius
+    bodies.half_axis[s] = half_axis(pose)
 
 
 @wp.kernel
@@ -88,11 +125,6 @@ def uncrossed(axis: wp.vec2, crossed: wp.vec2, place: float):
 
 
 @wp.func
-def half_axis(pose: wp.vec4):
-    return wp.vec2(0.5 * pose[3] * wp.cos(pose[2]), 0.5 * pose[3] * wp.sin(pose[2]))
-
-
-@wp.func
 def cells_within(position: float, reach: float, domain: float, count: int, periodic: int):
     """First and last cell (unwrapped) of those that come within ``reach`` of ``position`` along one axis."""
     scale = float(count) / domain
@@ -110,154 +142,254 @@ def cells_within(position: float, reach: float, domain: float, count: int, perio
 
 
 @wp.func
-def wrapped(cell: int, count: int):
-    rest = cell % count
-    if rest < 0:
-        rest += count
-    return rest
+def cells_of_period(cells: wp.vec2i, period: int, count: int):
+    """Those of ``cells`` that lie one period before the domain (0), in it (1) or behind it (2), as cells of the domain."""
+    start = (period - 1) * count
+    return wp.vec2i(wp.max(cells[0] - start, 0), wp.min(cells[1] - start, count - 1))
+
+
+# Which of the next bodies may be within reach, as bits: a quick look at several at once, wrong on the safe side only. Positions differ
+# by less than a period; the nearest image of a body is meant.
+_MAY_TOUCH = f"""
+    const int count = end - start < {LANES} ? end - start : {LANES};
+    const float period_x = periodic ? domain[0] : 0.0f, period_y = periodic ? domain[1] : 0.0f;
+    const float per_x = periodic ? 1.0f / domain[0] : 0.0f, per_y = periodic ? 1.0f / domain[1] : 0.0f;
+#if defined(__CUDA_ARCH__)
+    int found = 0;
+    for (int k = 0; k < count; ++k)
+    {{
+        float dx = xs.data[start + k] - x;
+        float dy = ys.data[start + k] - y;
+        dx -= period_x * rintf(dx * per_x);
+        dy -= period_y * rintf(dy * per_y);
+        const float limit = (reach + reaches.data[start + k]) * wider;
+        if (dx * dx + dy * dy < limit * limit) found |= 1 << k;
+    }}
+    return found;
+#else
+    typedef float V __attribute__((ext_vector_type({LANES}), aligned(4)));
+    typedef bool B __attribute__((ext_vector_type({LANES})));
+    V dx = *(const V*)(xs.data + start) - x;
+    V dy = *(const V*)(ys.data + start) - y;
+    if (periodic)
+    {{
+        dx -= period_x * __builtin_elementwise_rint(dx * per_x);
+        dy -= period_y * __builtin_elementwise_rint(dy * per_y);
+    }}
+    const V limit = (reach + *(const V*)(reaches.data + start)) * wider;
+    const B near = __builtin_convertvector(dx * dx + dy * dy < limit * limit, B);
+    return __builtin_bit_cast(unsigned char, near) & ((1 << count) - 1);
+#endif
+"""
+
+
+@wp.func_native(_MAY_TOUCH)
+def may_touch(
+    x: float,
+    y: float,
+    reach: float,
+    wider: float,
+    domain: wp.vec2,
+    periodic: int,
+    start: int,
+    end: int,
+    xs: wp.array(dtype=float),
+    ys: wp.array(dtype=float),
+    reaches: wp.array(dtype=float),
+) -> int: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __ffs(bits) - 1;
+#else
+    return __builtin_ctz(bits);
+#endif
+""")
+def lowest_bit(bits: int) -> int: ...
+
+
+@wp.kernel
+def gather_bodies(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    footprints: Footprints,
+    # outputs
+    bodies: Sorted,
+):
+    s = first + wp.tid()
+    i = bodies.body[s]
+    bodies.place[i] = s
+    set_sorted(s, pose[i], footprints.radius[i], bodies)
 
 
 @wp.kernel
 def push_apart(
     first: int,
     pose: wp.array(dtype=wp.vec4),
+    near: Sorted,
     footprints: Footprints,
-    bodies: Bodies,
-    bend: wp.array(dtype=float),
-    order: wp.array(dtype=wp.int32),
     cell_start: wp.array(dtype=wp.int32),
     grid: ContactGrid,
-    images: Images,
     slack: float,
     damping: float,
+    body_count: int,
+    at_once: int,
     # outputs
-    pushed: wp.array(dtype=wp.vec4),
-    contacts: wp.array(dtype=wp.int32),
+    push_of_body: wp.array(dtype=wp.vec4),
 ):
-    """Move every body out of those that it overlaps, each pair sharing the way by mass and moment of inertia.
+    """The shift and turn that bring every body out of those that it overlaps, and how many these are.
 
-    Gives the new pose and the number of overlaps of the old one; ``slack`` is how much farther than touching, as a share of the radii,
-    bodies are pushed.
+    A pair shares the way by mass and moment of inertia. ``slack`` is how much farther than touching, as a share of the radii, bodies
+    are pushed. An element is ``at_once`` bodies.
     """
-    i = first + wp.tid()
-    own = pose[i]
-    radius = footprints.radius[i]
-    mass = footprints.mass[i]
-    axis = half_axis(own)
-    half = 0.5 * own[3]
-    reach = half + radius
-    # Of a rod as long as the capsule.
-    inertia = mass * reach * reach / 3.0
-    shift = wp.vec2(0.0, 0.0)
-    turn = float(0.0)
-    count = int(0)
-    pushes = int(0)
-    for m in range(grid.level_count):
-        distance_most = (reach + grid.reach[m]) * (1.0 + slack)
-        columns = cells_within(own[0], distance_most, grid.domain[0], grid.count_x[m], grid.periodic)
-        rows = cells_within(own[1], distance_most, grid.domain[1], grid.count_y[m], grid.periodic)
-        for row in range(rows[0], rows[1] + 1):
-            base = grid.first_cell[m] + wrapped(row, grid.count_y[m]) * grid.count_x[m]
-            for column in range(columns[0], columns[1] + 1):
-                cell = base + wrapped(column, grid.count_x[m])
-                for s in range(cell_start[cell], cell_start[cell + 1]):
-                    j = order[s]
-                    if j != i:
-                        other = pose[j]
-                        between = shortest(wp.vec2(other[0] - own[0], other[1] - own[1]), grid.domain, grid.periodic)
-                        touching = radius + footprints.radius[j]
-                        wanted = touching * (1.0 + slack)
-                        if wp.length(between) < half + 0.5 * other[3] + wanted:
-                            other_axis = half_axis(other)
-                            places = closest_places(between, axis, other_axis)
-                            gap = between + places[1] * other_axis - places[0] * axis
-                            distance = wp.length(gap)
-                            if distance < touching:
-                                count += 1
-                            if distance < wanted:
-                                # Bodies on one another part in a direction of their own, opposite for the two.
-                                away = wp.vec2(wp.cos(float(i + j)), wp.sin(float(i + j)))
-                                if i > j:
-                                    away = -away
-                                if distance > 1.0e-6 * touching:
-                                    away = -gap / distance
-                                elif half > 0.0 and other[3] > 0.0:
-                                    # Axes that cross: the end that reaches less far beyond the other axis goes back.
-                                    own_end = uncrossed(axis, other_axis, places[0])
-                                    other_end = uncrossed(other_axis, axis, places[1])
-                                    if own_end[2] < other_end[2]:
-                                        away = wp.vec2(own_end[0], own_end[1])
-                                        distance = -own_end[2]
-                                        places = wp.vec2(wp.sign(places[0]), places[1])
-                                    else:
-                                        away = -wp.vec2(other_end[0], other_end[1])
-                                        distance = -other_end[2]
-                                        places = wp.vec2(places[0], wp.sign(places[1]))
-                                lever = places[0] * (axis[0] * away[1] - axis[1] * away[0])
-                                other_lever = places[1] * (other_axis[0] * away[1] - other_axis[1] * away[0])
-                                other_mass = footprints.mass[j]
-                                other_reach = 0.5 * other[3] + footprints.radius[j]
-                                other_inertia = other_mass * other_reach * other_reach / 3.0
-                                ease = 1.0 / mass + lever * lever / inertia
-                                other_ease = 1.0 / other_mass + other_lever * other_lever / other_inertia
-                                push = (wanted - distance) / (ease + other_ease)
-                                shift += away * (push / mass)
-                                turn += push * lever / inertia
-                                pushes += 1
-    contacts[i] = count
-    new = own
-    if pushes > 0:
+    block = (first + wp.tid()) * at_once
+    for i in range(block, wp.min(block + at_once, body_count)):
+        own = pose[i]
+        radius = footprints.radius[i]
+        mass = footprints.mass[i]
+        axis = near.half_axis[near.place[i]]
+        half = 0.5 * own[3]
+        reach = half + radius
+        # Of a rod as long as the capsule.
+        inertia = mass * reach * reach / 3.0
+        shift = wp.vec2(0.0, 0.0)
+        turn = float(0.0)
+        pushes = int(0)
+        wrapping = wp.where(grid.periodic != 0, 1, 0)
+        for m in range(grid.level_count):
+            distance_most = (reach + grid.reach[m]) * (1.0 + slack)
+            columns = cells_within(own[0], distance_most, grid.domain[0], grid.count_x[m], grid.periodic)
+            rows = cells_within(own[1], distance_most, grid.domain[1], grid.count_y[m], grid.periodic)
+            for unwrapped in range(rows[0], rows[1] + 1):
+                row = wrap(unwrapped, grid.count_y[m])
+                base = grid.first_cell[m] + row * grid.count_x[m]
+                # Cells of a row are neighbours in memory: they are one range, or two where they lie on both sides of a wrap.
+                for period in range(1 - wrapping, 2 + wrapping):
+                    cells = cells_of_period(columns, period, grid.count_x[m])
+                    begin = int(0)
+                    end = int(0)
+                    if cells[0] <= cells[1]:
+                        begin = cell_start[base + cells[0]]
+                        end = cell_start[base + cells[1] + 1]
+                    for start in range(begin, end, LANES):
+                        found = may_touch(
+                            own[0],
+                            own[1],
+                            reach,
+                            (1.0 + slack) * SAFELY,
+                            grid.domain,
+                            grid.periodic,
+                            start,
+                            end,
+                            near.x,
+                            near.y,
+                            near.reach,
+                        )
+                        while found != 0:
+                            s = start + lowest_bit(found)
+                            found = found & (found - 1)
+                            j = near.body[s]
+                            if j != i:
+                                other = pose[j]
+                                between = shortest(
+                                    wp.vec2(other[0] - own[0], other[1] - own[1]), grid.domain, grid.periodic
+                                )
+                                touching = radius + footprints.radius[j]
+                                wanted = touching * (1.0 + slack)
+                                if wp.length(between) < half + 0.5 * other[3] + wanted:
+                                    other_axis = near.half_axis[s]
+                                    places = closest_places(between, axis, other_axis)
+                                    gap = between + places[1] * other_axis - places[0] * axis
+                                    distance = wp.length(gap)
+                                    if distance < wanted:
+                                        # Bodies on one another part in a direction of their own, opposite for the two.
+                                        away = wp.vec2(wp.cos(float(i + j)), wp.sin(float(i + j)))
+                                        if i > j:
+                                            away = -away
+                                        if distance > 1.0e-6 * touching:
+                                            away = -gap / distance
+                                        elif half > 0.0 and other[3] > 0.0:
+                                            # Axes that cross: the end that reaches less far beyond the other axis goes back.
+                                            own_end = uncrossed(axis, other_axis, places[0])
+                                            other_end = uncrossed(other_axis, axis, places[1])
+                                            if own_end[2] < other_end[2]:
+                                                away = wp.vec2(own_end[0], own_end[1])
+                                                distance = -own_end[2]
+                                                places = wp.vec2(wp.sign(places[0]), places[1])
+                                            else:
+                                                away = -wp.vec2(other_end[0], other_end[1])
+                                                distance = -other_end[2]
+                                                places = wp.vec2(places[0], wp.sign(places[1]))
+                                        lever = places[0] * (axis[0] * away[1] - axis[1] * away[0])
+                                        other_lever = places[1] * (other_axis[0] * away[1] - other_axis[1] * away[0])
+                                        other_mass = footprints.mass[j]
+                                        other_reach = 0.5 * other[3] + footprints.radius[j]
+                                        other_inertia = other_mass * other_reach * other_reach / 3.0
+                                        ease = 1.0 / mass + lever * lever / inertia
+                                        other_ease = 1.0 / other_mass + other_lever * other_lever / other_inertia
+                                        push = (wanted - distance) / (ease + other_ease)
+                                        shift += away * (push / mass)
+                                        turn += push * lever / inertia
+                                        pushes += 1
         scale = damping
         if pushes > 2:
             scale = damping * 2.0 / float(pushes)
-        shift = shift * scale
-        turn = turn * scale
-        k = bodies.class_index[i]
-        if bodies.line[i] < 0:
-            p = wp.vec2(own[0], own[1])
-            q = slide(p, p + shift, k, images, grid.domain, grid.periodic)
-            new = wp.vec4(q[0], q[1], 0.0, 0.0)
-        else:
-            new = confine(
-                own,
-                wp.vec4(own[0] + shift[0], own[1] + shift[1], own[2] + turn, own[3]),
-                bodies.first_charge[i],
-                bodies.first_charge[i + 1],
-                bodies,
-                bend,
-                k,
-                images,
-                grid.domain,
-                grid.periodic,
-            )
-    pushed[i] = new
+        push_of_body[i] = wp.vec4(shift[0] * scale, shift[1] * scale, turn * scale, float(pushes))
 
 
 @wp.kernel
 def accept_push(
     first: int,
-    pushed: wp.array(dtype=wp.vec4),
+    push_of_body: wp.array(dtype=wp.vec4),
+    footprints: Footprints,
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    images: Images,
     domain: wp.vec2,
     periodic: int,
     # outputs
+    near: Sorted,
     pose: wp.array(dtype=wp.vec4),
     displacement: wp.array(dtype=wp.vec4),
 ):
-    """Take over pushed poses, and count the push as part of the displacement."""
+    """Push bodies as far as they may go, and count that as part of the displacement."""
     i = first + wp.tid()
+    push = push_of_body[i]
+    if push[3] == 0.0:
+        return
     old = pose[i]
-    new = pushed[i]
+    new = old
+    k = bodies.class_index[i]
+    if bodies.line[i] < 0:
+        p = wp.vec2(old[0], old[1])
+        q = slide(p, p + wp.vec2(push[0], push[1]), k, images, domain, periodic)
+        new = wp.vec4(q[0], q[1], 0.0, 0.0)
+    else:
+        new = confine(
+            old,
+            wp.vec4(old[0] + push[0], old[1] + push[1], old[2] + push[2], old[3]),
+            bodies.first_charge[i],
+            bodies.first_charge[i + 1],
+            bodies,
+            bend,
+            k,
+            images,
+            domain,
+            periodic,
+        )
     way = shortest(wp.vec2(new[0] - old[0], new[1] - old[1]), domain, periodic)
     displacement[i] = displacement[i] + wp.vec4(way[0], way[1], new[2] - old[2], new[3] - old[3])
     pose[i] = new
+    set_sorted(near.place[i], new, footprints.radius[i], near)
 
 
 @wp.kernel
 def count_overlaps(
     first: int,
     pose: wp.array(dtype=wp.vec4),
+    near: Sorted,
     footprints: Footprints,
-    order: wp.array(dtype=wp.int32),
     cell_start: wp.array(dtype=wp.int32),
     grid: ContactGrid,
     touch: float,
@@ -269,20 +401,42 @@ def count_overlaps(
     i = first + wp.tid()
     own = pose[i]
     radius = footprints.radius[i]
-    axis = half_axis(own)
+    axis = near.half_axis[near.place[i]]
     half = 0.5 * own[3]
     count = int(0)
+    wrapping = wp.where(grid.periodic != 0, 1, 0)
     for m in range(grid.level_count):
         distance_most = half + radius + grid.reach[m]
         columns = cells_within(own[0], distance_most, grid.domain[0], grid.count_x[m], grid.periodic)
         rows = cells_within(own[1], distance_most, grid.domain[1], grid.count_y[m], grid.periodic)
-        for row in range(rows[0], rows[1] + 1):
-            base = grid.first_cell[m] + wrapped(row, grid.count_y[m]) * grid.count_x[m]
-            for column in range(columns[0], columns[1] + 1):
-                if count < most:
-                    cell = base + wrapped(column, grid.count_x[m])
-                    for s in range(cell_start[cell], cell_start[cell + 1]):
-                        j = order[s]
+        for unwrapped in range(rows[0], rows[1] + 1):
+            row = wrap(unwrapped, grid.count_y[m])
+            base = grid.first_cell[m] + row * grid.count_x[m]
+            for period in range(1 - wrapping, 2 + wrapping):
+                cells = cells_of_period(columns, period, grid.count_x[m])
+                begin = int(0)
+                end = int(0)
+                if cells[0] <= cells[1] and count < most:
+                    begin = cell_start[base + cells[0]]
+                    end = cell_start[base + cells[1] + 1]
+                for start in range(begin, end, LANES):
+                    found = may_touch(
+                        own[0],
+                        own[1],
+                        half + radius,
+                        touch * SAFELY,
+                        grid.domain,
+                        grid.periodic,
+                        start,
+                        end,
+                        near.x,
+                        near.y,
+                        near.reach,
+                    )
+                    while found != 0 and count < most:
+                        s = start + lowest_bit(found)
+                        found = found & (found - 1)
+                        j = near.body[s]
                         if j != i:
                             other = pose[j]
                             between = shortest(
@@ -290,11 +444,9 @@ def count_overlaps(
                             )
                             touching = (radius + footprints.radius[j]) * touch
                             if wp.length(between) < half + 0.5 * other[3] + touching:
-                                other_axis = half_axis(other)
+                                other_axis = near.half_axis[s]
                                 places = closest_places(between, axis, other_axis)
                                 gap = between + places[1] * other_axis - places[0] * axis
                                 if wp.length(gap) < touching:
                                     count += 1
-                                    if count >= most:
-                                        break
     overlaps[i] = count

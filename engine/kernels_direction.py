@@ -6,10 +6,10 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-# Sums over all bodies are kept as integers in several slots each, a power of two of them, so that they depend on no order and few
-# threads of a GPU wait for each other; on the CPU, where adding is not atomic, every thread has slots of its own. The unit is 2^-30.
+# Sums over all bodies are kept as integers, so that they depend on no order; on a GPU in several slots each, a power of two of them,
+# so that few threads wait for each other, on the CPU, where adding is not atomic, in one for every thread. The unit is 2^-30.
 SLOTS_ON_GPU = 1024
-SLOTS_ON_CPU = 8
+SLOTS_ON_CPU = 1
 # Slots that a thread of a GPU adds up.
 SLOTS_AT_ONCE = 32
 SUM_SCALE = wp.constant(1073741824.0)
@@ -38,6 +38,31 @@ LARGEST_FACTOR = wp.constant(3.0)
 GROWN = wp.constant(0.6)
 
 
+# The sums that every body adds to, in the order of their numbers.
+Sums = wp.types.vector(LENGTHS, wp.float32)
+
+# wp.atomic_add finds its place in an array of three dimensions once for every sum; these lie side by side.
+_ADD = f"""
+    const int slots = sums.shape[2];
+    long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + (i & (slots - 1));
+    for (int k = 0; k < {LENGTHS}; ++k)
+    {{
+        const float value = values[k] < -{LARGEST_SUMMAND}f ? -{LARGEST_SUMMAND}f
+            : values[k] > {LARGEST_SUMMAND}f ? {LARGEST_SUMMAND}f : values[k];
+        const long long amount = (long long)(value * {SUM_SCALE}f);
+    #if defined(__CUDA_ARCH__)
+        atomicAdd((unsigned long long*)to + k * slots, (unsigned long long)amount);
+    #else
+        to[k * slots] += amount;
+    #endif
+    }}
+"""
+
+
+@wp.func_native(_ADD)
+def add_all(sums: wp.array3d(dtype=wp.int64), thread: int, i: int, values: Sums): ...
+
+
 @wp.func
 def add(sums: wp.array3d(dtype=wp.int64), thread: int, kind: int, i: int, value: float):
     """Add ``value`` of body ``i`` to one of the sums over all bodies, in the slots of a thread."""
@@ -54,14 +79,25 @@ def add_products(
     displacement: wp.vec4,
     change: wp.vec4,
     move: wp.vec4,
+    unsettled: float,
 ):
-    """Add a body's share to the six products that the direction depends on."""
-    add(sums, thread, S_Y, i, wp.dot(wp.cw_mul(metric, displacement), change))
-    add(sums, thread, S_S, i, wp.dot(wp.cw_mul(metric, displacement), displacement))
-    add(sums, thread, Y_Y, i, wp.dot(wp.cw_mul(metric, change), change))
-    add(sums, thread, S_M, i, wp.dot(wp.cw_mul(metric, displacement), move))
-    add(sums, thread, Y_M, i, wp.dot(wp.cw_mul(metric, change), move))
-    add(sums, thread, M_M, i, wp.dot(wp.cw_mul(metric, move), move))
+    """Add a body's share to the six products that the direction depends on, and how far it is from being settled."""
+    of_displacement = wp.cw_mul(metric, displacement)
+    of_change = wp.cw_mul(metric, change)
+    add_all(
+        sums,
+        thread,
+        i,
+        Sums(
+            wp.dot(of_displacement, change),
+            wp.dot(of_displacement, displacement),
+            wp.dot(of_change, change),
+            wp.dot(of_displacement, move),
+            wp.dot(of_change, move),
+            wp.dot(wp.cw_mul(metric, move), move),
+            unsettled,
+        ),
+    )
 
 
 @wp.kernel

@@ -12,16 +12,20 @@ from __future__ import annotations
 
 import warp as wp
 
-__all__ = ["LARGEST_ARGUMENTS", "carry_out", "join_in", "read_clock"]
+__all__ = ["BYTES_OF_A_CONDITION", "LARGEST_ARGUMENTS", "MOST_THREADS", "carry_out", "join_in", "read_clock"]
 
 wp.set_module_options({"enable_backward": False})
 
 # Every chunk has its kernel's arguments copied, so that its first element can be written into them [bytes].
 LARGEST_ARGUMENTS = 4096
-# Looks at the cursor before a thread lets others run, and then before it sleeps. Short enough that a thread that waits costs other
-# programs little, long enough that none sleeps between the operations of a step: together some 50 microseconds.
-SPINS = 200
-YIELDS = 40
+# Room for a lock or a condition variable of any system [bytes], and threads at most.
+BYTES_OF_A_CONDITION = 128
+MOST_THREADS = 64
+# Looks for work before a thread lets others run between two of them, and then before it sleeps: together about a millisecond where
+# nothing else wants to run. Waking a thread costs whoever wakes it several microseconds, on virtual machines most of all, so that
+# none should sleep between the operations of a step.
+SPINS = 100
+YIELDS = 1500
 
 _STRUCTURES = f"""
     struct Operation
@@ -37,23 +41,25 @@ _STRUCTURES = f"""
         // Sequence number of the operation under way (high half) and its next chunk (low half); the whole program's end has no
         // chunk, which reads as the largest number.
         unsigned long long cursor; char pad_0[120];
-        long long done; char pad_1[120];
-        long long sleepers, leader_sleeps; char pad_2[112];
+        // The cursor's high half once more, for threads that wait: they are not disturbed where others take chunks.
+        unsigned long long sequence; char pad_1[120];
+        long long done; char pad_2[120];
+        // A bit for every thread that sleeps.
+        unsigned long long asleep; char pad_3[120];
         Operation* operations;
         long long base, operation_count, stop, timed, started;
         void* lock;
-        void* workers_wake;
-        void* leader_wakes;
+        // Conditions, one for every thread.
+        char* wakes;
         signed (*take_lock)(void*);
         signed (*give_lock)(void*);
         signed (*sleep)(void* condition, void* lock, unsigned forever, unsigned shared);
-        signed (*wake_one)(void*);
-        signed (*wake_all)(void*);
+        signed (*wake)(void*);
         signed (*yield)();
     }};
     // The launch bounds of a kernel with one dimension, as Warp lays them out.
     struct Bounds {{ unsigned shape; unsigned long long size, threads_per_element; }};
-    #define PEEK(x) __atomic_load_n(&(x), __ATOMIC_RELAXED)
+    #define PEEK(x) __atomic_load_n(&(x), __ATOMIC_ACQUIRE)
 
     auto clock = []() -> long long
     {{
@@ -75,18 +81,24 @@ _STRUCTURES = f"""
         __asm__ volatile("yield");
     #endif
     }};
-    // Wakes as many sleeping threads as find a chunk. A sleeper looks at the cursor once more after it has counted itself, and with
-    // the lock held: whoever moved the cursor before either sees it counted, or is seen.
-    auto wake = [](Shared* s, long long wanted)
+    // The threads that may take one of so many chunks, as bits. Where there are few, it is always the same ones: they have the data
+    // at hand, and the others can sleep. The first thread leads the program, so that it is never left alone with chunks of others.
+    auto called = [](unsigned chunks) -> unsigned long long {{ return chunks < 64 ? (1ull << chunks) - 1 : ~0ull; }};
+    // Wakes two threads of those that sleep; they wake others in turn. A sleeper looks at the sequence once more after it has set its
+    // bit, and with the lock held: whoever has published before either sees the bit, or is seen.
+    auto wake = [](Shared* s, unsigned long long threads)
     {{
-        const long long asleep = __atomic_load_n(&s->sleepers, __ATOMIC_SEQ_CST);
-        const bool leader = __atomic_load_n(&s->leader_sleeps, __ATOMIC_SEQ_CST) != 0;
-        if (!leader && (asleep == 0 || wanted <= 0)) return;
-        s->take_lock(s->lock);
-        s->give_lock(s->lock);
-        if (leader) s->wake_one(s->leader_wakes);
-        if (wanted >= asleep) {{ if (asleep > 0 && wanted > 0) s->wake_all(s->workers_wake); }}
-        else for (long long k = 0; k < wanted; ++k) s->wake_one(s->workers_wake);
+        for (int k = 0; k < 2; ++k)
+        {{
+            const unsigned long long asleep = __atomic_load_n(&s->asleep, __ATOMIC_SEQ_CST) & threads;
+            if (asleep == 0) return;
+            const int thread = __builtin_ctzll(asleep);
+            const unsigned long long bit = 1ull << thread;
+            if ((__atomic_fetch_and(&s->asleep, ~bit, __ATOMIC_SEQ_CST) & bit) == 0) continue;
+            s->take_lock(s->lock);
+            s->give_lock(s->lock);
+            s->wake(s->wakes + {BYTES_OF_A_CONDITION} * thread);
+        }}
     }};
 """
 
@@ -94,19 +106,24 @@ _WORK = f"""
     auto work = [&](Shared* s, int thread, bool leads)
     {{
         int waited = 0;
+        bool woken = false;
         for (;;)
         {{
+            const unsigned long long published = __atomic_load_n(&s->sequence, __ATOMIC_SEQ_CST);
             unsigned long long seen = __atomic_load_n(&s->cursor, __ATOMIC_SEQ_CST);
             const unsigned sequence = (unsigned)(seen >> 32), chunk = (unsigned)seen;
-            // What follows may belong to the next program already: then the cursor has moved, and the chunk is not taken.
             const unsigned at = sequence - (unsigned)PEEK(s->base);
             const unsigned operation_count = (unsigned)PEEK(s->operation_count);
             Operation* operations = PEEK(s->operations);
+            // Some of this may belong to the next program already, unless the cursor is where it was.
+            if (PEEK(s->cursor) != seen) continue;
             if (at < operation_count && chunk != 0xffffffffu)
             {{
                 Operation* op = operations + at;
                 const unsigned chunks = (unsigned)PEEK(op->chunks);
-                if (chunk < chunks)
+                if (woken) wake(s, called(chunks));
+                woken = false;
+                if (chunk < chunks && (called(chunks) >> thread & 1))
                 {{
                     if (!__atomic_compare_exchange_n(
                             &s->cursor, &seen, seen + 1, false, __ATOMIC_SEQ_CST, __ATOMIC_RELAXED))
@@ -131,11 +148,11 @@ _WORK = f"""
                         }}
                         __atomic_store_n(&s->done, 0, __ATOMIC_RELAXED);
                         const bool last = at + 1 == operation_count;
-                        const long long next_chunks = last ? 0 : operations[at + 1].chunks;
                         const unsigned long long next = (unsigned long long)(sequence + 1) << 32;
                         __atomic_store_n(&s->cursor, last ? next | 0xffffffffull : next, __ATOMIC_SEQ_CST);
-                        // This thread takes a chunk, too.
-                        wake(s, next_chunks - 1);
+                        __atomic_store_n(&s->sequence, (unsigned long long)(sequence + 1), __ATOMIC_SEQ_CST);
+                        // At the end only the thread that leads has something to do.
+                        wake(s, called(last ? 1 : (unsigned)operations[at + 1].chunks));
                     }}
                     waited = 0;
                     continue;
@@ -144,18 +161,20 @@ _WORK = f"""
             else if (leads) return;
             else if (__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST)) return;
 
-            ++waited;
-            if (waited < {SPINS}) relax();
-            else if (waited < {SPINS + YIELDS}) s->yield();
-            else
+            while (waited < {SPINS + YIELDS} && PEEK(s->sequence) == published)
+                if (++waited < {SPINS}) relax();
+                else s->yield();
+            if (waited >= {SPINS + YIELDS})
             {{
-                long long* counted = leads ? &s->leader_sleeps : &s->sleepers;
+                const unsigned long long bit = 1ull << thread;
                 s->take_lock(s->lock);
-                __atomic_add_fetch(counted, 1, __ATOMIC_SEQ_CST);
-                while (__atomic_load_n(&s->cursor, __ATOMIC_SEQ_CST) == seen && !__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST))
-                    s->sleep(leads ? s->leader_wakes : s->workers_wake, s->lock, 0xffffffffu, 0);
-                __atomic_sub_fetch(counted, 1, __ATOMIC_SEQ_CST);
+                __atomic_fetch_or(&s->asleep, bit, __ATOMIC_SEQ_CST);
+                while (__atomic_load_n(&s->sequence, __ATOMIC_SEQ_CST) == published
+                    && !__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST))
+                    s->sleep(s->wakes + {BYTES_OF_A_CONDITION} * thread, s->lock, 0xffffffffu, 0);
+                __atomic_fetch_and(&s->asleep, ~bit, __ATOMIC_SEQ_CST);
                 s->give_lock(s->lock);
+                woken = true;
                 waited = 0;
             }}
         }}
@@ -184,7 +203,8 @@ def work_until_stopped(shared: wp.uint64, thread: int): ...
     __atomic_store_n(&s->operation_count, (long long)operation_count, __ATOMIC_RELAXED);
     if (s->timed) s->started = clock();
     __atomic_store_n(&s->cursor, (unsigned long long)sequence << 32, __ATOMIC_SEQ_CST);
-    wake(s, ((Operation*)operations)->chunks - 1);
+    __atomic_store_n(&s->sequence, (unsigned long long)sequence, __ATOMIC_SEQ_CST);
+    wake(s, called((unsigned)((Operation*)operations)->chunks));
     work(s, 0, true);
 """
 )

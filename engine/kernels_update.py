@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_direction import LENGTHS, UNSETTLED, add, add_products
+from .kernels_direction import LENGTHS, add, add_products
 from .kernels_mesh import Mesh, nearest_node
 
 wp.set_module_options({"enable_backward": False})
@@ -291,8 +291,8 @@ def propose_dots(
     move[i] = new
     change[i] = changed
     weight = bodies.charge[charge] / length
-    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new)
-    add(sums, thread, UNSETTLED, i, unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact))
+    rest = unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact)
+    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new, rest)
 
 
 @wp.kernel
@@ -403,10 +403,10 @@ def propose_lines(
     of_turn = inertia / total * half * half
     of_stretch = 0.25 * inertia / total
     metric = wp.vec4(1.0, 1.0, of_turn, of_stretch)
-    add_products(sums, thread, i, weight * metric, way, changed, new)
     squared_move = wp.dot(wp.cw_mul(metric, new), new)
     squared_way = wp.dot(wp.cw_mul(metric, way), way)
-    add(sums, thread, UNSETTLED, i, unsettled(squared_move, squared_way, limit, in_contact))
+    rest = unsettled(squared_move, squared_way, limit, in_contact)
+    add_products(sums, thread, i, weight * metric, way, changed, new, rest)
     add(sums, thread, LENGTHS + kind, i, start[3] / desired_length)
 
 

@@ -64,9 +64,7 @@ class Profile:
         per_tick = self._seconds_per_tick()
         result = {}
         for name, spent in self.seconds.items():
-            busy, wall = (
-                self._launched.get(name, (0, 0))[k] + self._played.get(name, (0, 0))[k] for k in range(2)
-            )
+            busy, wall = (self._launched.get(name, (0, 0))[k] + self._played.get(name, (0, 0))[k] for k in range(2))
             result[name] = 1.0 + per_tick * (busy - wall) / spent if spent > 0.0 else 1.0
         return result
 

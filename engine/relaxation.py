@@ -282,9 +282,7 @@ class _Relaxation:
     def _decide(self) -> None:
         _, kinds, slots = self.sums.shape
         at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
-        self.launcher.launch(
-            kernels_direction.add_up, kinds * slots // at_once, [at_once], [self.sums, self.totals]
-        )
+        self.launcher.launch(kernels_direction.add_up, kinds * slots // at_once, [at_once], [self.sums, self.totals])
         self.launcher.launch(
             kernels_direction.decide_direction,
             1,

@@ -49,11 +49,12 @@ class _Shared(ctypes.Structure):
     _fields_ = (
         ("cursor", ctypes.c_uint64),
         ("pad_0", ctypes.c_char * 120),
-        ("done", ctypes.c_int64),
+        ("sequence", ctypes.c_uint64),
         ("pad_1", ctypes.c_char * 120),
-        ("sleepers", ctypes.c_int64),
-        ("leader_sleeps", ctypes.c_int64),
-        ("pad_2", ctypes.c_char * 112),
+        ("done", ctypes.c_int64),
+        ("pad_2", ctypes.c_char * 120),
+        ("asleep", ctypes.c_uint64),
+        ("pad_3", ctypes.c_char * 120),
         ("operations", ctypes.c_void_p),
         ("base", ctypes.c_int64),
         ("operation_count", ctypes.c_int64),
@@ -61,13 +62,11 @@ class _Shared(ctypes.Structure):
         ("timed", ctypes.c_int64),
         ("started", ctypes.c_int64),
         ("lock", ctypes.c_void_p),
-        ("workers_wake", ctypes.c_void_p),
-        ("leader_wakes", ctypes.c_void_p),
+        ("wakes", ctypes.c_void_p),
         ("take_lock", ctypes.c_void_p),
         ("give_lock", ctypes.c_void_p),
         ("sleep", ctypes.c_void_p),
-        ("wake_one", ctypes.c_void_p),
-        ("wake_all", ctypes.c_void_p),
+        ("wake", ctypes.c_void_p),
         ("yield_", ctypes.c_void_p),
     )
 
@@ -85,27 +84,24 @@ class ThreadTeam:
     """This thread and ``count - 1`` others, which start when there is work for them.
 
     Args:
-        count: Threads in all, >= 1.
+        count: Threads in all, >= 1; at most 64 are used.
     """
 
     def __init__(self, count: int) -> None:
-        self.count = count
+        self.count = min(count, kernels_threads.MOST_THREADS)
         self._threads: list[threading.Thread] = []
-        # The compiled code reads these until the last thread has left it; a line of the cache for each of the fields that are written
-        # to all the time.
-        self._memory = ctypes.create_string_buffer(ctypes.sizeof(_Shared) + 3 * 128 + 256)
-        at = -(-ctypes.addressof(self._memory) // 256) * 256
+        # The compiled code uses both until the last thread has left it. What is written to all the time has a line of the cache of its
+        # own.
+        self._memory, at = _aligned_memory(ctypes.sizeof(_Shared))
+        self._sleeping, lock = _aligned_memory((1 + self.count) * kernels_threads.BYTES_OF_A_CONDITION)
         self._shared = _Shared.from_address(at)
         self._shared.cursor = 0xFFFFFFFF
+        self._shared.lock = lock
+        self._shared.wakes = lock + kernels_threads.BYTES_OF_A_CONDITION
         functions, initialise = _system_functions()
         for name, function in functions.items():
             setattr(self._shared, name, function)
-        # Large enough for a lock or a condition of every system.
-        self._sleeping = ctypes.create_string_buffer(3 * 256 + 256)
-        start = -(-ctypes.addressof(self._sleeping) // 256) * 256
-        for k, name in enumerate(("lock", "workers_wake", "leader_wakes")):
-            setattr(self._shared, name, start + 256 * k)
-        initialise(start, start + 256, start + 512)
+        initialise(lock, [self._condition(thread) for thread in range(self.count)])
         # Threads may look at a program's table for a moment after its end, so that none is freed before they are gone.
         self._programs: list[Program] = []
         self._single: Program | None = None
@@ -173,27 +169,30 @@ class ThreadTeam:
         wanted = min(self.count, max(program.operations[k].chunks for k in range(program.count)))
         while len(self._threads) < wanted - 1:
             self._start_thread()
-        arguments = _CarryOut(
-            ctypes.addressof(self._shared), ctypes.addressof(program.operations), program.count
-        )
+        arguments = _CarryOut(ctypes.addressof(self._shared), ctypes.addressof(program.operations), program.count)
         self._carry_out(ctypes.byref(self._bounds), ctypes.byref(arguments))
 
     def close(self) -> None:
         """Let the threads go; the team cannot be used again."""
         self._shared.stop = 1
         if self._threads:
-            # An empty program wakes all.
-            take, give, wake_all = (
+            take, give, wake = (
                 ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(getattr(self._shared, name))
-                for name in ("take_lock", "give_lock", "wake_all")
+                for name in ("take_lock", "give_lock", "wake")
             )
+            # For those that look for work; whoever has not seen the word yet is on its way to sleep with the lock held.
+            self._shared.sequence += 1
             take(self._shared.lock)
             give(self._shared.lock)
-            wake_all(self._shared.workers_wake)
+            for number in range(1, len(self._threads) + 1):
+                wake(self._condition(number))
         for thread in self._threads:
             thread.join()
         self._threads = []
         self._programs = []
+
+    def _condition(self, thread: int) -> int:
+        return self._shared.wakes + kernels_threads.BYTES_OF_A_CONDITION * thread
 
     def _start_thread(self) -> None:
         number = len(self._threads) + 1
@@ -204,6 +203,12 @@ class ThreadTeam:
     def _join_in(self, number: int) -> None:
         arguments = _JoinIn(ctypes.addressof(self._shared), number)
         _native(kernels_threads.join_in)(ctypes.byref(self._bounds), ctypes.byref(arguments))
+
+
+def _aligned_memory(size: int) -> tuple[object, int]:
+    """Zeros, and where they begin: at a line of the cache."""
+    memory = ctypes.create_string_buffer(size + 128)
+    return memory, -(-ctypes.addressof(memory) // 128) * 128
 
 
 class _CarryOut(ctypes.Structure):
@@ -234,9 +239,7 @@ def _native(kernel: wp.Kernel) -> Any:
 
 def _bounds() -> ctypes.Structure:
     """Launch bounds of a single element, checked to be laid out as the compiled code writes them."""
-    bounds = wp.launch(
-        kernels_threads.join_in, dim=1, inputs=[0, 0], device="cpu", record_cmd=True
-    ).bounds
+    bounds = wp.launch(kernels_threads.join_in, dim=1, inputs=[0, 0], device="cpu", record_cmd=True).bounds
     layout = [(name, ctypes.sizeof(kind)) for name, kind in type(bounds)._fields_]
     if layout != [("shape", 4), ("size", 8), ("coord_mult", 8)]:
         raise DeviceError(
@@ -266,16 +269,15 @@ def _structure(kernel: wp.Kernel, kinds: tuple[type, ...]) -> type[ctypes.Struct
 
 
 @cache
-def _system_functions() -> tuple[dict[str, int | None], Callable[[int, int, int], None]]:
-    """Addresses of what the system has for sleeping threads, and what makes a lock and two conditions of zeros."""
+def _system_functions() -> tuple[dict[str, int | None], Callable[[int, Sequence[int]], None]]:
+    """Addresses of what the system has for sleeping threads, and what makes a lock and conditions of zeros."""
     if sys.platform == "win32":
         library: Any = ctypes.WinDLL("kernel32")
         names = {
             "take_lock": "AcquireSRWLockExclusive",
             "give_lock": "ReleaseSRWLockExclusive",
             "sleep": "SleepConditionVariableSRW",
-            "wake_one": "WakeConditionVariable",
-            "wake_all": "WakeAllConditionVariable",
+            "wake": "WakeConditionVariable",
             "yield_": "SwitchToThread",
         }
     else:
@@ -284,12 +286,11 @@ def _system_functions() -> tuple[dict[str, int | None], Callable[[int, int, int]
             "take_lock": "pthread_mutex_lock",
             "give_lock": "pthread_mutex_unlock",
             "sleep": "pthread_cond_wait",
-            "wake_one": "pthread_cond_signal",
-            "wake_all": "pthread_cond_broadcast",
+            "wake": "pthread_cond_signal",
             "yield_": "sched_yield",
         }
 
-    def initialise(lock: int, *conditions: int) -> None:
+    def initialise(lock: int, conditions: Sequence[int]) -> None:
         # On Windows zeros are what they start as.
         if sys.platform != "win32":
             library.pthread_mutex_init(ctypes.c_void_p(lock), None)
