@@ -15,6 +15,7 @@ import statistics
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,11 +80,44 @@ def time_on(cores: list[int], arguments: list[str], environment: dict[str, str] 
     return [json.loads(line) for line in output.splitlines() if line.startswith("{")]
 
 
-def tables(arguments: list[str], cores: list[int]) -> list[str]:
+def disturbed(cores: list[int]) -> list[str]:
+    """How much longer runs take where not all processors are theirs, as Markdown."""
+    arguments = ["--bodies", "10000", "100000", "--groups", "1", "--kinds", "dots", "contact", "--repeat", "3"]
+    half = max(1, len(cores) // 2)
+    burn = [sys.executable, "-c", "while True: pass"]
+
+    def beside_others(count: int) -> list[dict]:
+        others = [subprocess.Popen(burn) for _ in range(count)]
+        try:
+            return time_on(cores, arguments)
+        finally:
+            for other in others:
+                other.kill()
+                other.wait()
+
+    def twice() -> list[dict]:
+        with ThreadPoolExecutor(2) as pool:
+            return list(pool.map(lambda _: time_on(cores, arguments), range(2)))[0]
+
+    situations = {
+        "alone": time_on(cores, arguments),
+        "two at once": twice(),
+        f"beside {half} busy programs": beside_others(half),
+        f"beside {len(cores)} busy programs": beside_others(len(cores)),
+        f"{len(cores)} threads on {half} processors": time_on(
+            cores[:half], arguments, {"ESH_THREADS": str(len(cores))}
+        ),
+    }
+    alone = situations["alone"]
+    lines = [f"| {len(cores)} processors | " + " | ".join(situations) + " |", "|---|" + "---|" * len(situations)]
+    for k, case in enumerate(alone):
+        cells = [f"{s[k]['seconds']:.3g} s ({s[k]['seconds'] / case['seconds']:.1f})" for s in situations.values()]
+        lines.append(f"| {case['bodies']:,} bodies, {case['kind']} | {' | '.join(cells)} |")
+    return lines
+
+
+def tables(arguments: list[str], cores: list[int], numbers: list[int]) -> list[str]:
     """The whole comparison as Markdown."""
-    numbers = [n for n in (1, 2, 4, 8, 16, 32, 64) if n <= len(cores)]
-    if len(cores) not in numbers:
-        numbers.append(len(cores))
     results = {n: time_on(cores[:n], arguments) for n in numbers}
     lines = [
         "| bodies | groups | kind | " + " | ".join(f"{n} processors" for n in numbers) + " |",
@@ -118,6 +152,8 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--phases", action="store_true", help="time the phases of every case, too")
+    parser.add_argument("--disturbed", action="store_true", help="time runs beside others instead")
+    parser.add_argument("--cores", type=int, nargs="+", help="numbers of processors; default: powers of two")
     parser.add_argument("--inside", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.inside is not None:
@@ -126,7 +162,12 @@ def main() -> None:
         sys.path.insert(0, str(Path(__file__).resolve().parent))
         time_cases(options.bodies, options.groups, options.kinds, options.repeat, options.phases)
         return
-    print("\n".join(tables(sys.argv[1:], machine_cores())))
+    cores = machine_cores()
+    if options.disturbed:
+        print("\n".join(disturbed(cores)))
+        return
+    numbers = options.cores or sorted({n for n in (1, 2, 4, 8, 16, 32, 64) if n < len(cores)} | {len(cores)})
+    print("\n".join(tables(sys.argv[1:], cores, numbers)))
 
 
 if __name__ == "__main__":

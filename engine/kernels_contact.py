@@ -49,8 +49,7 @@ def half_axis(pose: wp.vec4):
 
 @wp.struct
 class Sorted:
-    """Bodies in the order of their cells: which one it is, its position, how far it reaches, and half its axis; and the place of every
-    body in that order.
+    """Bodies in the order of their cells: number, position, reach and half the axis of each; and the place of every body in it.
 
     Positions and reaches have room for :data:`LANES` more.
     """

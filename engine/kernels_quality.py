@@ -66,15 +66,29 @@ def deposit_clouds(
 
 
 @wp.kernel
-def add_clouds(
+def empty_cells(
     first: int,
+    # outputs
     grid: wp.array(dtype=wp.int64),
+):
+    grid[first + wp.tid()] = wp.int64(0)
+
+
+@wp.kernel
+def take_clouds(
+    first: int,
     factor: float,
     # outputs
+    grid: wp.array(dtype=wp.int64),
     result: wp.array(dtype=float),
 ):
+    """What lies in every cell times a factor, and 0 behind the last of them; leaves the cells empty."""
     i = first + wp.tid()
-    result[i] = result[i] + factor * float(grid[i])
+    if i >= grid.shape[0]:
+        result[i] = 0.0
+        return
+    result[i] = factor * float(grid[i])
+    grid[i] = wp.int64(0)
 
 
 @wp.kernel

@@ -141,6 +141,7 @@ class Coverage:
         self._class = wp.array(class_index, dtype=wp.int32, device=device)
         # One grid for all classes in turn: there may be many of them.
         self._grid = wp.empty(rows * columns, dtype=wp.int64, device=device)
+        self.launcher.launch(kernels_quality.empty_cells, rows * columns, [], [self._grid])
 
     def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
         """:func:`coverage_error` of class ``one``, or else of all together, beside what the targets add up to."""
@@ -167,10 +168,9 @@ class Coverage:
         along_y, along_x = (_gaussian_transform(n, s) for n, s in zip(padded, sigma, strict=True))
         influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
-        difference = wp.zeros(shape[0] * shape[1], dtype=float, device=launcher.device)
-        launcher.launch(
-            kernels_quality.add_clouds, rows * columns, [self._grid, self._unit * rows * columns / total], [difference]
-        )
+        difference = wp.empty(shape[0] * shape[1], dtype=float, device=launcher.device)
+        factor = self._unit * rows * columns / total
+        launcher.launch(kernels_quality.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
         weights = sum(weight for _, weight in targets)
         for image, weight in targets:
             share = integrate_boxes(launcher, image, self.shape)
@@ -182,7 +182,6 @@ class Coverage:
         return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
 
     def _deposit(self, one: int) -> None:
-        self._grid.zero_()
         self.launcher.launch(
             kernels_quality.deposit_clouds,
             self._bodies.count,
