@@ -97,7 +97,8 @@ def disturbed(cores: list[int]) -> list[str]:
 
     def twice() -> list[dict]:
         with ThreadPoolExecutor(2) as pool:
-            return list(pool.map(lambda _: time_on(cores, arguments), range(2)))[0]
+            first, _ = pool.map(lambda _: time_on(cores, arguments), range(2))
+            return first
 
     situations = {
         "alone": time_on(cores, arguments),

@@ -10,6 +10,8 @@ wp.set_module_options({"enable_backward": False})
 # so that few threads wait for each other, on the CPU, where adding is not atomic, in one for every thread. The unit is 2^-30.
 SLOTS_ON_GPU = 1024
 SLOTS_ON_CPU = 1
+# Integers between the sums of two threads: processors fetch two lines of eight at once.
+SUMS_APART = 16
 # Slots that a thread of a GPU adds up.
 SLOTS_AT_ONCE = 32
 SUM_SCALE = wp.constant(1073741824.0)

@@ -21,11 +21,14 @@ LARGEST_ARGUMENTS = 4096
 # Room for a lock or a condition variable of any system [bytes], and threads at most.
 BYTES_OF_A_CONDITION = 128
 MOST_THREADS = 64
-# Looks for work before a thread lets others run between two of them, and then before it sleeps: together about a millisecond where
-# nothing else wants to run. Waking a thread costs whoever wakes it several microseconds, on virtual machines most of all, so that
-# none should sleep between the operations of a step.
-SPINS = 100
+# Looks for work before a thread that waits lets others run between two of them, and then before it sleeps: some 20 microseconds, and
+# about a millisecond where nothing else wants to run. Waking a thread costs whoever wakes it several microseconds, on virtual machines
+# most of all, so that none should sleep between the operations of a step.
+SPINS = 400
 YIELDS = 1500
+# A thread at work lets others run about once in a millisecond, between two chunks: sooner than the system would stop it in the middle of
+# one, and have all threads wait for it. Ticks of the processor's clock, which runs at two to five GHz on x86.
+TICKS_BEFORE_A_YIELD = 3_000_000
 
 _STRUCTURES = f"""
     struct Operation
@@ -105,10 +108,23 @@ _STRUCTURES = f"""
 _WORK = f"""
     auto work = [&](Shared* s, int thread, bool leads)
     {{
+    #if defined(__aarch64__)
+        long long long_enough;
+        __asm__ volatile("mrs %0, cntfrq_el0" : "=r"(long_enough));
+        long_enough /= 1000;
+    #else
+        const long long long_enough = {TICKS_BEFORE_A_YIELD};
+    #endif
         int waited = 0;
         bool woken = false;
+        long long rested = clock();
         for (;;)
         {{
+            if (clock() - rested > long_enough)
+            {{
+                s->yield();
+                rested = clock();
+            }}
             const unsigned long long published = __atomic_load_n(&s->sequence, __ATOMIC_SEQ_CST);
             unsigned long long seen = __atomic_load_n(&s->cursor, __ATOMIC_SEQ_CST);
             const unsigned sequence = (unsigned)(seen >> 32), chunk = (unsigned)seen;
@@ -163,7 +179,11 @@ _WORK = f"""
 
             while (waited < {SPINS + YIELDS} && PEEK(s->sequence) == published)
                 if (++waited < {SPINS}) relax();
-                else s->yield();
+                else
+                {{
+                    s->yield();
+                    rested = clock();
+                }}
             if (waited >= {SPINS + YIELDS})
             {{
                 const unsigned long long bit = 1ull << thread;
@@ -174,6 +194,7 @@ _WORK = f"""
                     s->sleep(s->wakes + {BYTES_OF_A_CONDITION} * thread, s->lock, 0xffffffffu, 0);
                 __atomic_fetch_and(&s->asleep, ~bit, __ATOMIC_SEQ_CST);
                 s->give_lock(s->lock);
+                rested = clock();
                 woken = true;
                 waited = 0;
             }}

@@ -175,7 +175,9 @@ class _Relaxation:
         self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
         kinds = kernels_direction.LENGTHS + self.rules.kind_count
         slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
-        self.sums = wp.zeros((launcher.thread_count, kinds, slots), dtype=wp.int64, device=device)
+        # Those of no two threads in a line of the cache.
+        room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
+        self.sums = wp.zeros((launcher.thread_count, room, slots), dtype=wp.int64, device=device)
         self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
         # See kernels_direction.decide_direction.
         self.direction = wp.zeros(4, dtype=float, device=device)
@@ -280,7 +282,7 @@ class _Relaxation:
             )
 
     def _decide(self) -> None:
-        _, kinds, slots = self.sums.shape
+        kinds, slots = self.totals.shape[0], self.sums.shape[2]
         at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
         self.launcher.launch(kernels_direction.add_up, kinds * slots // at_once, [at_once], [self.sums, self.totals])
         self.launcher.launch(
