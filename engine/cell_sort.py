@@ -41,9 +41,9 @@ class CellSort:
         device = launcher.device
         # The radix sort wants room for a copy.
         room = 2 * count if device.is_cuda else count
-        self._key = wp.empty(room, dtype=wp.int32, device=device)
-        self.order = wp.empty(room, dtype=wp.int32, device=device)
-        self.cell_start = wp.empty(cell_count + 1, dtype=wp.int32, device=device)
+        self._key = launcher.empty(room, wp.int32)
+        self.order = launcher.empty(room, wp.int32)
+        self.cell_start = launcher.empty(cell_count + 1, wp.int32)
         if device.is_cuda:
             return
         self._parts = 1 if count <= FEW_ITEMS else launcher.thread_count
@@ -53,12 +53,12 @@ class CellSort:
         while (cell_count - 1) >> self._shift >= most:
             self._shift += 1
         self._buckets = ((cell_count - 1) >> self._shift) + 1
-        self._counted = wp.empty((self._parts, self._buckets), dtype=wp.int32)
+        self._counted = launcher.empty((self._parts, self._buckets), wp.int32)
         self._bucket_start = wp.array([0, count], dtype=wp.int32)
         self._bucket_key, self._bucket_item = self._key, self.order
         if self._parts > 1:
-            self._bucket_start = wp.empty(self._buckets + 1, dtype=wp.int32)
-            self._bucket_key, self._bucket_item = (wp.empty(count, dtype=wp.int32) for _ in range(2))
+            self._bucket_start = launcher.empty(self._buckets + 1, wp.int32)
+            self._bucket_key, self._bucket_item = (launcher.empty(count, wp.int32) for _ in range(2))
 
     def sort(self, find_keys: wp.Kernel, inputs: Sequence[Any]) -> None:
         """Sort anew.

@@ -97,11 +97,11 @@ class Neighbourhood:
         room = n + kernels_contact.LANES
         near = kernels_contact.Sorted()
         near.body = self._cells.order
-        near.place = wp.empty(n, dtype=wp.int32, device=device)
-        near.x, near.y, near.reach = (wp.zeros(room, dtype=float, device=device) for _ in range(3))
-        near.half_axis = wp.zeros(room, dtype=wp.vec2, device=device)
+        near.place = launcher.empty(n, wp.int32)
+        near.x, near.y, near.reach = (launcher.zeros(room, float) for _ in range(3))
+        near.half_axis = launcher.zeros(room, wp.vec2)
         self.near = near
-        self._found = wp.zeros(n, dtype=wp.int32, device=device)
+        self._found = launcher.zeros(n, wp.int32)
 
     @property
     def cell_start(self) -> wp.array:
@@ -177,8 +177,8 @@ class Contact:
         half = 0.5 * kernels_update.LONGEST_LINE * longest
         self._near = Neighbourhood(launcher, size, domain.periodic, radius / unit, half / unit, area)
         n = len(area)
-        self._pushed = wp.empty(n, dtype=wp.vec4, device=launcher.device)
-        self._spare = wp.zeros(n, dtype=wp.vec4, device=launcher.device)
+        self._pushed = launcher.empty(n, wp.vec4)
+        self._spare = launcher.zeros(n, wp.vec4)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""

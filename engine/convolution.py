@@ -69,9 +69,7 @@ class Convolution:
         self.influence_size = self.influence_rows * self._stride
         self._halves = self._half_rows(count * shape[0])
         self._twiddles = {length: wp.array(_twiddle(length), dtype=float, device=device) for length in set(padded)}
-        self._scratch = wp.empty(
-            (launcher.thread_count, max(padded) * kernels_fft.LANES * 4), dtype=float, device=device
-        )
+        self._scratch = self.launcher.empty((launcher.thread_count, max(padded) * kernels_fft.LANES * 4), float)
 
     def apply(self, influence: wp.array, meshes: wp.array) -> None:
         """Convolve real ``meshes`` (flat, of ``shape``, one after the other) in place."""
@@ -101,7 +99,7 @@ class Convolution:
         Args:
             quarter: Its values on the rows ``0 .. padded[0] // 2`` of the padded mesh, whose node 0 is the origin; flat.
         """
-        influence = wp.zeros(self.influence_size, dtype=float, device=self.launcher.device)
+        influence = self.launcher.zeros(self.influence_size, float)
         if self._gpu is not None:
             self._gpu.transform_even(quarter, influence)
             return influence
@@ -117,7 +115,7 @@ class Convolution:
         return influence
 
     def _half_rows(self, count: int) -> list[wp.array]:
-        return [wp.empty(count * self._stride, dtype=float, device=self.launcher.device) for _ in range(2)]
+        return [self.launcher.empty(count * self._stride, float) for _ in range(2)]
 
     def _transform_rows(self, count: int, rows: int, columns: int, meshes: wp.array, halves: list[wp.array]) -> None:
         length = self.padded[1]

@@ -100,11 +100,11 @@ class Field:
         n = self.charge_count
         self._cell_sort = CellSort(launcher, n, self.cells.count_x * self.cells.count_y)
         self._weight_stride = n + kernels_field.LANES
-        self._sorted = [wp.zeros(self._weight_stride, dtype=float, device=device) for _ in range(3)]
-        self._weight = wp.zeros(self.group_count * self._weight_stride, dtype=float, device=device)
-        self._sorted_group = wp.empty(n, dtype=wp.int32, device=device)
-        self._node_charge = wp.zeros(self.group_count * node_count, dtype=wp.int64, device=device)
-        self._potential = wp.empty(self.group_count * node_count, dtype=float, device=device)
+        self._sorted = [launcher.zeros(self._weight_stride, float) for _ in range(3)]
+        self._weight = launcher.zeros(self.group_count * self._weight_stride, float)
+        self._sorted_group = launcher.empty(n, wp.int32)
+        self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
+        self._potential = launcher.empty(self.group_count * node_count, float)
 
         images, charge_of_image = _distinct_images(targets)
         attracting = interaction @ charge_of_image

@@ -28,7 +28,7 @@ def images_for_kernels(
     first = np.concatenate([[0], np.cumsum([image.size for image in images])])
     result = kernels_update.Images()
     result.pixel = wp.array(np.concatenate([image.ravel() for image in images]), dtype=float, device=device)
-    result.way = wp.zeros(int(first[-1]) if ways else 1, dtype=wp.vec2, device=device)
+    result.way = launcher.zeros(int(first[-1]) if ways else 1, wp.vec2)
     for image, start in zip(images, first[:-1].tolist(), strict=True):
         if ways and not (image > 0.0).all():
             wp.copy(result.way, way_to_full_pixels(launcher, image, size), dest_offset=start, count=image.size)
@@ -61,6 +61,6 @@ def way_to_full_pixels(launcher: Launcher, image: np.ndarray, size: tuple[float,
             [nearer],
         )
         nearest, nearer = nearer, nearest
-    way = wp.empty(image.size, dtype=wp.vec2, device=device)
+    way = launcher.empty(image.size, wp.vec2)
     launcher.launch(kernels_pixels.find_ways, image.size, [width, pixel_size, nearest], [way])
     return way

@@ -28,7 +28,7 @@ def smoothed_influence(
     """
     launcher = convolution.launcher
     waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
-    influence = wp.zeros(convolution.influence_size, dtype=float, device=launcher.device)
+    influence = launcher.zeros(convolution.influence_size, float)
     launcher.launch(
         kernels_influence.transform_of_smoothed,
         waves.count_x * waves.count_y,
@@ -47,7 +47,7 @@ def open_influence(convolution: Convolution, layout: MeshLayout, split: float) -
     """
     launcher = convolution.launcher
     rows, columns = layout.padded
-    quarter = wp.empty((rows // 2 + 1) * columns, dtype=float, device=launcher.device)
+    quarter = launcher.empty((rows // 2 + 1) * columns, float)
     # A constant potential has no force. Of a kernel whose mean is near 0 little is lost to rounding.
     lift = math.log(0.4 * max(rows, columns) * layout.spacing[0])
     launcher.launch(

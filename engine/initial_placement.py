@@ -55,7 +55,7 @@ def first_pose(
         wp.array(count, dtype=wp.int32, device=device),
         wp.array(shift, dtype=wp.float64, device=device),
     ]
-    pose = wp.empty(problem.body_count, dtype=wp.vec4, device=device)
+    pose = launcher.empty(problem.body_count, wp.vec4)
     first = 0
     for k, body_class in enumerate(problem.classes):
         most = int(count[groups.class_index == k].max())
@@ -96,7 +96,7 @@ def _pyramid(launcher: Launcher, image: np.ndarray, order: int) -> wp.array:
     """Integrals of an image over 4^l cells, for l from 0 to ``order``, one level after the other."""
     cells = 1 << order
     share = integrate_boxes(launcher, image, (cells, cells))
-    pyramid = wp.empty((4 ** (order + 1) - 1) // 3, dtype=wp.float64, device=launcher.device)
+    pyramid = launcher.empty((4 ** (order + 1) - 1) // 3, wp.float64)
     launcher.launch(kernels_start.copy_finest, 4**order, [share, order], [pyramid])
     for level in reversed(range(order)):
         launcher.launch(kernels_start.sum_quarters, 4**level, [level], [pyramid])

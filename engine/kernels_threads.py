@@ -26,8 +26,8 @@ MOST_THREADS = 64
 # most of all, so that none should sleep between the operations of a step.
 SPINS = 400
 YIELDS = 1500
-# A thread at work lets others run about once in a millisecond, between two chunks: sooner than the system would stop it in the middle of
-# one, and have all threads wait for it. Ticks of the processor's clock, which runs at two to five GHz on x86.
+# A thread at work lets others run about once in a millisecond, between two chunks: sooner than the system would stop it in the middle
+# of one, and have all threads wait for it. Ticks of the processor's clock, which runs at two to five GHz on x86.
 TICKS_BEFORE_A_YIELD = 3_000_000
 
 _STRUCTURES = f"""

@@ -93,7 +93,7 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
         c.body_count / (bodies.size[0] * bodies.size[1] * float(image.mean(dtype=np.float64)))
         for c, image in zip(problem.classes, images, strict=True)
     ]
-    result = wp.empty(bodies.count, dtype=float, device=device)
+    result = bodies.launcher.empty(bodies.count, float)
     bodies.launcher.launch(
         kernels_quality.find_number_density,
         bodies.count,

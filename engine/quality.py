@@ -140,7 +140,7 @@ class Coverage:
         self._charge = wp.array((charge / mean).astype(np.float32), dtype=float, device=device)
         self._class = wp.array(class_index, dtype=wp.int32, device=device)
         # One grid for all classes in turn: there may be many of them.
-        self._grid = wp.empty(rows * columns, dtype=wp.int64, device=device)
+        self._grid = self.launcher.empty(rows * columns, wp.int64)
         self.launcher.launch(kernels_quality.empty_cells, rows * columns, [], [self._grid])
 
     def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
@@ -168,7 +168,7 @@ class Coverage:
         along_y, along_x = (_gaussian_transform(n, s) for n, s in zip(padded, sigma, strict=True))
         influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
-        difference = wp.empty(shape[0] * shape[1], dtype=float, device=launcher.device)
+        difference = launcher.empty(shape[0] * shape[1], float)
         factor = self._unit * rows * columns / total
         launcher.launch(kernels_quality.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
         weights = sum(weight for _, weight in targets)
@@ -177,7 +177,7 @@ class Coverage:
             factor = -rows * columns * weight / weights
             launcher.launch(kernels_quality.add_shares, rows * columns, [share, factor], [difference])
         convolution.apply(influence, difference)
-        squares = wp.empty(rows, dtype=wp.float64, device=launcher.device)
+        squares = launcher.empty(rows, wp.float64)
         launcher.launch(kernels_quality.sum_squares, rows, [difference, columns], [squares])
         return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
 
@@ -231,7 +231,6 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
         return None
     n = bodies.count
     launcher, domain = bodies.launcher, bodies.domain
-    device = launcher.device
     # A typical density; some thousand bodies tell it well enough.
     reach = 1.5 / math.sqrt(float(np.median(number_density.numpy()[:: max(1, n // 10_000)])))
     # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed.
@@ -244,7 +243,7 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
     grid.periodic = int(domain.periodic)
     cells = CellSort(launcher, n, counts[0] * counts[1])
     cells.sort(kernels_quality.compute_cell_keys, [bodies.pose, grid])
-    nearest = wp.empty(n, dtype=float, device=device)
+    nearest = launcher.empty(n, float)
     launcher.launch(
         kernels_quality.find_nearest,
         n,

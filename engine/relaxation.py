@@ -167,20 +167,18 @@ class _Relaxation:
             pose = self.pose.numpy()
             pose[:, 2:] = self.rules.first_angle_and_length(pose[:, :2])
             self.pose = wp.array(pose, dtype=wp.vec4, device=device)
-        self.move, self.change, self.displacement = (
-            wp.zeros(self.body_count, dtype=wp.vec4, device=device) for _ in range(3)
-        )
-        self.bend = wp.zeros(self.charge_count, dtype=float, device=device)
-        self.charge_position = wp.empty(self.charge_count, dtype=wp.vec2, device=device)
-        self.field_at_charge = wp.zeros(self.charge_count, dtype=wp.vec2, device=device)
+        self.move, self.change, self.displacement = (launcher.zeros(self.body_count, wp.vec4) for _ in range(3))
+        self.bend = launcher.zeros(self.charge_count, float)
+        self.charge_position = launcher.empty(self.charge_count, wp.vec2)
+        self.field_at_charge = launcher.zeros(self.charge_count, wp.vec2)
         kinds = kernels_direction.LENGTHS + self.rules.kind_count
         slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
         # Those of no two threads in a line of the cache.
         room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
-        self.sums = wp.zeros((launcher.thread_count, room, slots), dtype=wp.int64, device=device)
-        self.totals = wp.zeros(kinds, dtype=wp.int64, device=device)
+        self.sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
+        self.totals = launcher.zeros(kinds, wp.int64)
         # See kernels_direction.decide_direction.
-        self.direction = wp.zeros(4, dtype=float, device=device)
+        self.direction = launcher.zeros(4, float)
         self.contact = None
         if problem.avoid_overlap or self.rules.kind_count:
             self.contact = Contact(problem, launcher, self.unit, self.bodies, self.images)
@@ -193,7 +191,7 @@ class _Relaxation:
         device = self.launcher.device
         # A group that nothing attracts keeps a finite step.
         least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-12)
-        self.step_length = wp.empty(self.groups.count * layout.node_count, dtype=float, device=device)
+        self.step_length = self.launcher.empty(self.groups.count * layout.node_count, float)
         self.launcher.launch(
             kernels_density.find_step_lengths,
             self.groups.count * layout.node_count,
@@ -209,7 +207,7 @@ class _Relaxation:
         for c in self.problem.classes:
             count[0, [image is c.density_image for image in field.images].index(True)] += c.body_count
         number = mix_images(self.launcher, field.deposited, count, layout.node_count)
-        self.step_limit = wp.empty(layout.node_count, dtype=float, device=device)
+        self.step_limit = self.launcher.empty(layout.node_count, float)
         self.launcher.launch(
             kernels_density.find_step_limits,
             layout.node_count,

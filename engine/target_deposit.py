@@ -26,7 +26,7 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
     Returns:
         Share of every image's integral at every node, flat, one image after the other.
     """
-    result = wp.empty(len(images) * layout.node_count, dtype=float, device=launcher.device)
+    result = launcher.empty(len(images) * layout.node_count, float)
     fold = FOLD if layout.periodic else 0
     for index, image in enumerate(images):
         bands = spline_bands(image.shape, layout.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
@@ -42,7 +42,7 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
 
 def integrate_boxes(launcher: Launcher, image: np.ndarray, shape: tuple[int, int]) -> wp.array:
     """Share of an image's integral in every cell of a grid, flat; see :func:`.density.box_integrals`."""
-    result = wp.empty(shape[0] * shape[1], dtype=float, device=launcher.device)
+    result = launcher.empty(shape[0] * shape[1], float)
     _apply_bands(launcher, image, overlap_bands(image.shape, shape), 0, shape, result)
     return result
 
@@ -56,7 +56,7 @@ def _apply_bands(
     rows, columns = shape
     total = float(image.sum(dtype=np.float64))
     source = wp.array((image[::-1] / total).astype(np.float32).ravel(), dtype=float, device=device)
-    on_rows = wp.empty(rows * width, dtype=float, device=device)
+    on_rows = launcher.empty(rows * width, float)
     steps = ((source, (height, width), on_rows, (rows, width)), (on_rows, (rows, width), result, (rows, columns)))
     for along, ((first, weight), (given, given_shape, made, made_shape)) in enumerate(zip(bands, steps, strict=True)):
         launcher.launch(
@@ -80,7 +80,7 @@ def mix_images(launcher: Launcher, deposited: wp.array, weight: np.ndarray, node
     """Sums of deposited images with the weights of every row, shape ``[rows, images]``; flat, one row after the other."""
     device = launcher.device
     rows, images = weight.shape
-    result = wp.empty(rows * node_count, dtype=float, device=device)
+    result = launcher.empty(rows * node_count, float)
     launcher.launch(
         kernels_density.mix_images,
         rows * node_count,
