@@ -226,6 +226,14 @@ def main() -> None:
         "## One evaluation of the forces\n\n"
         + "\n".join(force_evaluations(entries, launcher, large, options.repeat, options.fmm)),
     ]
+    if not device.is_cuda:
+        bodies = [str(count) for count in ([200] if options.quick else [200, *options.bodies]) if count <= 100_000]
+        phases = table_of(
+            "cores.py", "--bodies", *bodies, "--repeat", str(options.repeat), "--kinds", "dots", "--phases"
+        )
+        sections.append("## Processors\n\n" + phases)
+        if not options.quick:
+            sections.append("## Beside others\n\n" + table_of("cores.py", "--disturbed"))
     if importlib.util.find_spec("bpy") is not None:
         repeat = ["--repeat", str(options.repeat), "--bodies"]
         few = [str(count) for count in options.bodies if count <= 100_000] or ["10000"]

@@ -262,9 +262,25 @@ def check_direction(value: object, key: str) -> str | float | np.ndarray:
     return image
 
 
+def check_scales(value: object, key: str) -> tuple[float, float]:
+    """Return two standard deviations above 0."""
+    entries = _entries(value)
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two standard deviations in pixels; got {show(value)}")
+    inner, outer = (check_positive(entry, key) for entry in entries)
+    return inner, outer
+
+
+def _entries(value: object) -> tuple[object, ...]:
+    """What a list holds; nothing where the value is none. An array of no dimensions cannot be gone through."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return ()
+    return tuple(value) if isinstance(value, (list, tuple, np.ndarray)) else ()
+
+
 def check_weights(value: object, key: str) -> tuple[float, float]:
     """Return two weights of 0 or more whose sum is at most 1."""
-    entries = tuple(value) if isinstance(value, (list, tuple, np.ndarray)) else ()
+    entries = _entries(value)
     if len(entries) != 2:
         raise ProblemError(f"{key} must be two weights, of the forces and of what is desired; got {show(value)}")
     forces, desired = (check_fraction(entry, key) for entry in entries)

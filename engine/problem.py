@@ -149,8 +149,7 @@ class Line:
         )
         if self.straightness is not None:
             object.__setattr__(self, "straightness", checks.check_fraction(self.straightness, "`line.straightness`"))
-        scales = tuple(checks.check_positive(scale, "`line.tensor_scales`") for scale in self.tensor_scales)
-        object.__setattr__(self, "tensor_scales", scales)
+        object.__setattr__(self, "tensor_scales", checks.check_scales(self.tensor_scales, "`line.tensor_scales`"))
 
     @property
     def longest(self) -> float:

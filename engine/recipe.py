@@ -246,7 +246,7 @@ def _read_line(table: _Table) -> Line:
             turn_weights=table.take("turn_weights", checks.check_weights, default.turn_weights),
             stretch_weights=table.take("stretch_weights", checks.check_weights, default.stretch_weights),
             straightness=table.take_optional("straightness", checks.check_fraction),
-            tensor_scales=table.take("tensor_scales", _check_scales, default.tensor_scales),
+            tensor_scales=table.take("tensor_scales", checks.check_scales, default.tensor_scales),
         )
     )
 
@@ -344,14 +344,6 @@ def _vectors(image: np.ndarray, key: str) -> np.ndarray:
         raise ProblemError(f"{key}: {error}") from None
     checks.check_direction(vectors, key)
     return vectors
-
-
-def _check_scales(value: object, key: str) -> tuple[float, float]:
-    entries = value if isinstance(value, list) else []
-    if len(entries) != 2:
-        raise ProblemError(f"{key} must be two standard deviations in pixels; got {show(value)}")
-    inner, outer = (checks.check_positive(entry, key) for entry in entries)
-    return inner, outer
 
 
 def _check_color(value: object, key: str) -> tuple[float, float, float]:

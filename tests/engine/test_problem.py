@@ -78,6 +78,7 @@ def test_nothing_but_a_sentence_comes_of_any_input(first, second, third):
         lambda: Line(first, second),
         lambda: Line(1.0, width=first, charges=second, middle_charge=third),
         lambda: Line(1.0, turn_weights=first, stretch_weights=second, straightness=third),
+        lambda: Line(1.0, tensor_scales=first),
         lambda: Unsharp(first, second),
         lambda: Size("a", 1.0, share=first),
         lambda: Size("a", (0.5, 2.0), 3, distribution=first),
