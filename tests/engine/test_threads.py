@@ -147,7 +147,7 @@ def test_two_runs_at_once_in_one_process_are_like_each_alone(monkeypatch):
 
 
 def test_busy_programs_slow_a_run_down_in_proportion():
-    """Beside as many busy programs as there are processors, half of them is a run's share: twice the time, where nothing else is lost."""
+    """Beside as many busy programs as there are processors its share is a half: twice the time, where nothing else is lost."""
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 20_000)])])
     solve(problem, device="cpu", max_steps=3)
 
