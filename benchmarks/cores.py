@@ -74,10 +74,18 @@ def time_cases(bodies: list[int], groups: list[int], kinds: list[str], repeat: i
 def time_on(cores: list[int], arguments: list[str], environment: dict[str, str] | None = None) -> list[dict]:
     """Time every case in a process that may use these processors only."""
     command = [sys.executable, __file__, "--inside", ",".join(map(str, cores)), *arguments]
-    output = subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, **(environment or {})}
-    ).stdout
-    return [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env={**os.environ, **(environment or {})}
+    ) as process:
+        cases = []
+        for line in process.stdout or []:
+            if line.startswith("{"):
+                cases.append(json.loads(line))
+                # Who waits for a long table sees that it grows.
+                print(f"{len(cores)} processors: {line.strip()[:100]}", file=sys.stderr, flush=True)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+    return cases
 
 
 def disturbed(cores: list[int]) -> list[str]:
