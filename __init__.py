@@ -8,27 +8,27 @@ from __future__ import annotations
 
 import importlib
 
-__version__ = "0.1.0"
+from .engine.version import __version__
 
 # Public name -> module that holds it.
 _PUBLIC = {
-    "Balance": ".engine.problem",
-    "BodyClass": ".engine.problem",
+    "Balance": ".engine.problem.problem",
+    "BodyClass": ".engine.problem.problem",
     "DeviceError": ".engine.errors",
-    "Domain": ".engine.problem",
+    "Domain": ".engine.problem.problem",
     "EshError": ".engine.errors",
     "InputFileError": ".engine.errors",
-    "Line": ".engine.problem",
-    "Placement": ".engine.placement",
-    "Problem": ".engine.problem",
+    "Line": ".engine.problem.problem",
+    "Placement": ".engine.problem.placement",
+    "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
-    "Progress": ".engine.relaxation",
-    "Report": ".engine.report",
-    "Size": ".engine.problem",
-    "Unsharp": ".engine.problem",
-    "read_recipe": ".engine.recipe",
+    "Progress": ".engine.solver.relaxation",
+    "Report": ".engine.problem.report",
+    "Size": ".engine.problem.problem",
+    "Unsharp": ".engine.problem.problem",
+    "read_recipe": ".engine.files.recipe",
     "scatter": ".esh_scatter.api",
-    "solve": ".engine.relaxation",
+    "solve": ".engine.solve",
 }
 
 __all__ = ["__version__", "register", "unregister", *_PUBLIC]

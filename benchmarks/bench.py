@@ -26,9 +26,10 @@ from typing import Any
 
 import numpy as np
 from direct_summation import DirectSummation, direct_solve
-from esh.engine.device import Launcher, resolve_device
-from esh.engine.quality import coverage_error
-from esh.engine.relaxation import _Relaxation, solve
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.solve import solve
+from esh.engine.solver.relaxation import Relaxation
 from quality import quality_table
 from timings import SQUARE, problem_of
 
@@ -179,7 +180,7 @@ def force_evaluations(
 
 def other_libraries(python: Path, launcher: Launcher, count: int) -> dict[str, float]:
     """Seconds that other libraries take to evaluate the same forces."""
-    relaxation = _Relaxation(problem_of(count), launcher)
+    relaxation = Relaxation(problem_of(count), launcher)
     position = (np.random.default_rng(0).random((count, 2)) * relaxation.size).astype(np.float32)
     # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
     modes = 2 * math.ceil(LAST_WAVE / relaxation.field.split * max(relaxation.size) / math.pi)

@@ -18,11 +18,11 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from esh.engine.initial_placement import initial_placement
-from esh.engine.interaction import group_bodies
-from esh.engine.placement import Placement
-from esh.engine.problem import Problem
-from esh.engine.report import NO_REPORT
+from esh.engine.problem.interaction import group_bodies
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.report import NO_REPORT
+from esh.engine.solver.initial_placement import initial_placement
 from esh.esh_scatter.api import (
     AttributeDensity,
     ImageDensity,

@@ -14,8 +14,8 @@ import time
 
 import bpy
 import numpy as np
-from esh.engine.problem import Domain
-from esh.engine.quality import coverage_error
+from esh.engine.problem.problem import Domain
+from esh.engine.quality.coverage import coverage_error
 from esh.esh_scatter.api import ScatterClass, ScatterSize, scatter
 
 SIDE = 64.0

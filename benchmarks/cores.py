@@ -29,9 +29,9 @@ def machine_cores() -> list[int]:
 
 def time_cases(bodies: list[int], groups: list[int], kinds: list[str], repeat: int, profiled: bool) -> list[dict]:
     """Time every case in this process, warm: bodies, groups, kind, seconds of every run and, of one more, the phases."""
-    from esh.engine.problem import Line, Size
-    from esh.engine.profile import Profile
-    from esh.engine.relaxation import solve
+    from esh.engine.device.profile import Profile
+    from esh.engine.problem.problem import Line, Size
+    from esh.engine.solve import solve
     from timings import problem_of
 
     def problem(count: int, group_count: int, kind: str):

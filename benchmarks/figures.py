@@ -18,10 +18,10 @@ from pathlib import Path
 import figures_of_color
 import figures_of_lines
 import figures_of_sizes
-from esh.engine.device import Launcher, resolve_device
-from esh.engine.placement import Placement
-from esh.engine.problem import Problem
-from esh.engine.relaxation import solve
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import Problem
+from esh.engine.solve import solve
 
 
 @dataclass

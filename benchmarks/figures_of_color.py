@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from esh.engine.color_separation import MODELS, halftone_problem, ink_colors, separate
-from esh.engine.halftone import ink_coverage, render_halftone
+from esh.engine.drawing.halftone import ink_coverage, render_halftone
+from esh.engine.problem.color_separation import MODELS, halftone_problem, ink_colors, separate
 from pictures import astronaut, sheet
 from skimage.color import deltaE_ciede2000, rgb2lab
 

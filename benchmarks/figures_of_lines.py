@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from esh.engine.color_separation import MODELS, separate
-from esh.engine.direction_field import density_directions
-from esh.engine.halftone import render_halftone
-from esh.engine.line_quality import angle_errors, crossing_lines
-from esh.engine.placement import Placement
-from esh.engine.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
-from esh.engine.quality import coverage_error
+from esh.engine.drawing.halftone import render_halftone
+from esh.engine.problem.color_separation import MODELS, separate
+from esh.engine.problem.direction_field import density_directions
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.quality.line_quality import angle_errors, crossing_lines
 from pictures import astronaut, cat, face, sheet
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from direct_summation import direct_solve
-from esh.engine.halftone import render_halftone
-from esh.engine.placement import Placement
-from esh.engine.problem import Balance, BodyClass, Domain, Problem, Size
-from esh.engine.quality import coverage_error
+from esh.engine.drawing.halftone import render_halftone
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.quality.coverage import coverage_error
 from pictures import camera, dark_word, face, gaussian, sheet
 
 if TYPE_CHECKING:

@@ -23,10 +23,10 @@ from pathlib import Path
 
 import numpy as np
 import warp as wp
-from esh.engine.device import Launcher, resolve_device
-from esh.engine.problem import BodyClass, Domain, Line, Problem, Size
-from esh.engine.quality import coverage_error
-from esh.engine.relaxation import STEP_LIMIT, _Relaxation
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.solver.relaxation import STEP_LIMIT, Relaxation
 from quality import photograph
 from scipy.ndimage import minimum_filter
 
@@ -61,7 +61,7 @@ class Dots:
     def __init__(self, problem: Problem, launcher: Launcher, guarded: bool = True) -> None:
         self.problem = problem
         self.launcher = launcher
-        self.relaxation = _Relaxation(problem, launcher)
+        self.relaxation = Relaxation(problem, launcher)
         self.evaluations = 0.0
         self.cost = 1.0
         self.size = np.array(self.relaxation.size)

@@ -9,8 +9,8 @@ import argparse
 import cProfile
 import pstats
 
-from esh.engine.profile import Profile
-from esh.engine.relaxation import solve
+from esh.engine.device.profile import Profile
+from esh.engine.solve import solve
 from timings import problem_of
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from esh.engine.placement import Placement
-from esh.engine.problem import Balance, BodyClass, Domain, Problem, Size
-from esh.engine.quality import HEXAGONAL_SPACING, coverage_error
-from esh.engine.relaxation import solve
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.quality.spacing import HEXAGONAL_SPACING
+from esh.engine.solve import solve
 from skimage import data
 from skimage.transform import resize
 

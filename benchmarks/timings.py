@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device import Launcher, Recording, resolve_device
-from esh.engine.problem import BodyClass, Domain, Problem, Size
-from esh.engine.relaxation import _Relaxation, solve
+from esh.engine.device.launcher import Launcher, Recording, resolve_device
+from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.solve import solve
+from esh.engine.solver.relaxation import Relaxation
 
 SQUARE = Domain((64.0, 64.0))
 TINY = """
@@ -75,7 +76,7 @@ def test_evaluation_of_all_forces(benchmark, device: wp.Device, repeat: int, cou
     """Forces on bodies of one group, at random places."""
     launcher = Launcher(device)
     try:
-        relaxation = _Relaxation(problem_of(count), launcher)
+        relaxation = Relaxation(problem_of(count), launcher)
         position = (np.random.default_rng(0).random((count, 2)) * relaxation.size).astype(np.float32)
         points = wp.array(position, dtype=wp.vec2, device=device)
         evaluation = launcher.record(lambda: relaxation.field.evaluate(points, relaxation.field_at_charge))
@@ -100,7 +101,7 @@ def test_start_of_the_command(benchmark, repeat: int, tmp_path: Path) -> None:
     command = [
         sys.executable,
         "-m",
-        "esh.esh_scatter.command_line",
+        "esh.engine.cli.command_line",
         "solve",
         str(recipe),
         "-o",
@@ -115,7 +116,7 @@ def peak_memory(count: int, groups: int, device: str) -> float:
     """Peak memory [GB] of a process that solves a problem of this size: resident, or on a GPU what it has allocated there."""
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); from timings import own_peak, problem_of; "
-        "from esh.engine.relaxation import solve; "
+        "from esh.engine.solve import solve; "
         f"solve(problem_of({count}, {groups}), device='{device}', max_steps=3); "
         f"print(own_peak('{device}'))"
     )

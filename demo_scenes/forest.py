@@ -23,7 +23,7 @@ import materials
 import numpy as np
 import terrain as land
 import trees
-from esh.engine.plan_plot import draw_plan
+from esh.engine.drawing.plan import draw_plan
 from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterResult, ScatterSize, scatter
 from scene_parts import add_camera, collection, mesh_object, save, save_textures, set_render
 

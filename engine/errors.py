@@ -14,7 +14,7 @@ class EshError(ValueError):
 
 
 class ProblemError(EshError):
-    """A :class:`~esh.engine.problem.Problem` that has no meaning: a count of 0, a density of zeros, ..."""
+    """A :class:`~esh.engine.problem.problem.Problem` that has no meaning: a count of 0, a density of zeros, ..."""
 
 
 class DeviceError(EshError):

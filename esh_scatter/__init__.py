@@ -1,1 +1,1 @@
-"""Blender's side (panel, operators, node group, targets, headless API) and the command line."""
+"""Blender's side: panel, operators, node group, targets, headless API."""

@@ -13,7 +13,13 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..engine.checks import (
+from ..engine.device.launcher import resolve_device
+from ..engine.errors import EshError, ProblemError
+from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.placement import Placement
+from ..engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+from ..engine.problem.report import Report
+from ..engine.problem.validation import (
     check_area_or_range,
     check_count,
     check_direction,
@@ -23,16 +29,12 @@ from ..engine.checks import (
     check_unique,
     show,
 )
-from ..engine.device import resolve_device
-from ..engine.direction_field import density_directions, direction_from_rg
-from ..engine.errors import EshError, ProblemError
-from ..engine.placement import Placement
-from ..engine.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
-from ..engine.relaxation import Progress, solve
-from ..engine.report import Report
-from .chart import RESOLUTION, Chart
+from ..engine.solve import solve
+from ..engine.solver.relaxation import Progress
+from ..engine.surface.chart import RESOLUTION, Chart
+from ..engine.surface.footprint import Footprint
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
-from .footprint import Footprint, measure_footprint
+from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import body_rotations, find_result, rotate, write_result
 from .target import RESULT_TAG, check_exists, check_target, read_target
@@ -98,7 +100,7 @@ class ScatterClass:
         direction: Where long bodies point, seen from above: ``"density"`` (along its edges, of which the target's border is
             none), ``"none"``, an angle [rad], an array of angles or vectors (see :class:`Line`), or an image of Blender whose red
             and green are x and y; images are stretched over the target. A size whose ``line`` is a :class:`Line` has its own.
-        density_correction: See :class:`~esh.engine.problem.BodyClass`; like ``"cover"``, it takes the density as the covered
+        density_correction: See :class:`~esh.engine.problem.problem.BodyClass`; like ``"cover"``, it takes the density as the covered
             share of the surface, which may be steep.
         unsharp: See there; the pixels of its radius are cells of the chart, 1024 along the target's longer side.
     """

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Literal
 import bpy
 import numpy as np
 
-from ..engine.checks import check_density, show
 from ..engine.errors import ProblemError
-from . import kernels_chart
-from .launching import launch_on_cpu
+from ..engine.problem.validation import check_density, show
+from ..engine.surface import kernels_chart
+from ..engine.surface.launching import launch_on_cpu
+from ..engine.surface.surface_points import LUMINANCE
 from .target import check_exists
 
 if TYPE_CHECKING:
-    from .surface_points import SurfacePoints
+    from ..engine.surface.surface_points import SurfacePoints
 
 __all__ = [
     "AttributeDensity",
@@ -26,9 +27,6 @@ __all__ = [
     "image_luminance",
     "image_pixels",
 ]
-
-# Rec. 709, the primaries of Blender's default colour space.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @dataclass(frozen=True)

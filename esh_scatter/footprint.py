@@ -1,89 +1,15 @@
-"""How much ground an object takes: area, and long axis, of its outline seen from above."""
+"""How much ground an object of Blender takes."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
-from .target import TriangleMesh, read_triangles, world_matrix
-from .top_view import TopView
+from ..engine.surface.footprint import Footprint, outline
+from .target import read_triangles, world_matrix
 
-__all__ = ["Footprint", "measure_footprint", "outline"]
-
-# Rays along the longer side of the bounding rectangle: outlines are right to better than 1 %.
-RESOLUTION = 512
-# Directions that are tried for the narrowest rectangle around an outline.
-DIRECTIONS = 720
-# An outline longer than this many widths makes line bodies.
-LONGEST_DOT = 2.5
-
-
-@dataclass(frozen=True)
-class Footprint:
-    """An outline seen from above.
-
-    Attributes:
-        area: What lies below some face [m²]; what overlaps counts once, holes do not count.
-        length: Longer side of the smallest rectangle around it [m].
-        width: Shorter side [m].
-        angle: Direction of the longer side [rad], counter-clockwise from x.
-        center: Middle of that rectangle, from the object's origin [m].
-    """
-
-    area: float
-    length: float
-    width: float
-    angle: float
-    center: tuple[float, float]
-
-    @property
-    def is_long(self) -> bool:
-        """Whether such bodies are lines unless somebody says otherwise."""
-        return self.length > LONGEST_DOT * self.width
-
-
-def outline(mesh: TriangleMesh) -> Footprint:
-    """Measure the outline of a mesh; an area of 0 where all its faces stand upright."""
-    view = TopView(mesh)
-    size = view.high[:2] - view.low[:2]
-    if not size.min() > 0.0:
-        return Footprint(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
-    columns, rows = np.maximum(np.ceil(size / size.max() * RESOLUTION).astype(int), 16)
-    step = size / [columns, rows]
-    x = view.low[0] + (np.arange(columns) + 0.5) * step[0]
-    y = view.low[1] + (np.arange(rows) + 0.5) * step[1]
-    xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    hit = (view.cast(xy)[0] >= 0).reshape(rows, columns)
-    area = float(hit.mean() * size.prod())
-    if area <= 0.0:
-        return Footprint(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
-    # The outermost cells of every row hold all corners of the convex hull.
-    filled = np.flatnonzero(hit.any(axis=1))
-    left = hit[filled].argmax(axis=1)
-    right = columns - 1 - hit[filled, ::-1].argmax(axis=1)
-    points = np.concatenate([np.stack([x[left], y[filled]], axis=1), np.stack([x[right], y[filled]], axis=1)])
-    angle = np.arange(DIRECTIONS) * (np.pi / DIRECTIONS)
-    along = points @ np.stack([np.cos(angle), np.sin(angle)])
-    across = points @ np.stack([-np.sin(angle), np.cos(angle)])
-    # Cells reach half a step beyond their middles.
-    half = 0.5 * float(step.mean())
-    extent = np.stack([np.ptp(along, axis=0), np.ptp(across, axis=0)]) + 2.0 * half
-    best = int(np.argmin(np.where(extent[0] >= extent[1], extent.prod(axis=0), np.inf)))
-    axis = np.array([np.cos(angle[best]), np.sin(angle[best])])
-    middle = 0.5 * np.array(
-        [along[:, best].min() + along[:, best].max(), across[:, best].min() + across[:, best].max()]
-    )
-    center = middle[0] * axis + middle[1] * np.array([-axis[1], axis[0]])
-    return Footprint(
-        area,
-        float(extent[0, best]),
-        float(extent[1, best]),
-        float(angle[best]),
-        (float(center[0]), float(center[1])),
-    )
+__all__ = ["measure_footprint"]
 
 
 def measure_footprint(item: bpy.types.Object, context: bpy.types.Context, key: str) -> Footprint:

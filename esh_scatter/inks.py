@@ -7,9 +7,9 @@ import math
 import bpy
 import numpy as np
 
-from ..engine.color_separation import MODELS, Ink, separate
 from ..engine.errors import ProblemError
-from .chart import Chart
+from ..engine.problem.color_separation import MODELS, Ink, separate
+from ..engine.surface.chart import Chart
 from .densities import image_pixels
 
 __all__ = ["add_ink_classes"]
@@ -26,7 +26,7 @@ def add_ink_classes(
     Args:
         scatter: Settings that get the classes.
         image: Colours, as stored.
-        model: A name in :data:`~esh.engine.color_separation.MODELS`.
+        model: A name in :data:`~esh.engine.problem.color_separation.MODELS`.
         dots: How many dots a black image would take, which says how large a dot is.
         chart: The surface of the target, seen from above, over which the image is stretched.
 

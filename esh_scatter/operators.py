@@ -251,7 +251,7 @@ class ESH_OT_classes_from_image(_Edit):
 
     def execute(self, context):
         """Add the classes."""
-        from .chart import Chart
+        from ..engine.surface.chart import Chart
         from .inks import add_ink_classes
         from .target import check_target, read_target
 

@@ -453,7 +453,7 @@ class ESH_PG_scatter(PropertyGroup):
 
     @property
     def report(self) -> dict | None:
-        """The last run's report, as :meth:`~esh.engine.report.Report.to_dict` gives it, or None before the first."""
+        """The last run's report, as :meth:`~esh.engine.problem.report.Report.to_dict` gives it, or None before the first."""
         return _parse_report(self.report_json)
 
     @property

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..engine.checks import show
 from ..engine.errors import ProblemError
+from ..engine.problem.validation import show
+from ..engine.surface.triangle_mesh import TriangleMesh
 from .vertex_groups import read_vertex_groups
 
-__all__ = [
-    "RESULT_TAG",
-    "TriangleMesh",
-    "check_exists",
-    "check_target",
-    "read_target",
-    "read_triangles",
-    "world_matrix",
-]
+__all__ = ["RESULT_TAG", "check_exists", "check_target", "read_target", "read_triangles", "world_matrix"]
 
 # Custom property that marks the object, mesh and node group of a result; names mean nothing.
 RESULT_TAG = "esh_scatter"
@@ -28,39 +19,6 @@ RESULT_TAG = "esh_scatter"
 _WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
 _READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
 _DOMAINS = ("POINT", "FACE", "CORNER")
-
-
-@dataclass
-class TriangleMesh:
-    """A mesh as triangles, with what can be interpolated over it.
-
-    Attributes:
-        name: How sentences name it.
-        position: Vertices in the world [m], shape ``[v, 3]``, float64.
-        triangle: Vertex indices, shape ``[t, 3]``, int32.
-        corner: Face-corner indices, shape ``[t, 3]``, int32.
-        face: Face that each triangle is part of, shape ``[t]``, int32.
-        corner_normal: Shading normals of the face corners in the object's space, shape ``[c, 3]``, float32; empty when not read.
-        normal_matrix: What turns normals into the world, shape ``[3, 3]``; their length means nothing then.
-        uv_map: Name -> coordinates of the face corners, shape ``[c, 2]``.
-        active_uv_map: Name of the active one; empty when there is none.
-        vertex_group: Name -> weights, shape ``[v]``.
-        attribute: Name -> (domain, values of shape ``[n]`` or colours of shape ``[n, 4]``).
-        unusable_attribute: Name -> why it is no density.
-    """
-
-    name: str
-    position: np.ndarray
-    triangle: np.ndarray
-    corner: np.ndarray
-    face: np.ndarray
-    corner_normal: np.ndarray
-    normal_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
-    uv_map: dict[str, np.ndarray] = field(default_factory=dict)
-    active_uv_map: str = ""
-    vertex_group: dict[str, np.ndarray] = field(default_factory=dict)
-    attribute: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
-    unusable_attribute: dict[str, str] = field(default_factory=dict)
 
 
 def check_exists(item: bpy.types.ID, key: str) -> None:

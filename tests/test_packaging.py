@@ -37,7 +37,7 @@ def committed_files() -> list[Path]:
 
 def test_versions_agree():
     version = PYPROJECT["project"]["version"]
-    source = (ROOT / "__init__.py").read_text(encoding="utf-8")
+    source = (ROOT / "engine" / "version.py").read_text(encoding="utf-8")
     released = re.findall(r"^## \[(\d[^]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert MANIFEST["version"] == version
     assert re.findall(r'^__version__ = "(.*)"$', source, re.MULTILINE) == [version]

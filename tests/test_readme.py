@@ -58,7 +58,7 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
     command = [
         sys.executable,
         "-m",
-        "esh.esh_scatter.command_line",
+        "esh.engine.cli.command_line",
         "solve",
         str(tmp_path / "recipe.toml"),
         "-o",

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from esh.engine.device import Launcher, resolve_device
-from esh.engine.direct_sum import direct_field
-from esh.engine.field import FieldTarget
-from esh.engine.problem import Balance, BodyClass, Domain, Problem, Size
-from esh.engine.quality import coverage_error
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.field.direct_sum import direct_field
+from esh.engine.field.field import FieldTarget
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.quality.coverage import coverage_error
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from esh.engine.device import Launcher, resolve_device
-from esh.engine.problem import BodyClass, Domain, Problem, Size
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

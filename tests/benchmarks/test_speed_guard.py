@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device import Launcher, resolve_device
-from esh.engine.kernels_field import CELLS_PER_CUTOFF
-from esh.engine.problem import BodyClass, Domain, Line, Problem, Size
-from esh.engine.relaxation import _Relaxation, solve
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.field.kernels_field import CELLS_PER_CUTOFF
+from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.solve import solve
+from esh.engine.solver.relaxation import Relaxation
 
 # An evaluation for 20,000 bodies beside a direct float32 sum over 8,192; its noise is said at the test.
 MEASURED_RATIO = 0.66
@@ -34,7 +35,7 @@ def operations(count, groups):
     """Additions and multiplications, roughly, of one evaluation of the forces: transforms, splines and pairs."""
     launcher = Launcher(resolve_device("cpu"))
     try:
-        relaxation = _Relaxation(problem_of(count, groups), launcher)
+        relaxation = Relaxation(problem_of(count, groups), launcher)
         field = relaxation.field
         rows, columns = field.layout.padded
         transforms = groups * 5 * rows * columns * np.log2(rows * columns)
@@ -76,7 +77,7 @@ class CountingLauncher(Launcher):
 def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches, elements):
     launcher = CountingLauncher(resolve_device("cpu"))
     try:
-        relaxation = _Relaxation(problem_of(count, groups), launcher)
+        relaxation = Relaxation(problem_of(count, groups), launcher)
         position = np.random.default_rng(0).random((relaxation.body_count, 2)) * relaxation.size
         points = wp.array(position.astype(np.float32), dtype=wp.vec2, device="cpu")
         launcher.launches, launcher.elements = 0, 0
@@ -94,7 +95,7 @@ def test_a_step_costs_python_one_launch_however_many_kernels_it_has(lines):
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 0.5, 2000, line=line)])], avoid_overlap=True)
     launcher = Launcher(resolve_device("cpu"))
     try:
-        relaxation = _Relaxation(problem, launcher)
+        relaxation = Relaxation(problem, launcher)
         before = launcher.python_launches
         relaxation.run(6, None)
         assert launcher.python_launches - before == 6
@@ -116,7 +117,7 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
 
     launcher = Launcher(resolve_device("cpu"))
     try:
-        relaxation = _Relaxation(problem_of(20_000, 1), launcher)
+        relaxation = Relaxation(problem_of(20_000, 1), launcher)
         position = (np.random.default_rng(0).random((20_000, 2)) * relaxation.size).astype(np.float32)
         points = wp.array(position, dtype=wp.vec2, device="cpu")
         sums = DirectSummation(problem_of(8192, 1), launcher, double=False)

@@ -8,10 +8,10 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
-from esh.engine.density import sample_density
-from esh.engine.halftone import render_halftone
-from esh.engine.image_files import read_color, read_density
-from esh.engine.recipe import recipe_colors, recipe_densities
+from esh.engine.drawing.halftone import render_halftone
+from esh.engine.files.image_files import read_color, read_density
+from esh.engine.files.recipe import recipe_colors, recipe_densities
+from esh.engine.space.density import sample_density
 
 FOLDER = Path(__file__).parents[2] / "demo_scenes" / "recipes"
 RECIPES = sorted(FOLDER.glob("*.toml"))

@@ -5,7 +5,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.engine.color_separation import MODELS, separate  # noqa: E402
+from esh.engine.problem.color_separation import MODELS, separate  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 
 

@@ -7,8 +7,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.engine.placement import Placement  # noqa: E402
-from esh.engine.report import NO_REPORT  # noqa: E402
+from esh.engine.problem.placement import Placement  # noqa: E402
+from esh.engine.problem.report import NO_REPORT  # noqa: E402
 from esh.esh_scatter.api import (  # noqa: E402
     AttributeDensity,
     ImageDensity,

@@ -1,0 +1,1 @@
+"""The command line: recipes and images in, placements and pictures out. Needs no Blender."""

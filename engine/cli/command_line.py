@@ -1,0 +1,394 @@
+"""The command ``esh-scatter``: from a recipe to a placement, without Blender.
+
+What takes time to load (NumPy, Warp) is imported only once the arguments are known to be good.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
+
+from ..errors import EshError, ProblemError
+from ..version import __version__
+
+if TYPE_CHECKING:
+    from ..device.profile import Profile
+    from ..problem.placement import Placement
+    from ..problem.problem import Problem
+    from ..solver.relaxation import Progress
+
+__all__ = ["main"]
+
+BAD_INPUT = 2
+# What shells report for a program that Ctrl-C ended.
+INTERRUPTED = 130
+
+SOLVE_HELP = """\
+Read a recipe, place its bodies, write where they are.
+
+Exit status: 0 when everything is written; 2 when something in the input is wrong (one sentence says what); 130 when
+Ctrl-C stopped the run. In the last two cases nothing is written, and older files stay as they were.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser that answers a mistake with one sentence, as every other mistake is answered."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the sentence and leave with status 2."""
+        self.exit(BAD_INPUT, f"esh-scatter: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status.
+
+    Args:
+        arguments: The words after the command's name; those of this process when None.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        # A name that the terminal cannot show is no reason to fail.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        options = _parser().parse_args(arguments)
+        return {"solve": _solve, "separate": _separate}[options.command](options)
+    except EshError as error:
+        _complain(str(error))
+        return BAD_INPUT
+    except MemoryError:
+        _complain("this machine's memory does not suffice; lower the counts, or use smaller density images")
+        return BAD_INPUT
+    except KeyboardInterrupt as interruption:
+        _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read the report has had enough of it. Python flushes once more at exit: into nothing, then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="esh-scatter",
+        description="Place objects by electrostatic sampling: exact counts, density textures, classes and sizes.",
+    )
+    parser.add_argument("--version", action="version", version=f"esh-scatter {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    solve = commands.add_parser(
+        "solve",
+        help="place the bodies that a recipe describes",
+        description=SOLVE_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    solve.add_argument(
+        "recipe", metavar="RECIPE.toml", type=Path, help="what to place where; density images lie beside it"
+    )
+    solve.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        type=Path,
+        action="append",
+        required=True,
+        help="where to write the placement: a .npz (NumPy) or .csv file; may be given several times",
+    )
+    solve.add_argument("--report", metavar="R.json", type=Path, help="write the report as JSON too")
+    solve.add_argument("--plot", metavar="P.png", type=Path, help="draw the plan: bodies as discs of their size")
+    solve.add_argument(
+        "--halftone",
+        metavar="H",
+        type=Path,
+        help="draw the bodies as ink on paper: a .png or .svg; an [image]'s inks have colours",
+    )
+    solve.add_argument(
+        "--scale", metavar="S", type=_positive, default=4.0, help="pixels per metre of a .png halftone (default: 4)"
+    )
+    solve.add_argument("--seed", metavar="N", type=_whole(0), help="use this seed instead of the recipe's")
+    solve.add_argument(
+        "--device", metavar="D", default="auto", help='"auto" (default: a GPU where there is one), "cpu" or "cuda:0"'
+    )
+    solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=100, help="steps at most (default: 100)")
+    solve.add_argument("--profile", action="store_true", help="print where the time went")
+    solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
+    separate = commands.add_parser(
+        "separate",
+        help="split a colour image into inks",
+        description="Split a colour image into inks: one channel image each, and a recipe that prints them.",
+    )
+    separate.add_argument("image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR; transparent places are white")
+    separate.add_argument(
+        "--model", metavar="M", default="CMYK", help="CMY, CMYK (default), CMY-RG-K, CMY-RB-K or CMY-RGB-K"
+    )
+    separate.add_argument(
+        "--area", metavar="A", type=_positive, default=1.0, help="area of a dot, in pixels of the image (default: 1)"
+    )
+    separate.add_argument(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        type=Path,
+        required=True,
+        help="where to write C.png, ... and recipe.toml; made if need be",
+    )
+    return parser
+
+
+def _positive(text: str) -> float:
+    """Type of an argument: a finite number above 0."""
+    with contextlib.suppress(ValueError):
+        if 0.0 < float(text) < math.inf:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"must be a number above 0; got {text!r}")
+
+
+class _whole:
+    """Type of an argument: a whole number of at least ``least`` and below 2**63."""
+
+    def __init__(self, least: int) -> None:
+        self.least = least
+
+    def __call__(self, text: str) -> int:
+        shown = repr(text if len(text) <= 60 else f"{text[:57]}...")
+        try:
+            number = int(text)
+        except ValueError:
+            # Python reads no whole numbers of thousands of digits.
+            number = 2**63 if text.isdecimal() else self.least - 1
+        if number >= 2**63:
+            raise argparse.ArgumentTypeError(f"must be below 2**63 = {2**63}; got {shown}")
+        if number < self.least:
+            raise argparse.ArgumentTypeError(f"must be a whole number of at least {self.least}; got {shown}")
+        return number
+
+
+def _solve(options: argparse.Namespace) -> int:
+    _check_outputs(options)
+    from ..files.placement_files import placement_writer, write_files
+    from ..files.recipe import read_recipe, recipe_densities
+
+    problem = read_recipe(options.recipe, seed=options.seed)
+    _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
+    from ..device.profile import Profile
+
+    profile = Profile() if options.profile else None
+    placement = _run(problem, options, profile)
+    writers = {path: placement_writer(path, placement) for path in options.output}
+    if options.report is not None:
+        writers[options.report] = lambda file: _write_report(file, placement)
+    if options.plot is not None:
+        from ..drawing.plan import draw_plan
+
+        writers[options.plot] = lambda file: draw_plan(placement, file)
+    if options.halftone is not None:
+        writers[options.halftone] = _halftone_writer(options, placement)
+    # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
+    with _on_interruption(signal.SIG_IGN):
+        write_files(writers)
+    if not options.quiet:
+        print(placement.report)
+    if profile is not None:
+        print(profile)
+    if profile is not None or not options.quiet:
+        sys.stdout.flush()
+    return 0
+
+
+def _separate(options: argparse.Namespace) -> int:
+    from ..files.channel_files import channel_writers
+    from ..files.placement_files import write_files
+    from ..problem.color_separation import MODELS
+
+    folder: Path = options.output
+    if options.model not in MODELS:
+        raise EshError(f"--model must be one of {', '.join(MODELS)}; got {options.model!r}")
+    if folder.exists() and not folder.is_dir():
+        raise EshError(f"-o {folder} must be a folder; it is a file")
+    if not folder.resolve().parent.is_dir():
+        raise EshError(f"-o {folder} cannot be made: there is no folder {folder.resolve().parent}")
+    writers = channel_writers(options.image, options.model, folder, area=options.area)
+    for path in writers:
+        if path.exists() and path.samefile(options.image):
+            raise EshError(
+                f"-o {folder} would overwrite {options.image}, which is read for this run; name another folder"
+            )
+    made = not folder.exists()
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise EshError(f"-o {folder} cannot be made: {(error.strerror or str(error)).lower()}") from None
+    try:
+        write_files(writers)
+    except BaseException:
+        if made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+    print(f"wrote {', '.join(path.name for path in writers)} into {folder}")
+    return 0
+
+
+def _halftone_writer(options: argparse.Namespace, placement: Placement) -> Callable[[BinaryIO], None]:
+    from ..drawing.halftone import write_halftone_png, write_halftone_svg
+    from ..files.recipe import recipe_colors
+
+    colors = recipe_colors(options.recipe, placement.problem)
+    if options.halftone.suffix.lower() == ".svg":
+        return lambda file: write_halftone_svg(file, placement, colors=colors)
+    return lambda file: write_halftone_png(file, placement, pixels_per_metre=options.scale, colors=colors)
+
+
+def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None) -> Placement:
+    import warp
+
+    from ..native_output import muted
+    from ..solve import solve
+
+    # Warp tells of every kernel it loads on the stream that the report goes to, and of a missing GPU on the other.
+    warp.config.log_level = warp.LOG_ERROR
+    with muted():
+        warp.init()
+    show_bar = sys.stderr.isatty() and not options.quiet
+    pressed: list[bool] = []
+    reached = ""
+
+    def press(number: int, frame: object) -> NoReturn:
+        pressed.append(True)
+        raise KeyboardInterrupt(reached)
+
+    with _on_interruption(press), _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar:
+
+        def on_progress(progress: Progress) -> bool:
+            nonlocal reached
+            reached = f" after {progress.step} of {progress.steps} steps"
+            if bar is not None:
+                bar(progress)
+            # Where Python cannot raise (in a destructor, say), the press would be lost.
+            return not pressed
+
+        try:
+            placement = solve(
+                problem, device=options.device, max_steps=options.max_steps, progress=on_progress, profile=profile
+            )
+        except ProblemError as error:
+            raise ProblemError(f"{options.recipe}: {error}") from None
+    if pressed:
+        raise KeyboardInterrupt(reached)
+    return placement
+
+
+@contextlib.contextmanager
+def _on_interruption(handler: Any) -> Iterator[None]:
+    """Handle Ctrl-C in this way for a while."""
+    try:
+        before = signal.signal(signal.SIGINT, handler)
+    except ValueError:  # called from another thread than the main one, where Ctrl-C does not arrive
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _progress_bar(body_count: int) -> Iterator[Any]:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("steps"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[residual]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task("preparing (the first run compiles)", total=None, residual="")
+
+        def show(progress: Any) -> None:
+            display.update(
+                task,
+                description=f"placing {body_count:,} bodies",
+                completed=progress.step,
+                total=progress.steps,
+                residual=f"residual {progress.residual:.1e}",
+            )
+
+        yield show
+
+
+def _write_report(file: BinaryIO, placement: Placement) -> None:
+    text = json.dumps(_strict(placement.report.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
+    file.write(text.encode("utf-8") + b"\n")
+
+
+def _strict(value: Any) -> Any:
+    """Return plain JSON values; what JSON has no number for (NaN, infinity) becomes null."""
+    if isinstance(value, dict):
+        return {str(key): _strict(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_strict(entry) for entry in value]
+    if hasattr(value, "item"):  # a NumPy scalar
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Find out before the run, not after it, that something cannot be written."""
+    from ..files.placement_files import check_writable
+
+    endings = {"-o": (".npz", ".csv"), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
+    seen: dict[Path, Path] = {}
+    for option, path in _outputs(options):
+        if path.name.lower() in endings[option]:
+            raise EshError(f"{option} {path} must have a name before its ending, for example plan{path.name}")
+        if path.suffix.lower() not in endings[option]:
+            raise EshError(
+                f"{option} {path} must end in {' or '.join(endings[option])}; got the ending {path.suffix!r}"
+            )
+        check_writable(path)
+        place = path.resolve()
+        if place in seen:
+            raise EshError(f"{option} {path} is the same file as {seen[place]}, which is given before; name another")
+        seen[place] = path
+
+
+def _check_not_inputs(options: argparse.Namespace, inputs: list[Path]) -> None:
+    for option, path in _outputs(options):
+        for source in inputs:
+            if path.resolve() == source.resolve() or (path.exists() and source.exists() and path.samefile(source)):
+                raise EshError(
+                    f"{option} {path} would overwrite {source}, which is read for this run; name another file"
+                )
+
+
+def _outputs(options: argparse.Namespace) -> list[tuple[str, Path]]:
+    named = [("-o", path) for path in options.output]
+    more = [(f"--{n}", getattr(options, n)) for n in ("report", "plot", "halftone")]
+    return named + [(option, path) for option, path in more if path is not None]
+
+
+def _complain(sentence: str) -> None:
+    with contextlib.suppress(OSError):
+        print(f"esh-scatter: {' '.join(sentence.split())}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

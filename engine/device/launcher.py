@@ -1,0 +1,293 @@
+"""Which device a run uses, and how kernels are launched on it.
+
+Warp runs a CPU launch on the calling thread. :class:`Launcher` therefore cuts a CPU launch into chunks, which threads take one after
+the other (:mod:`.threads`), so every kernel of the engine takes the index of its chunk's first element as its first argument. On a
+GPU there is one chunk.
+
+What is done again and again is *recorded*, once, and then played: on a GPU as a CUDA graph, on the CPU as a program of the threads.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..errors import DeviceError
+from ..native_output import muted
+from .profile import Profile
+from .threads import Operation, Program, ThreadTeam
+
+__all__ = ["GRAIN", "GRAIN_OF_NEIGHBOURS", "Launcher", "Recording", "core_count", "resolve_device"]
+
+# Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
+BLOCK_DIM = 256
+# Elements that take a CPU thread some 10 microseconds, many times as long as it takes to hand them out: by themselves, and in kernels
+# that go through an element's neighbours.
+GRAIN = 1024
+GRAIN_OF_NEIGHBOURS = 96
+# From so many bytes on NumPy asks the system for large pages, of which fewer are to be looked up: a seventh less time for 1,000,000
+# bodies. Warp does not.
+LARGE_ARRAY = 1 << 22
+# From so many processors on, one is left to whatever else runs: Blender's window, for one.
+CORES_TO_SPARE_ONE = 4
+
+
+def resolve_device(name: str = "auto") -> wp.Device:
+    """Return the Warp device called ``name``.
+
+    Args:
+        name: ``"auto"`` (the first NVIDIA GPU, or the CPU where there is none), ``"cpu"``, ``"cuda"`` or ``"cuda:N"``.
+
+    Raises:
+        DeviceError: An unknown name, or a GPU that this machine lacks.
+    """
+    # Warp announces its version and every module it loads; a library keeps quiet.
+    wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
+    _start_warp()
+    gpu_names = [device.alias for device in wp.get_cuda_devices()]
+    if name == "auto":
+        name = gpu_names[0] if gpu_names else "cpu"
+    if name == "cuda" and gpu_names:
+        name = gpu_names[0]
+    if name == "cpu" or name in gpu_names:
+        return wp.get_device(name)
+    accepted = ", ".join(f'"{choice}"' for choice in ["auto", "cpu", *gpu_names])
+    number = name.removeprefix("cuda:") if isinstance(name, str) else ""
+    if name == "cuda" or number.isdigit():
+        why = "this machine has no such NVIDIA GPU, or no driver for it"
+        raise DeviceError(f"`device` {name!r} is not there: {why}; use one of {accepted}")
+    raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
+
+
+@cache
+def _start_warp() -> None:
+    """Start Warp without its native remark that a machine has no GPU; who asks for one gets a DeviceError."""
+    with muted():
+        wp.init()
+
+
+def core_count() -> int:
+    """Number of threads that a run on the CPU has.
+
+    ``ESH_THREADS`` of the environment, or the processors that this process may use, less one for others where there are four or more.
+    """
+    wanted = os.environ.get("ESH_THREADS", "")
+    if wanted:
+        if not wanted.isdecimal() or int(wanted) < 1:
+            raise DeviceError(f"the environment variable ESH_THREADS must be a whole number >= 1; got {wanted!r}")
+        return int(wanted)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = min(cores, _container_cores() or cores)
+    return cores - 1 if cores >= CORES_TO_SPARE_ONE else cores
+
+
+def _container_cores() -> int | None:
+    """Processors that a Linux container (control groups, version 2) gives time on; more threads would be stopped in turns."""
+    with contextlib.suppress(OSError, ValueError):  # no such file, or the word "max"
+        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").split()
+        return max(1, int(quota) // int(period))
+    return None
+
+
+class Launcher:
+    """Launches kernels on one device, on several threads when it is the CPU.
+
+    Args:
+        device: From :func:`resolve_device`.
+        profile: Gets the time that every :meth:`phase` takes.
+
+    Attributes:
+        thread_count: Threads that carry out kernels: 1 on a GPU.
+        python_launches: How many times Python had work done so far: a launch, or a recording that was played.
+    """
+
+    def __init__(self, device: wp.Device, profile: Profile | None = None) -> None:
+        self.device = device
+        self._team = None if device.is_cuda else ThreadTeam(core_count())
+        self.thread_count = 1 if self._team is None else self._team.count
+        self.python_launches = 0
+        self._profile = profile
+        self._phase = ""
+        self._recording: CpuRecording | None = None
+        if self._team is not None and profile is not None:
+            self._team.timed = True
+
+    @contextlib.contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Count the time of a block as that of a phase, where somebody asked for a profile."""
+        before, self._phase = self._phase, name
+        try:
+            if self._profile is None or self._recording is not None:
+                yield
+            else:
+                with self._profile.phase(name, self.device):
+                    yield
+        finally:
+            self._phase = before
+
+    @property
+    def profiled(self) -> bool:
+        """Whether somebody asked for a profile, whose phases are waited for."""
+        return self._profile is not None
+
+    def count_ticks(self, phases: Sequence[str], program: Program) -> None:
+        """Count what a program's operations took, each for its phase, or all of them for the phase that they were played in."""
+        if self._profile is None:
+            return
+        for operation, phase in zip(program.operations, phases, strict=False):
+            self._profile.add_ticks(self._phase or phase, operation.busy, operation.wall, within=bool(self._phase))
+            operation.busy = operation.wall = 0
+
+    def close(self) -> None:
+        """Give the threads back."""
+        if self._team is not None:
+            self._team.close()
+
+    def empty(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
+        """An array for kernels, whose elements are still to be written."""
+        return self._array(shape, dtype, np.empty, wp.empty)
+
+    def zeros(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
+        """An array of zeros for kernels."""
+        return self._array(shape, dtype, np.zeros, wp.zeros)
+
+    def _array(
+        self,
+        shape: int | tuple[int, ...],
+        dtype: type,
+        from_numpy: Callable[..., np.ndarray],
+        from_warp: Callable[..., wp.array],
+    ) -> wp.array:
+        size = wp.types.type_size_in_bytes(dtype) * int(np.prod(shape))
+        if self.device.is_cuda or size < LARGE_ARRAY:
+            return from_warp(shape, dtype=dtype, device=self.device)
+        memory = from_numpy(size, np.uint8)
+        # It goes when the array goes, which holds what is to be done then.
+        return wp.array(
+            ptr=memory.ctypes.data, shape=shape, dtype=dtype, device=self.device, deleter=lambda *_, kept=memory: None
+        )
+
+    def launch(
+        self,
+        kernel: wp.Kernel,
+        count: int,
+        inputs: Sequence[Any],
+        outputs: Sequence[Any] = (),
+        *,
+        first: int = 0,
+        grain: int = GRAIN,
+        per_thread: bool = False,
+    ) -> None:
+        """Run ``kernel`` for the elements ``first .. first + count - 1``.
+
+        Args:
+            kernel: Its first argument is the first element of a chunk.
+            count: Number of elements.
+            inputs: Its arguments behind the first.
+            outputs: And those that it writes to.
+            first: First element.
+            grain: Elements that are too few for a thread of their own.
+            per_thread: Whether the kernel's second argument is the number of the thread, 0 to ``thread_count - 1``; for memory that
+                no two threads may share.
+        """
+        if count <= 0:
+            return
+        self.python_launches += self._recording is None
+        if self._team is None:
+            self._launch_on_gpu(kernel, count, [first, *([0] if per_thread else []), *inputs], outputs)
+            return
+        operation, kept = self._team.operation(kernel, first, count, [*inputs, *outputs], grain, per_thread)
+        if self._recording is not None:
+            self._recording.add(operation, kept, self._phase)
+            return
+        done = self._team.run_once(operation, kept)
+        if self._profile is not None and self._phase:
+            self._profile.add_ticks(self._phase, done.busy, done.wall, within=True)
+
+    def record(self, run: Callable[[], None]) -> Recording:
+        """What ``run`` launches, to be played any number of times.
+
+        ``run`` must launch kernels and nothing else: what it does beside is done once, or not at all.
+        """
+        if self._team is None:
+            return GpuRecording(self, run)
+        self._recording = recording = CpuRecording(self, self._team)
+        try:
+            run()
+        finally:
+            self._recording = None
+        recording.finish()
+        return recording
+
+    def _launch_on_gpu(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
+        wp.launch(
+            kernel, dim=count, inputs=list(inputs), outputs=list(outputs), device=self.device, block_dim=BLOCK_DIM
+        )
+
+
+class Recording:
+    """Launches that can be played again; see :meth:`Launcher.record`."""
+
+    def play(self) -> None:
+        """Carry them all out, in their order."""
+        raise NotImplementedError
+
+
+class GpuRecording(Recording):
+    """A CUDA graph. The first time the launches are made one by one, since modules cannot be loaded while a graph is recorded."""
+
+    def __init__(self, launcher: Launcher, run: Callable[[], None]) -> None:
+        self._launcher = launcher
+        self._run = run
+        self._played = False
+        self._graph: wp.Graph | None = None
+
+    def play(self) -> None:
+        """See :meth:`Recording.play`; launches of a run that is profiled are made one by one, to be timed."""
+        launcher = self._launcher
+        if not self._played or launcher.profiled:
+            self._run()
+            self._played = True
+            return
+        if self._graph is None:
+            with wp.ScopedCapture(device=launcher.device) as capture:
+                self._run()
+            self._graph = capture.graph
+        launcher.python_launches += 1
+        wp.capture_launch(self._graph)
+
+
+class CpuRecording(Recording):
+    """A program of the threads."""
+
+    def __init__(self, launcher: Launcher, team: ThreadTeam) -> None:
+        self._launcher = launcher
+        self._team = team
+        self._operations: list[Operation] = []
+        self._kept: list[object] = []
+        self._phases: list[str] = []
+        self._program: Program | None = None
+
+    def add(self, operation: Operation, kept: object, phase: str) -> None:
+        """Append an operation."""
+        self._operations.append(operation)
+        self._kept.append(kept)
+        self._phases.append(phase)
+
+    def finish(self) -> None:
+        """Make the program of what was added."""
+        self._program = self._team.program(self._operations, self._kept)
+
+    def play(self) -> None:
+        """See :meth:`Recording.play`."""
+        assert self._program is not None
+        self._launcher.python_launches += 1
+        self._team.run(self._program)
+        self._launcher.count_ticks(self._phases, self._program)

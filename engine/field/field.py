@@ -1,0 +1,260 @@
+"""The electrostatic field of charges and target densities, by particle-particle particle-mesh (P3M).
+
+The paper sums over all pairs (equations 1 and 2). Here the kernel K = -log r is split by a Gaussian of width s into a
+smooth far part, K * gauss(s), convolved on a mesh, and a near part whose force between two unit charges is exp(-r²/2s²)/r,
+summed over neighbours (Hockney and Eastwood, Computer Simulation Using Particles, 1981, chapter 8).
+
+Units: the solver's length unit makes the mean number density 1, and its charge unit is the mean charge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
+from ..space import kernels_cells
+from ..space.cell_sort import CellSort
+from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from ..space.target_deposit import deposit_images, mix_images
+from ..transforms.convolution import Convolution
+from . import kernels_field, kernels_splines
+from .influence import open_influence, smoothed_influence
+from .target_correction import TargetCorrection
+
+__all__ = ["Field", "FieldTarget"]
+
+# Split width over mesh spacing; with the cut-off it gives a force error of 1e-3 to 3e-3 of the local force scale.
+SPLIT_OVER_MESH = 2.0
+# Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
+MESH_OVER_SPACING = 0.72
+SMALLEST_MESH = 48
+# Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
+BANDS_PER_THREAD = 8
+
+
+@dataclass(frozen=True, eq=False)
+class FieldTarget:
+    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for."""
+
+    image: np.ndarray
+    charge: float
+
+
+class Field:
+    """Evaluates the force per unit charge, -grad of sum_h M[g, h] K * (rho_h - u_h), at every charge of group g.
+
+    Args:
+        launcher: Where to run.
+        size: Extent of the domain along x and y.
+        periodic: Whether it wraps.
+        interaction: M, shape ``[group_count, group_count]``.
+        targets: One per group.
+        spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
+        charge: Charge of every particle, shape ``[n]``.
+        charge_group: Its group, shape ``[n]``.
+
+    Attributes:
+        layout: The charges' mesh.
+        mesh: The same as kernels take it.
+        split: Standard deviation of the Gaussian that splits the kernel.
+        cutoff: Distance beyond which the near part is left out.
+        blur: Standard deviation of the Gaussian by which the targets are smoothed.
+        images: The distinct images of the targets.
+        deposited: Share of every image's integral at every node, flat, one image after the other.
+        attraction: Sum over h of M[g, h] u_h as charge per node, flat, one group after the other.
+        mean_attraction: Its mean as charge per area, shape ``[group_count]``.
+    """
+
+    def __init__(
+        self,
+        launcher: Launcher,
+        *,
+        size: tuple[float, float],
+        periodic: bool,
+        interaction: np.ndarray,
+        targets: Sequence[FieldTarget],
+        spacing: float,
+        charge: np.ndarray,
+        charge_group: np.ndarray,
+    ) -> None:
+        self.launcher = launcher
+        self.size = size
+        self.periodic = periodic
+        self.group_count = len(targets)
+        self.charge_count = len(charge)
+        device = launcher.device
+        self.layout = self._choose_mesh(spacing)
+        self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
+        self.mesh = self.layout.for_kernels()
+        self.node_count = node_count = self.layout.node_count
+        self._convolution = Convolution(launcher, self.layout.shape, self.layout.padded, self.group_count)
+        self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
+        self._charge = wp.array(charge, dtype=float, device=device)
+        self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
+        self._choose_cells()
+
+        n = self.charge_count
+        self._cell_sort = CellSort(launcher, n, self.cells.count_x * self.cells.count_y)
+        self._weight_stride = n + kernels_field.LANES
+        self._sorted = [launcher.zeros(self._weight_stride, float) for _ in range(3)]
+        self._weight = launcher.zeros(self.group_count * self._weight_stride, float)
+        self._sorted_group = launcher.empty(n, wp.int32)
+        self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
+        self._potential = launcher.empty(self.group_count * node_count, float)
+
+        images, charge_of_image = _distinct_images(targets)
+        attracting = interaction @ charge_of_image
+        self.images = images
+        self.deposited = deposit_images(launcher, images, self.layout)
+        self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
+        self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
+        if periodic:
+            # The mean potential has no force.
+            self._influence = smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
+        else:
+            self._influence = open_influence(self._convolution, self.layout, self.split)
+        self._correction = TargetCorrection(
+            launcher,
+            size=size,
+            periodic=periodic,
+            images=images,
+            attraction=attracting,
+            spacing=spacing,
+            charge_count=n,
+            split=self.split,
+        )
+        self.blur = self._correction.blur
+        self._fine_mesh = self._correction.layout.for_kernels()
+
+    def _choose_mesh(self, spacing: float) -> MeshLayout:
+        """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
+
+        The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
+        a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
+        """
+        on_gpu = self.launcher.device.is_cuda
+        crowding = max(1.0, self.size[0] * self.size[1] / (self.charge_count * spacing**2))
+        coarsening = (self.group_count * crowding) ** 0.25
+        wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
+        if self.periodic:
+            # Neighbours are looked for within a cut-off on both sides, which must not meet behind.
+            wanted = min(wanted, min(self.size) / (3.0 * kernels_field.CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH))
+            layout = periodic_mesh(self.size, wanted, on_gpu=on_gpu)
+        else:
+            layout = open_mesh(self.size, wanted, on_gpu=on_gpu)
+        self.split = SPLIT_OVER_MESH * max(layout.spacing)
+        return layout
+
+    def _choose_cells(self) -> None:
+        counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.size]
+        cells = kernels_cells.CellGrid()
+        cells.count_x, cells.count_y = counts
+        cells.inverse_size = wp.vec2(counts[0] / self.size[0], counts[1] / self.size[1])
+        cells.domain = wp.vec2(*self.size)
+        cells.periodic = int(self.periodic)
+        self.cells = cells
+
+    def evaluate(self, position: wp.array, field: wp.array) -> None:
+        """Write the force per unit charge at every charge.
+
+        Args:
+            position: Charge positions inside the domain, ``wp.vec2``, shape ``[n]``.
+            field: Receives the result, ``wp.vec2``, shape ``[n]``.
+        """
+        with self.launcher.phase("sort"):
+            self._sort(position)
+        with self.launcher.phase("deposit"):
+            self._deposit()
+        with self.launcher.phase("FFT"):
+            self._solve_far_field()
+        with self.launcher.phase("near field, interpolation"):
+            self.launcher.launch(
+                kernels_field.evaluate_field,
+                self.charge_count,
+                [
+                    self._cell_sort.order,
+                    *self._sorted[:2],
+                    self._sorted_group,
+                    self._weight,
+                    self._weight_stride,
+                    self._cell_sort.cell_start,
+                    self.cells,
+                    self.cutoff**2,
+                    self.mesh,
+                    self._potential,
+                    self._fine_mesh,
+                    self._correction.potential,
+                    self._correction.row,
+                    self._correction.scale,
+                ],
+                [field],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+
+    def _sort(self, position: wp.array) -> None:
+        self._cell_sort.sort(kernels_cells.compute_cell_keys, [position, self.cells])
+        self.launcher.launch(
+            kernels_cells.gather_charges,
+            self.charge_count,
+            [
+                self._cell_sort.order,
+                position,
+                self._charge,
+                self._charge_group,
+                self._interaction,
+                self.group_count,
+                self._weight_stride,
+            ],
+            [*self._sorted, self._sorted_group, self._weight],
+        )
+
+    def _deposit(self) -> None:
+        inputs = [*self._sorted, self._sorted_group, self.mesh]
+        if self.launcher.device.is_cuda:
+            self.launcher.launch(kernels_splines.deposit_charges, self.charge_count, inputs, [self._node_charge])
+            return
+        # Threads must not write to one node at once. Charges are sorted by rows of cells, and a row of cells is higher than
+        # a spline's reach: bands of at least two rows never meet once every other one is left out.
+        rows = self.cells.count_y
+        bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, rows // 2))
+        # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
+        alone = 1 if self.periodic and bands % 2 == 1 and bands > 1 else 0
+        rounds = [(0, (bands - alone + 1) // 2), (1, (bands - alone) // 2), (bands - 1, alone)]
+        for first_band, count in rounds:
+            self.launcher.launch(
+                kernels_splines.deposit_bands,
+                count,
+                [first_band, bands, rows, self.cells.count_x, self._cell_sort.cell_start, *inputs],
+                [self._node_charge],
+                grain=max(1, GRAIN_OF_NEIGHBOURS * bands // self.charge_count),
+            )
+
+    def _solve_far_field(self) -> None:
+        at_once = 1 if self.launcher.device.is_cuda else kernels_splines.MIXED_AT_ONCE
+        self.launcher.launch(
+            kernels_splines.mix_groups,
+            -(-self.node_count // at_once),
+            [self._interaction, self.attraction, self.group_count, self.node_count, at_once],
+            [self._node_charge, self._potential],
+            grain=max(1, GRAIN * 8 // (at_once * self.group_count**2)),
+        )
+        self._convolution.apply(self._influence, self._potential)
+
+
+def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
+    """The images that groups follow, each once, and the charge of each group by image, shape ``[groups, images]``."""
+    images: list[np.ndarray] = []
+    index = []
+    for target in targets:
+        found = [i for i, image in enumerate(images) if image is target.image]
+        if not found:
+            images.append(target.image)
+        index.append(found[0] if found else len(images) - 1)
+    charge = np.zeros((len(targets), len(images)))
+    charge[np.arange(len(targets)), index] = [target.charge for target in targets]
+    return images, charge

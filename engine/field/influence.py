@@ -1,0 +1,91 @@
+"""Influence functions: transforms of the kernel K = -log r, smoothed, as the optimum for meshes with cubic B-splines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..space.mesh_layout import MeshLayout
+from ..transforms.convolution import Convolution
+from . import kernels_influence
+
+__all__ = ["open_influence", "product_influence", "smoothed_influence"]
+
+
+def smoothed_influence(
+    convolution: Convolution, layout: MeshLayout, narrow: float, wide: float, at_zero: float
+) -> wp.array:
+    """Influence function of K * (gauss(narrow) - gauss(wide)) in a periodic domain, or where it does not reach round the mesh.
+
+    Args:
+        convolution: What it is for.
+        layout: The mesh.
+        narrow: Standard deviation of the narrower Gaussian.
+        wide: That of the wider one; infinite for none.
+        at_zero: The transform of the kernel at k = 0.
+    """
+    launcher = convolution.launcher
+    waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
+    influence = launcher.zeros(convolution.influence_size, float)
+    launcher.launch(
+        kernels_influence.transform_of_smoothed,
+        waves.count_x * waves.count_y,
+        # An infinite width times k = 0 would be no number.
+        [waves, narrow, min(wide, 1e150), at_zero],
+        [influence],
+    )
+    return influence
+
+
+def open_influence(convolution: Convolution, layout: MeshLayout, split: float) -> wp.array:
+    """Influence function of K * gauss(split) in an open domain.
+
+    In the plane K has no transform of its own; that of its samples on the padded mesh, which no pair of nodes of the unpadded one
+    reaches around, convolves exactly.
+    """
+    launcher = convolution.launcher
+    rows, columns = layout.padded
+    quarter = launcher.empty((rows // 2 + 1) * columns, float)
+    # A constant potential has no force. Of a kernel whose mean is near 0 little is lost to rounding.
+    lift = math.log(0.4 * max(rows, columns) * layout.spacing[0])
+    launcher.launch(
+        kernels_influence.sample_smoothed,
+        len(quarter),
+        [columns, layout.spacing[0], split, lift],
+        [quarter],
+    )
+    influence = convolution.influence_of(quarter)
+    waves = _waves_of(convolution, layout, 1.0)
+    launcher.launch(kernels_influence.multiply_window, waves.count_x * waves.count_y, [waves], [influence])
+    return influence
+
+
+def product_influence(convolution: Convolution, along_y: np.ndarray, along_x: np.ndarray) -> wp.array:
+    """Influence function that is the product of one along y, shape ``[padded rows // 2 + 1]``, and one along x."""
+    launcher = convolution.launcher
+    waves = _waves(convolution, along_y, along_x)
+    influence = wp.full(convolution.influence_size, 1.0, dtype=float, device=launcher.device)
+    launcher.launch(kernels_influence.multiply_window, waves.count_x * waves.count_y, [waves], [influence])
+    return influence
+
+
+def _waves_of(convolution: Convolution, layout: MeshLayout, scale: float) -> kernels_influence.Waves:
+    window_y, window_x = layout.windows()
+    waves = _waves(convolution, window_y * scale, window_x)
+    waves.step_y, waves.step_x = (
+        2.0 * math.pi / count / spacing for count, spacing in zip(layout.padded, layout.spacing[::-1], strict=True)
+    )
+    return waves
+
+
+def _waves(convolution: Convolution, window_y: np.ndarray, window_x: np.ndarray) -> kernels_influence.Waves:
+    device = convolution.launcher.device
+    waves = kernels_influence.Waves()
+    waves.count_y, waves.count_x = convolution.influence_rows, convolution.padded[1] // 2 + 1
+    waves.stride_y, waves.stride_x = convolution.influence_strides
+    waves.period_y = convolution.padded[0]
+    waves.window_x = wp.array(window_x, dtype=wp.float64, device=device)
+    waves.window_y = wp.array(window_y, dtype=wp.float64, device=device)
+    return waves

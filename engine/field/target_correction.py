@@ -1,0 +1,102 @@
+"""The part of the targets' potential that the charges' mesh is too coarse for, on a finer mesh of its own.
+
+Charges move, so their mesh is transformed at every step and costs; targets rest, so a mesh that shows every detail which bodies can
+follow is transformed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from ..space.target_deposit import deposit_images, mix_images
+from ..transforms.convolution import Convolution
+from .influence import smoothed_influence
+
+__all__ = ["TargetCorrection"]
+
+# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
+# two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
+BLUR_OVER_SPACING = 0.37
+BLUR_OVER_MESH = 1.1
+# Where bodies crowd on little of the domain, a mesh that resolves them there would have far more nodes than there are bodies.
+NODES_PER_CHARGE = 12
+FEWEST_NODES = 2**18
+# The correction's kernel has fallen to 1e-5 of its height here.
+REACH_OVER_SPLIT = 4.7
+
+
+class TargetCorrection:
+    """Potential of K * (gauss(blur) - gauss(split)) * u for every group; the far part on the charges' mesh lacks it.
+
+    Args:
+        launcher: Where to run.
+        size: Extent of the domain along x and y.
+        periodic: Whether it wraps.
+        images: The distinct target densities.
+        attraction: Charge of each image that attracts each group, shape ``[group_count, image_count]``.
+        spacing: Typical distance of neighbouring bodies where they are dense.
+        charge_count: Number of charges.
+        split: Standard deviation of the Gaussian that the far part is smoothed by.
+
+    Attributes:
+        layout: The fine mesh.
+        blur: Standard deviation of the Gaussian by which the targets are smoothed.
+        potential: Potentials, flat, one after the other; groups whose potentials are multiples of each other share one.
+        row: Index of the potential of every group.
+        scale: Its factor.
+    """
+
+    def __init__(
+        self,
+        launcher: Launcher,
+        *,
+        size: tuple[float, float],
+        periodic: bool,
+        images: Sequence[np.ndarray],
+        attraction: np.ndarray,
+        spacing: float,
+        charge_count: int,
+        split: float,
+    ) -> None:
+        on_gpu = launcher.device.is_cuda
+        coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, FEWEST_NODES)) ** 0.5
+        wanted = max(BLUR_OVER_SPACING / BLUR_OVER_MESH * spacing, coarsest)
+        if periodic:
+            self.layout = periodic_mesh(size, wanted, on_gpu=on_gpu)
+        else:
+            self.layout = open_mesh(size, wanted, on_gpu=on_gpu, kernel_reach=REACH_OVER_SPLIT * split)
+        self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * max(self.layout.spacing))
+        row, scale, distinct = _distinct_rows(attraction)
+        device = launcher.device
+        self.row = wp.array(row, dtype=wp.int32, device=device)
+        self.scale = wp.array(scale, dtype=float, device=device)
+        self.potential = _potentials(launcher, self.layout, self.blur, split, images, distinct)
+
+
+def _distinct_rows(attraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of ``attraction`` that are no multiples of each other: index and factor of every row, and the rows."""
+    scale = attraction.sum(axis=1)
+    # A group that nothing attracts has a potential of zero, whatever it is scaled by.
+    unit = attraction / np.where(scale > 0.0, scale, 1.0)[:, None]
+    distinct, row = np.unique(np.round(unit, 9), axis=0, return_inverse=True)
+    return row.ravel().astype(np.int32), scale, distinct
+
+
+def _potentials(
+    launcher: Launcher,
+    layout: MeshLayout,
+    blur: float,
+    split: float,
+    images: Sequence[np.ndarray],
+    rows: np.ndarray,
+) -> wp.array:
+    convolution = Convolution(launcher, layout.shape, layout.padded, len(rows))
+    influence = smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2))
+    result = mix_images(launcher, deposit_images(launcher, images, layout), rows, layout.node_count)
+    convolution.apply(influence, result)
+    return result

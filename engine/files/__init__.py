@@ -1,0 +1,1 @@
+"""Recipes, images and placements as files. May import ``problem``."""

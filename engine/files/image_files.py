@@ -1,0 +1,330 @@
+"""Density images from files: what white means, and how much of it a pixel holds.
+
+Every reader ends in one float32 array of shape ``[height, width]``, row 0 the image's top, white (1) = many. Values are
+taken as they are stored (a density is data, not a colour to be looked at); colour counts by its luminance (Rec. 709).
+Transparent places hold nothing, whether the image is inverted or not.
+
+PNG and JPEG are read with Pillow, EXR with the OpenEXR project's own Python module: 2 MB, NumPy its only dependency,
+wheels for Linux, Windows and macOS, kept by the people who keep the format.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputFileError, ProblemError
+from ..native_output import muted
+from ..problem.validation import check_density
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageFile
+
+__all__ = ["read_color", "read_density"]
+
+# Rec. 709 weights of red, green and blue.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+# A square of 16384: more than any texture, and 4 GB of work already. A file of a few bytes can claim any size.
+MOST_PIXELS = 2**28
+ACCEPTED = "a density is a PNG, JPEG, EXR or .npy file"
+SAVE_AGAIN = "save or copy it again"
+# What the first bytes of a PNG and of a JPEG are.
+SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
+
+
+def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
+    """Read the density that a file holds.
+
+    Args:
+        path: PNG (1 to 16 bits per channel), JPEG, EXR (first part; R, G, B or Y or an only channel) or ``.npy``
+            (a two-dimensional array of numbers; 8- and 16-bit unsigned integers and booleans are scaled to 0..1 like an
+            image's, everything else is taken as it is). Which one, the ending says.
+        invert: Take 1 minus the value: black = many. Needs values within 0..1.
+
+    Returns:
+        Values >= 0, shape ``[height, width]``, float32, row 0 the top; somewhere above 0.
+
+    Raises:
+        InputFileError: A missing, unreadable or truncated file; values that are negative, not finite or 0 everywhere.
+    """
+    path = Path(path)
+    color, alpha = _read(path)
+    value = color @ LUMINANCE if color.ndim == 3 else color
+    if invert:
+        if np.isfinite(value).all() and value.max() > 1.0:
+            raise InputFileError(
+                f"{path} cannot be inverted: `invert` takes 1 minus the value, so values must be between 0 and 1; "
+                f"the largest is {value.max():g}"
+            )
+        value = 1.0 - value
+    if alpha is not None:
+        value = value * np.clip(alpha, 0.0, 1.0)
+    try:
+        return check_density(value, f"{path}" + (", inverted," if invert else ""))
+    except ProblemError as error:
+        raise InputFileError(str(error)) from None
+
+
+def read_color(path: str | Path) -> np.ndarray:
+    """Read an image as colours, as stored, transparent places white.
+
+    Args:
+        path: As for :func:`read_density`.
+
+    Returns:
+        Shape ``[height, width, 3]``, float32, 0..1, row 0 the top; grey images have three equal channels.
+
+    Raises:
+        InputFileError: A missing, unreadable or truncated file; values beyond 0..1 or not finite.
+    """
+    path = Path(path)
+    color, alpha = _read(path)
+    if not np.isfinite(color).all() or color.min() < 0.0 or color.max() > 1.0:
+        raise InputFileError(f"{path} must hold values between 0 and 1; got {color.min():g} to {color.max():g}")
+    if color.ndim == 2:
+        color = np.repeat(color[..., None], 3, axis=2)
+    if alpha is not None:
+        opaque = np.clip(alpha, 0.0, 1.0)[..., None]
+        color = color * opaque + (1.0 - opaque)
+    return np.asarray(color, dtype=np.float32)
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values, shape ``[height, width]`` or ``[height, width, 3]``, and alpha; None where everything is opaque."""
+    readers = {
+        ".png": _read_picture,
+        ".jpg": _read_picture,
+        ".jpeg": _read_picture,
+        ".exr": _read_exr,
+        ".npy": _read_npy,
+    }
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputFileError(f"{path} is not of a kind that can be read: {ACCEPTED}; got the ending {path.suffix!r}")
+    _check_is_file(path)
+    try:
+        return reader(path)
+    except MemoryError:
+        raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
+
+
+def _check_is_file(path: Path) -> None:
+    try:
+        if path.is_file():
+            return
+        what = "is a folder" if path.is_dir() else "is not a file" if path.exists() else "does not exist"
+    except (OSError, ValueError) as error:  # no right to look, or a name that no file can have
+        what = f"cannot be read ({_reason(error)})"
+    raise InputFileError(f"{path} {what}; {ACCEPTED}")
+
+
+def _check_pixel_count(path: Path, width: int, height: int) -> None:
+    if width * height > MOST_PIXELS:
+        raise InputFileError(
+            f"{path} claims {width} x {height} pixels; at most {MOST_PIXELS} (16384 x 16384) are read as a density"
+        )
+
+
+def _reason(error: Exception) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split()).rstrip(".") or type(error).__name__
+
+
+# PNG and JPEG
+
+
+def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values and alpha, both 0..1; alpha is None where everything is opaque."""
+    from PIL import Image, ImageOps
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(path, formats=("PNG", "JPEG"))
+    except Image.DecompressionBombError:
+        raise InputFileError(
+            f"{path} claims too many pixels; at most {2 * (Image.MAX_IMAGE_PIXELS or 0)} are read"
+        ) from None
+    except Image.UnidentifiedImageError:
+        raise InputFileError(f"{path} {_what_pillow_does_not_know(path)}") from None
+    except Exception as error:  # decoders raise whatever damaged bytes lead them to: struct.error, OverflowError, ...
+        raise InputFileError(f"{path} {_damage(error)}") from None
+    with image:
+        _check_pixel_count(path, *image.size)
+        try:
+            if image.format == "PNG" and _bit_depth(path) == 16:
+                return _deep_png(path, image)
+            # A photograph is the right way up as it is seen, not as it is stored.
+            upright = ImageOps.exif_transpose(image)
+            return _shallow(upright)
+        except Exception as error:
+            raise InputFileError(f"{path} {_damage(error)}") from None
+
+
+def _damage(error: Exception) -> str:
+    """Say what an error of Pillow's decoders means."""
+    if isinstance(error, OSError) and error.errno is not None:  # the system's, not the decoder's
+        return f"cannot be read ({_reason(error)}); {ACCEPTED}"
+    if "truncated" in str(error).lower():
+        return f"is cut short: {SAVE_AGAIN}"
+    return f"is damaged ({_reason(error)}): {SAVE_AGAIN}"
+
+
+def _what_pillow_does_not_know(path: Path) -> str:
+    """Say what is wrong with a picture whose header Pillow cannot read."""
+    with path.open("rb") as file:
+        start = file.read(8)
+    if not start:
+        return f"is empty: {SAVE_AGAIN}"
+    if any(start.startswith(signature) or signature.startswith(start) for signature in SIGNATURES):
+        return f"is cut short or damaged in its header: {SAVE_AGAIN}"
+    return f"is neither a PNG nor a JPEG, whatever its ending; {ACCEPTED}"
+
+
+def _shallow(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
+    """Split a picture of up to 8 bits per channel."""
+    transparent = image.has_transparency_data
+    grey = image.mode in ("1", "L", "LA")
+    image = image.convert(("LA" if transparent else "L") if grey else ("RGBA" if transparent else "RGB"))
+    return _split(np.asarray(image, dtype=np.float32) / np.float32(255))
+
+
+def _split(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values and alpha of an array of shape ``[height, width]`` or ``[height, width, 1..4]``."""
+    if channels.ndim == 2:
+        return channels, None
+    colours = channels.shape[2]
+    alpha = channels[..., -1] if colours in (2, 4) else None
+    return (channels[..., :3] if colours >= 3 else channels[..., 0]), alpha
+
+
+def _bit_depth(path: Path) -> int:
+    """Bits per channel of a PNG: byte 24 of the file, in the header chunk that must come first."""
+    with path.open("rb") as file:
+        return file.read(25)[24]
+
+
+def _deep_png(path: Path, image: ImageFile.ImageFile) -> tuple[np.ndarray, np.ndarray | None]:
+    """Read a PNG of 16 bits per channel as such.
+
+    Pillow holds 16 bits in greyscale only and drops the lower byte of every colour. Its decoder can be told which byte
+    to keep, though, so the picture is decoded twice: once for the upper, once for the lower bytes.
+    """
+    from PIL import Image
+
+    raw_mode = str(image.tile[0].args)
+    channels: np.ndarray
+    if raw_mode == "I;16B":
+        channels = np.asarray(image, dtype=np.uint16)
+    elif raw_mode == "LA;16B":
+        # Grey and alpha of 16 bits are stored, and filtered, exactly as red, green, blue and alpha of 8 bits are.
+        image.tile = [image.tile[0]._replace(args="RGBA")]
+        byte = np.asarray(image, dtype=np.uint16)
+        channels = byte[..., 0::2] << 8 | byte[..., 1::2]
+    else:
+        upper = np.asarray(image, dtype=np.uint16)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            again = Image.open(path, formats=("PNG",))
+        with again:
+            again.tile = [again.tile[0]._replace(args=raw_mode.replace("16B", "16L"))]
+            channels = upper << 8 | np.asarray(again, dtype=np.uint16)
+    value, alpha = _split(channels.astype(np.float32) / np.float32(65535))
+    transparent = image.info.get("transparency")  # the one colour of a picture without alpha that is see-through
+    if alpha is None and transparent is not None:
+        stored = channels if channels.ndim == 3 else channels[..., None]
+        alpha = (stored != np.asarray(transparent)).any(axis=2).astype(np.float32)
+    return value, alpha
+
+
+# EXR
+
+
+def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values and alpha of the first part; colour is freed from the alpha it was multiplied by."""
+    try:
+        import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError:
+        raise InputFileError(f"{path} needs the Python module OpenEXR to be read: pip install OpenEXR") from None
+
+    try:
+        with muted():
+            header = OpenEXR.File(str(path), header_only=True).header()
+        x, y, width, height = _window(header["dataWindow"])
+        _check_pixel_count(path, width, height)
+        shown_x, shown_y, shown_width, shown_height = _window(header["displayWindow"])
+        _check_pixel_count(path, shown_width, shown_height)
+        with muted():
+            channels = OpenEXR.File(str(path), separate_channels=True).channels()
+    except InputFileError:
+        raise
+    except Exception as error:  # the module documents no exceptions of its own
+        raise InputFileError(f"{path} is damaged, or not an EXR ({_reason(error)}); {ACCEPTED}") from None
+
+    def pixels(name: str) -> np.ndarray:
+        plane = np.asarray(channels[name].pixels)
+        if plane.shape != (height, width) or plane.dtype.kind not in "fu":
+            raise InputFileError(
+                f"{path} stores its channel {name} in a form that is not read: write a flat, full-size one"
+            )
+        # What lies outside the stored window is empty, what lies outside the shown one is not shown.
+        whole = np.zeros((shown_height, shown_width), np.float32)
+        top, left = max(y, shown_y), max(x, shown_x)
+        bottom, right = min(y + height, shown_y + shown_height), min(x + width, shown_x + shown_width)
+        if top < bottom and left < right:
+            part = plane[top - y : bottom - y, left - x : right - x]
+            whole[top - shown_y : bottom - shown_y, left - shown_x : right - shown_x] = part
+        return whole
+
+    colours = [name for name in channels if name != "A"]
+    if {"R", "G", "B"} <= set(colours):
+        value = np.stack([pixels(name) for name in "RGB"], axis=2)
+    elif "Y" in colours:
+        value = pixels("Y")
+    elif len(colours) == 1:
+        value = pixels(colours[0])
+    else:
+        names = ", ".join(sorted(channels)) or "none"
+        raise InputFileError(f"{path} must have the channels R, G and B, or Y, or only one; got {names}")
+    if "A" not in channels or colours == []:
+        return value, None
+    alpha = pixels("A")
+    divisor = alpha if value.ndim == 2 else alpha[..., None]
+    return np.divide(value, divisor, out=np.zeros_like(value), where=divisor != 0), alpha
+
+
+def _window(window: tuple) -> tuple[int, int, int, int]:
+    """Return left, top, width and height of an EXR's window."""
+    (left, top), (right, bottom) = ((int(value) for value in corner) for corner in window)
+    return left, top, right - left + 1, bottom - top + 1
+
+
+# NumPy
+
+
+def _read_npy(path: Path) -> tuple[np.ndarray, None]:
+    """Return the array; never unpickles, and never allocates what the file only claims to hold."""
+    try:
+        # Mapping the file compares the claimed shape with the file's size, and refuses Python objects.
+        stored = np.lib.format.open_memmap(path, mode="r")
+    except Exception as error:  # NumPy's parser lets Python's own tokenizer, and more, shine through
+        if "object" in str(error).lower():
+            raise InputFileError(
+                f"{path} holds Python objects, which are never loaded; {ACCEPTED} of numbers"
+            ) from None
+        raise InputFileError(f"{path} is damaged, or not a .npy file ({_reason(error)}); {ACCEPTED}") from None
+    if stored.ndim != 2 or stored.size == 0:
+        shape = list(stored.shape)
+        raise InputFileError(
+            f"{path} must hold an array of shape [height, width], neither of them 0; got shape {shape}"
+        )
+    if stored.dtype.kind not in "buif":
+        raise InputFileError(f"{path} must hold numbers; got the type {stored.dtype}")
+    _check_pixel_count(path, stored.shape[1], stored.shape[0])
+    value = np.array(stored)
+    if value.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        return value.astype(np.float32) / np.float32(np.iinfo(value.dtype).max), None
+    return (value.astype(np.float32) if value.dtype == bool else value), None

@@ -1,0 +1,148 @@
+"""Placements as files: ``.npz`` for programs, ``.csv`` for everything else; written so that none is half done."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from ..errors import EshError
+from ..problem.placement import Placement
+
+__all__ = ["check_writable", "placement_writer", "write_files", "write_placement"]
+
+Writer = Callable[[BinaryIO], None]
+
+
+def write_placement(path: str | Path, placement: Placement) -> None:
+    """Write a placement; an older file is replaced only once the new one is complete.
+
+    Args:
+        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
+            ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
+            charges, 2]``, where lines may bend; readable without pickle; equal placements give
+            equal bytes) or in ``.csv`` (one line per body, its columns named in the first).
+        placement: What to write.
+
+    Raises:
+        EshError: Another ending, or a file that cannot be written.
+    """
+    write_files({Path(path): placement_writer(path, placement)})
+
+
+def placement_writer(path: str | Path, placement: Placement) -> Writer:
+    """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
+    writer = {".npz": _write_npz, ".csv": _write_csv}.get(Path(path).suffix.lower())
+    if writer is None:
+        raise EshError(f"{path} must end in .npz or .csv; got the ending {Path(path).suffix!r}")
+    return lambda file: writer(file, placement)
+
+
+def check_writable(path: str | Path) -> None:
+    """Find out, without writing anything, whether a file could be written.
+
+    Raises:
+        EshError: Its folder does not exist or may not be written to, or ``path`` is a folder.
+    """
+    path = Path(path)
+    try:
+        folder = path.resolve().parent
+        if not folder.is_dir():
+            raise EshError(f"{path} cannot be written: there is no folder {folder}")
+        if path.exists() and not path.is_file():
+            raise EshError(f"{path} cannot be written: it is {'a folder' if path.is_dir() else 'not a regular file'}")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise EshError(f"{path} cannot be written: no right to write into the folder {folder}")
+    except EshError:
+        raise
+    except (OSError, ValueError, RuntimeError) as error:  # a name that no file can have, a loop of links
+        raise EshError(f"{path} cannot be written: {_reason(error)}") from None
+
+
+def write_files(writers: Mapping[Path, Writer]) -> None:
+    """Write several files, all of them or none.
+
+    Each is written under another name in its own folder; when the last one is complete, all take their places.
+
+    Raises:
+        EshError: One cannot be written; then no older file has been touched, and nothing new is left behind.
+    """
+    for path in writers:
+        check_writable(path)
+    staged: list[tuple[Path, Path]] = []
+    path = Path()
+    try:
+        for path, writer in writers.items():
+            target = path.resolve()  # a link stays a link: what it points to is replaced
+            beside = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.part")
+            staged.append((beside, target))
+            with beside.open("xb") as file:
+                writer(file)
+                file.flush()
+                os.fsync(file.fileno())
+            if target.exists():
+                shutil.copymode(target, beside)
+        for beside, target in staged:
+            path = target
+            beside.replace(target)
+    except (OSError, ValueError, MemoryError) as error:
+        raise EshError(f"{path} cannot be written: {_reason(error)}") from None
+    finally:
+        for beside, _ in staged:
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
+
+
+def _write_npz(file: BinaryIO, placement: Placement) -> None:
+    # np.savez dates its members 1980-01-01, so equal arrays give equal bytes.
+    np.savez(
+        file,
+        position=np.ascontiguousarray(placement.position, dtype=np.float64),
+        class_index=np.asarray(placement.class_index, dtype=np.int32),
+        size_index=np.asarray(placement.size_index, dtype=np.int32),
+        angle=np.asarray(placement.angle, dtype=np.float64),
+        length=np.asarray(placement.length, dtype=np.float64),
+        width=np.asarray(placement.width, dtype=np.float64),
+        area=placement.area,
+        **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
+        class_name=np.array(placement.class_name, dtype=np.str_),
+    )
+
+
+def _write_csv(file: BinaryIO, placement: Placement) -> None:
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(
+        ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
+    )
+    class_name = [body_class.name for body_class in placement.problem.classes]
+    size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    columns = (
+        *np.asarray(placement.position, dtype=np.float64).T.tolist(),
+        placement.class_index.tolist(),
+        placement.size_index.tolist(),
+        placement.angle.tolist(),
+        placement.length.tolist(),
+    )
+    shape = zip(placement.width.tolist(), placement.area.tolist(), strict=True)
+    # Python writes the shortest digits that read back as the same number.
+    rows.writerows(
+        (*row, class_name[row[2]], size_name[row[2]][row[3]], *thickness_and_area)
+        for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
+    )
+    text.detach()
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, MemoryError):
+        return "not enough memory"
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split()).lower()

@@ -1,0 +1,112 @@
+"""Groups of bodies, and the interaction matrix between them (figures 5, 6, 7 and 8 of the paper).
+
+A group is one size of one class; where sizes are a range, one level of it. The paper's entries carry the charges of both
+partners; here charges belong to the bodies and the matrix holds the factors that remain, so equation 7's attraction strengths
+follow from it and need no formula.
+
+Every group has an *emphasis* e: C^rank among the sizes of its class, or a power of the area where areas are a range. Two groups see
+each other with min(e_g, e_h), times the factor between their classes. The first is a positive semidefinite kernel whatever the
+emphases are, the second is checked by :class:`~esh.engine.problem.problem.Balance`, and so is their product.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .problem import BodyClass, Problem
+
+__all__ = ["LEVELS", "Groups", "group_bodies"]
+
+# Levels of a range of areas: the continuous matrix min(A_j², A_k²) is a sum of thresholds, and so many steps of it leave the
+# coverage errors where more would.
+LEVELS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Which group every body belongs to, and how groups see each other.
+
+    Attributes:
+        body_group: Group of every body, shape ``[body_count]``, int32.
+        class_index: Class of every group, shape ``[group_count]``.
+        matrix: Interaction factors, shape ``[group_count, group_count]``, float64, symmetric and positive semidefinite.
+    """
+
+    body_group: np.ndarray
+    class_index: np.ndarray
+    matrix: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of groups."""
+        return len(self.class_index)
+
+
+def group_bodies(problem: Problem, levels: int = LEVELS) -> Groups:
+    """Sort the bodies of ``problem`` into groups.
+
+    Args:
+        problem: What is to be placed.
+        levels: Groups that a range of areas is cut into, at most.
+    """
+    area = problem.body_areas()
+    first_body = 0
+    body_group = np.empty(len(area), dtype=np.int32)
+    class_index: list[int] = []
+    emphasis: list[float] = []
+    for c, body_class in enumerate(problem.classes):
+        of_size = _size_emphases(problem, body_class)
+        for size, size_emphasis in zip(body_class.sizes, of_size, strict=True):
+            bodies = slice(first_body, first_body + (size.count or 0))
+            first_body = bodies.stop
+            level, level_emphasis = np.zeros(size.count or 0, np.int32), np.array([size_emphasis])
+            if size.is_range:
+                level, level_emphasis = _levels(area[bodies], _exponent(problem), levels)
+            body_group[bodies] = len(emphasis) + level
+            emphasis.extend(level_emphasis.tolist())
+            class_index.extend([c] * len(level_emphasis))
+    e = np.array(emphasis)
+    # Only ratios count: the least emphasis of every class is 1, as in the paper's tables.
+    index = np.array(class_index)
+    for c in range(len(problem.classes)):
+        e[index == c] /= e[index == c].min()
+    between = problem.balance.class_factors(len(problem.classes))[np.ix_(index, index)]
+    return Groups(body_group, index, between * np.minimum(e[:, None], e[None, :]))
+
+
+def _exponent(problem: Problem) -> float:
+    """Power of the area that is the emphasis of a range: 2, the paper's, for C = 2."""
+    emphasis = problem.balance.size_emphasis
+    assert isinstance(emphasis, float)
+    return 2.0 * math.log2(emphasis)
+
+
+def _size_emphases(problem: Problem, body_class: BodyClass) -> list[float]:
+    """Emphasis of every size: by rank where all are single areas, by the mean area's power beside a range."""
+    emphasis = problem.balance.size_emphasis
+    if any(size.is_range for size in body_class.sizes):
+        return [size.mean_area ** _exponent(problem) for size in body_class.sizes]
+    # Equal areas share a rank.
+    rank = np.unique([size.mean_area for size in body_class.sizes], return_inverse=True)[1].ravel()
+    if isinstance(emphasis, tuple):
+        return np.array([1.0, *emphasis])[rank].tolist()
+    assert isinstance(emphasis, float)
+    return (emphasis ** rank.astype(np.float64)).tolist()
+
+
+def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cut areas into levels of equal width: the level of every body, and the mean emphasis of every level that has bodies."""
+    if most == LEVELS:
+        # A handful of bodies has no use for so many, each of which costs a transform.
+        most = max(4, min(most, math.ceil(0.5 * math.sqrt(len(area)))))
+    low, high = float(area.min()), float(area.max())
+    width = (high - low) / most
+    if width <= 0.0:
+        return np.zeros(len(area), np.int32), np.array([low**exponent])
+    level = np.minimum(((area - low) / width).astype(np.int64), most - 1)
+    level = np.unique(level, return_inverse=True)[1].ravel()
+    mean = np.bincount(level, weights=area**exponent) / np.bincount(level)
+    return level.astype(np.int32), mean

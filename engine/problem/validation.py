@@ -1,0 +1,425 @@
+"""The rules that values of a problem must keep, one function per kind of value.
+
+Each takes the name that the value has for whoever wrote it (a field of :mod:`.problem`, a key of a recipe), so that every front
+end names the value in its own words and none repeats the rules.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import numbers
+import reprlib
+from collections.abc import Iterable, Sequence
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from ..errors import ProblemError
+
+Boundary = Literal["open", "periodic"]
+# What the `__array__`, `__iter__` or `__repr__` of somebody else's object may raise.
+FOREIGN_ERRORS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
+Kind = TypeVar("Kind")
+BOUNDARIES: tuple[str, ...] = ("open", "periodic")
+DISTRIBUTIONS: tuple[str, ...] = ("linear", "uniform")
+
+# Beyond these, squares and ratios of lengths leave the range of float32.
+SMALLEST_LENGTH = 1e-9
+LARGEST_LENGTH = 1e12
+MOST_ELONGATED = 10_000
+# Charges of one line body: the stretch and turn of a body are sums over them.
+MOST_CHARGES_ON_A_LINE = 64
+# Shares written with few digits (0.111, 0.222, 0.667) are meant to add up.
+SHARE_TOLERANCE = 2e-3
+
+
+def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float, float]:
+    """Return the two lengths [m]; raise ProblemError unless both are usable and less than 10,000 times each other."""
+    entries = (
+        tuple(value) if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0) else ()
+    )
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two lengths in metres, x and y; got {show(value)}")
+    width, height = (_positive(entry, key, " in metres") for entry in entries)
+    if not all(SMALLEST_LENGTH <= length <= LARGEST_LENGTH for length in (width, height)):
+        raise ProblemError(
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres; got {show(value)}"
+        )
+    if max(width, height) > MOST_ELONGATED * min(width, height):
+        raise ProblemError(f"{key} must not be more than {MOST_ELONGATED:,} times longer than wide; got {show(value)}")
+    return width, height
+
+
+def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
+    """Return the boundary; raise ProblemError unless it is one of ``BOUNDARIES``."""
+    if not isinstance(value, str) or value not in BOUNDARIES:
+        raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
+    return "periodic" if value == "periodic" else "open"
+
+
+def check_class_separation(value: object, key: str = "`balance.class_separation`") -> float:
+    """Return the paper's alpha; raise ProblemError unless it is within 0..1."""
+    number = as_float(value)
+    if number is None or not 0.0 <= number <= 1.0:
+        raise ProblemError(
+            f"{key} must be a number between 0 (each class by itself) and 1 (only the union); got {show(value)}"
+        )
+    return number
+
+
+def check_size_emphasis(value: object, key: str = "`balance.size_emphasis`") -> float | tuple[float, ...]:
+    """Return the paper's C, or its list C_1, C_2, ...; raise ProblemError unless all are 1 or more and none falls."""
+    listed = value.tolist() if isinstance(value, np.ndarray) and value.ndim == 1 else value
+    if isinstance(listed, (list, tuple)):
+        factors = tuple(_emphasis(entry, key, value) for entry in listed)
+        if not factors:
+            raise ProblemError(f"{key} must be a number or a list of at least one; got an empty list")
+        for before, after in itertools.pairwise(factors):
+            if after < before:
+                # Of [[before, after], [after, after]], what the two larger sizes would see of each other.
+                middle, half = 0.5 * (before + after), 0.5 * (before - after)
+                smallest = middle - math.hypot(half, before)
+                raise ProblemError(
+                    f"{key} must not fall from one size to the next larger one: {after:g} after {before:g} gives the "
+                    f"interaction matrix the eigenvalue {smallest:.3g}; lower {before:g} to {after:g} at most"
+                )
+        return factors
+    return _emphasis(value, key, value)
+
+
+def _emphasis(entry: object, key: str, shown: object) -> float:
+    number = as_float(entry)
+    if number is None or not 1.0 <= number < math.inf:
+        raise ProblemError(f"{key} must be a number of 1 or more, and finite, or a list of such; got {show(shown)}")
+    return number
+
+
+def check_non_overlap(value: object, key: str = "`balance.non_overlap`") -> np.ndarray | None:
+    """Return the matrix, float64; raise ProblemError unless it is square, symmetric, within 0..1 and 1 on its diagonal."""
+    if value is None:
+        return None
+    try:
+        matrix = np.array(value, dtype=np.float64)
+    except FOREIGN_ERRORS:
+        matrix = np.empty(0)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
+        raise ProblemError(f"{key} must be a square matrix of numbers, one row per class; got {show(value)}")
+    if not (np.isfinite(matrix).all() and (matrix >= 0.0).all() and (matrix <= 1.0).all()):
+        raise ProblemError(f"{key} must hold numbers between 0 (may overlap) and 1 (must not); got {show(value)}")
+    uneven = np.argwhere(matrix != matrix.T)
+    if len(uneven):
+        i, j = uneven[0]
+        raise ProblemError(
+            f"{key} must be symmetric; row {i + 1}, column {j + 1} is {matrix[i, j]:g}, the other way round {matrix[j, i]:g}"
+        )
+    if not (np.diag(matrix) == 1.0).all():
+        raise ProblemError(
+            f"{key} must be 1 on its diagonal: no class may overlap itself; got {show(np.diag(matrix).tolist())}"
+        )
+    return matrix
+
+
+def check_class_matrix(
+    matrix: np.ndarray, class_separation: float, key: str = "`balance.non_overlap`", lower: str = "`class_separation`"
+) -> None:
+    """Raise ProblemError unless (1 - class_separation) identity + class_separation matrix has no negative eigenvalue."""
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    eigenvalue = 1.0 - class_separation + class_separation * smallest
+    if eigenvalue < -1e-9:
+        most = math.floor(1e3 / (1.0 - smallest)) / 1e3
+        raise ProblemError(
+            f"{key} with {lower} {class_separation:g} gives the interaction matrix the eigenvalue {eigenvalue:.3g}, and it "
+            f"must have none below 0; lower {lower} to {most:g} at most"
+        )
+
+
+def check_name(value: object, key: str) -> str:
+    """Return the name; raise ProblemError unless it can be shown on one line and written to any file."""
+    if not isinstance(value, str) or not value.strip():
+        raise ProblemError(f"{key} must be a text that is not empty; got {show(value)}")
+    # Line breaks would tear reports apart, and lone surrogates cannot be written as UTF-8.
+    if not value.isprintable():
+        raise ProblemError(f"{key} must be a text on one line, without control characters; got {show(value)}")
+    return str(value)
+
+
+def check_area(value: object, key: str) -> float:
+    """Return the footprint [m²]; raise ProblemError unless it is above 0 and no larger than any domain."""
+    area = _positive(value, key, " in m²")
+    if not SMALLEST_LENGTH**2 <= area <= LARGEST_LENGTH**2:
+        raise ProblemError(
+            f"{key} must be a number in m² between {SMALLEST_LENGTH**2:g} and {LARGEST_LENGTH**2:g}; got {show(value)}"
+        )
+    return area
+
+
+def check_area_or_range(value: object, key: str) -> float | tuple[float, float]:
+    """Return one footprint [m²], or the smallest and largest of a range of them."""
+    if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1):
+        if len(value) != 2:
+            raise ProblemError(f"{key} must be one area in m², or a range of two, smallest first; got {show(value)}")
+        low, high = (check_area(entry, key) for entry in value)
+        if low > high:
+            raise ProblemError(f"{key} must be a range with its smallest area first; got {show(value)}")
+        return low, high
+    return check_area(value, key)
+
+
+def check_distribution(value: object, key: str) -> str | np.ndarray:
+    """Return how areas spread over a range: a word of ``DISTRIBUTIONS``, or one area per body, float64."""
+    if isinstance(value, str) and value in DISTRIBUTIONS:
+        return value
+    try:
+        areas = None if isinstance(value, (str, bytes)) else np.array(value, dtype=np.float64)
+    except FOREIGN_ERRORS:
+        areas = None
+    if areas is None or areas.ndim != 1 or not len(areas) or not np.isfinite(areas).all():
+        raise ProblemError(f"{key} must be {_either(DISTRIBUTIONS)}, or a list of one area per body; got {show(value)}")
+    return areas
+
+
+def check_share(value: object, key: str) -> float:
+    """Return a share of a class's charge; raise ProblemError unless it is above 0 and at most 1."""
+    number = as_float(value)
+    if number is None or not 0.0 < number <= 1.0:
+        raise ProblemError(f"{key} must be a number above 0 and at most 1; got {show(value)}")
+    return number
+
+
+def check_class_count(value: object, key: str) -> int | str | None:
+    """Return the count of a whole class: a whole number of at least 1, ``"cover"``, or None."""
+    if value is None or (isinstance(value, str) and value == "cover"):
+        return value
+    if isinstance(value, str):
+        raise ProblemError(f'{key} must be a whole number of at least 1, or "cover"; got {show(value)}')
+    return check_count(value, key)
+
+
+def check_switch(value: object, key: str) -> bool:
+    """Return a truth value; numbers and texts are none."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ProblemError(f"{key} must be true or false; got {show(value)}")
+    return bool(value)
+
+
+def check_fraction(value: object, key: str) -> float:
+    """Return a number within 0..1."""
+    number = as_float(value)
+    if number is None or not 0.0 <= number <= 1.0:
+        raise ProblemError(f"{key} must be a number between 0 and 1; got {show(value)}")
+    return number
+
+
+def check_at_least_zero(value: object, key: str) -> float:
+    """Return a finite number of 0 or more."""
+    number = as_float(value)
+    if number is None or not 0.0 <= number < math.inf:
+        raise ProblemError(f"{key} must be a number of 0 or more, and finite; got {show(value)}")
+    return number
+
+
+def check_length(value: object, key: str) -> float:
+    """Return a length [m] above 0."""
+    length = _positive(value, key, " in metres")
+    if not SMALLEST_LENGTH <= length <= LARGEST_LENGTH:
+        raise ProblemError(
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres; got {show(value)}"
+        )
+    return length
+
+
+def check_line_length(value: object, key: str) -> float | np.ndarray:
+    """Return a desired length [m], or an image of them, float32, shape ``[height, width]``."""
+    if is_real(value):
+        return check_length(value, key)
+    image = _image(value, key, "a length in metres, or an image of them", (2,))
+    smallest = float(image.min())
+    if smallest <= 0.0:
+        raise ProblemError(f"{key} must be above 0 everywhere; its smallest value is {smallest:g}")
+    return image
+
+
+def check_direction(value: object, key: str) -> str | float | np.ndarray:
+    """Return a desired direction: ``"density"``, ``"none"``, an angle [rad], an image of angles or of vectors, float32."""
+    accepted = '"density", "none", an angle in radians, or an image of angles or of vectors'
+    if isinstance(value, str):
+        if value not in ("density", "none"):
+            raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+        return value
+    number = as_float(value)
+    if number is not None:
+        if not math.isfinite(number):
+            raise ProblemError(f"{key} must be finite; got {show(value)}")
+        return number
+    image = _image(value, key, accepted, (2, 3))
+    if image.ndim == 3 and image.shape[2] != 2:
+        raise ProblemError(
+            f"{key} must have shape [height, width] or [height, width, 2]; got shape {list(image.shape)}"
+        )
+    if image.ndim == 3 and not image.any():
+        raise ProblemError(f"{key} must have a direction somewhere; all its vectors are 0")
+    return image
+
+
+def check_scales(value: object, key: str) -> tuple[float, float]:
+    """Return two standard deviations above 0."""
+    entries = _entries(value)
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two standard deviations in pixels; got {show(value)}")
+    inner, outer = (check_positive(entry, key) for entry in entries)
+    return inner, outer
+
+
+def _entries(value: object) -> tuple[object, ...]:
+    """What a list holds; nothing where the value is none. An array of no dimensions cannot be gone through."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return ()
+    return tuple(value) if isinstance(value, (list, tuple, np.ndarray)) else ()
+
+
+def check_weights(value: object, key: str) -> tuple[float, float]:
+    """Return two weights of 0 or more whose sum is at most 1."""
+    entries = _entries(value)
+    if len(entries) != 2:
+        raise ProblemError(f"{key} must be two weights, of the forces and of what is desired; got {show(value)}")
+    forces, desired = (check_fraction(entry, key) for entry in entries)
+    if forces + desired > 1.0 + 1e-9:
+        raise ProblemError(f"{key} must not add up to more than 1, or lines overshoot; got {show(value)}")
+    return forces, desired
+
+
+def check_charges(value: object, key: str) -> int:
+    """Return the number of charges on a line, at least 2."""
+    if is_real(value) and 2 <= value <= MOST_CHARGES_ON_A_LINE and value == int(value):  # type: ignore[operator, call-overload]
+        return int(value)  # type: ignore[call-overload]
+    raise ProblemError(f"{key} must be a whole number from 2 to {MOST_CHARGES_ON_A_LINE}; got {show(value)}")
+
+
+def check_positive(value: object, key: str) -> float:
+    """Return a finite number above 0."""
+    return _positive(value, key, "")
+
+
+def _image(value: object, key: str, accepted: str, dimensions: tuple[int, ...]) -> np.ndarray:
+    try:
+        image = None if isinstance(value, (str, bytes, bool)) or value is None else np.asarray(value)
+    except FOREIGN_ERRORS:
+        image = None
+    if image is None or image.dtype.kind not in "uif" or image.ndim not in dimensions or not image.size:
+        raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+    with np.errstate(over="ignore"):
+        image = image.astype(np.float32)
+    if not np.isfinite(image).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity, or values beyond float32")
+    return image
+
+
+def check_count(value: object, key: str) -> int:
+    """Return the count; raise ProblemError unless it is a whole number of at least 1 (120.0 is, ``True`` is not)."""
+    if is_real(value) and value >= 1 and value < math.inf and value == int(value):  # type: ignore[operator, call-overload]
+        return int(value)  # type: ignore[call-overload]
+    raise ProblemError(f"{key} must be a whole number of at least 1; got {show(value)}")
+
+
+def check_seed(value: object, key: str = "`seed`") -> int:
+    """Return the seed; raise ProblemError unless it is a whole number that fits 63 bits."""
+    if isinstance(value, numbers.Integral) and is_real(value) and 0 <= int(value) < 2**63:
+        return int(value)
+    raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
+
+
+def check_density(value: object, key: str) -> np.ndarray:
+    """Return a new float32 array of shape ``[height, width]``; raise ProblemError if it means no density."""
+    if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
+        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
+    try:
+        given = np.asarray(value)
+    except FOREIGN_ERRORS:
+        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}") from None
+    if given.dtype.kind not in "buif":
+        raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
+    if given.ndim == 0:
+        given = given.reshape(1, 1)
+    if given.ndim != 2 or given.size == 0:
+        raise ProblemError(f"{key} must have shape [height, width], neither of them 0; got shape {list(given.shape)}")
+    if not np.isfinite(given).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
+    smallest, largest = given.min(), given.max()
+    if smallest < 0:
+        raise ProblemError(f"{key} must be 0 or more everywhere; its smallest value is {smallest:g}")
+    if largest <= 0:
+        raise ProblemError(f"{key} must be above 0 somewhere; it is 0 everywhere")
+    # Only ratios matter: values that float32, or a sum of them, cannot hold are brought into its range.
+    if not 1e-20 < float(largest) < 1e20:
+        given = given.astype(np.longdouble) / largest.astype(np.longdouble)
+    return given.astype(np.float32, order="C")
+
+
+def check_unique(names: Sequence[str], what: str) -> None:
+    """Raise ProblemError if a name stands there twice."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise ProblemError(f'{what} must differ from each other; "{name}" stands there {names.count(name)} times')
+        seen.add(name)
+
+
+def show(value: object) -> str:
+    """Return ``value`` as a sentence shows it: short, on one line, and never failing."""
+    if isinstance(value, numbers.Integral) and is_real(value):
+        whole = int(value)
+        # Python refuses to print whole numbers of thousands of digits.
+        return str(whole) if abs(whole) < 10**18 else f"{'-' if whole < 0 else ''}about 1e{_digits(abs(whole)) - 1}"
+    if isinstance(value, (float, np.floating)):
+        return f"{float(value):.12g}"
+    if isinstance(value, str):
+        text = ascii(value) if not value.isprintable() else f'"{value}"'
+        return text if len(text) <= 62 else f'{text[:58]}..."'
+    try:
+        text = " ".join(reprlib.repr(value).split())
+    except FOREIGN_ERRORS:
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _digits(whole: int) -> int:
+    return int(math.log10(whole)) + 1
+
+
+def is_real(value: object) -> bool:
+    """Whether a value is a real number, and no truth value."""
+    return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
+
+
+def as_float(value: object) -> float | None:
+    """Return a real number as float (infinite where it is too large for one), None for anything else and for NaN."""
+    if not is_real(value):
+        return None
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf  # type: ignore[operator]
+    return None if math.isnan(number) else number
+
+
+def _positive(value: object, key: str, unit: str) -> float:
+    number = as_float(value)
+    if number is None or not 0.0 < number < math.inf:
+        raise ProblemError(f"{key} must be a number{unit} above 0, and finite; got {show(value)}")
+    return number
+
+
+def as_tuple(value: object, kind: type[Kind], key: str) -> tuple[Kind, ...]:
+    """Return the entries of a list, all of one class; raise ProblemError for anything else."""
+    try:
+        entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
+    except FOREIGN_ERRORS:
+        entries = None
+    if entries is None or not all(isinstance(entry, kind) for entry in entries):
+        raise ProblemError(f"{key} must be a list of {kind.__name__}; got {show(value)}")
+    return entries
+
+
+def _either(choices: Sequence[str]) -> str:
+    return " or ".join(f'"{choice}"' for choice in choices)

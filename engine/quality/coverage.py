@@ -1,0 +1,152 @@
+"""Coverage error: how well a placement follows its densities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher, resolve_device
+from ..field.influence import product_influence
+from ..problem.problem import Domain
+from ..space.target_deposit import integrate_boxes
+from ..transforms.convolution import Convolution, good_length
+from . import kernels_coverage
+from .measured_bodies import MeasuredBodies, measured_bodies
+
+__all__ = ["Coverage", "coverage_error"]
+
+# Cells along the longer side of the domain, on which charge and target are compared: so many, or so many for each mean spacing,
+# below which what is left is the pattern of the cells, but never more than at most.
+COVERAGE_CELLS = 512
+CELLS_PER_SPACING = 4.0
+MOST_CELLS = 4096
+# A Gaussian has fallen to 1e-8 of its height here.
+REACH_OVER_SIGMA = 6.0
+# An image's density, and the charge that its integral stands for.
+Target = tuple[np.ndarray, float]
+
+
+def coverage_error(
+    position: np.ndarray,
+    charge: np.ndarray,
+    image: np.ndarray | list[tuple[np.ndarray, float]],
+    domain: Domain,
+    k: float = 1.0,
+) -> float:
+    """Return how far the blurred charge is from the blurred target: RMS of the difference over the mean of the target.
+
+    Charges are deposited by cloud-in-cell on a grid of square cells and blurred, as the target is, by a Gaussian of standard
+    deviation ``k * sqrt(domain.area / n)``: with zeros outside an open domain, wrapped in a periodic one. The grid has 512 cells
+    along the longer side, or four for each mean spacing, but at most 4,096. Independent random points score 0.31 at k = 1.
+
+    Args:
+        position: Body positions [m], shape ``[n, 2]``.
+        charge: Their charges (footprint areas), shape ``[n]``.
+        image: Target density, shape ``[height, width]``; or several, each with the charge that it stands for.
+        domain: The domain.
+        k: Width of the blur in mean spacings.
+    """
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        bodies = measured_bodies(launcher, domain, position)
+        compared = Coverage(bodies, charge, np.zeros(len(position), dtype=np.int32))
+        return compared.error(image if isinstance(image, list) else [(image, 1.0)], k=k)
+    finally:
+        launcher.close()
+
+
+class Coverage:
+    """Charges on a grid, to be compared with targets.
+
+    Args:
+        bodies: The bodies.
+        charge: Their charges, shape ``[n]``.
+        class_index: Their classes, shape ``[n]``.
+    """
+
+    def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray) -> None:
+        self.launcher, self.domain = bodies.launcher, bodies.domain
+        self._bodies = bodies
+        self._total = np.bincount(class_index, weights=charge)
+        self._count = np.bincount(class_index)
+        longer = max(self.domain.size)
+        wanted = CELLS_PER_SPACING * longer / bodies.unit
+        cell = longer / min(max(COVERAGE_CELLS, math.ceil(wanted)), MOST_CELLS)
+        columns, rows = (max(1, round(length / cell)) for length in self.domain.size)
+        if self.domain.periodic:
+            # What wraps is as long as its transform.
+            rows, columns = (good_length(n, power_of_two=self.launcher.device.is_cuda) for n in (rows, columns))
+        self.shape = (rows, columns)
+        device = self.launcher.device
+        mean = float(charge.mean())
+        self._unit = mean / kernels_coverage.CLOUD_SCALE
+        self._charge = wp.array((charge / mean).astype(np.float32), dtype=float, device=device)
+        self._class = wp.array(class_index, dtype=wp.int32, device=device)
+        # One grid for all classes in turn: there may be many of them.
+        self._grid = self.launcher.empty(rows * columns, wp.int64)
+        self.launcher.launch(kernels_coverage.empty_cells, rows * columns, [], [self._grid])
+
+    def error(self, targets: Sequence[Target], one: int | None = None, k: float = 1.0) -> float:
+        """:func:`coverage_error` of class ``one``, or else of all together, beside what the targets add up to."""
+        launcher, domain = self.launcher, self.domain
+        self._deposit(-1 if one is None else one)
+        chosen = slice(None) if one is None else one
+        count, total = int(self._count[chosen].sum()), float(self._total[chosen].sum())
+        rows, columns = self.shape
+        sigma = [
+            k * math.sqrt(domain.area / count) / length * n
+            for length, n in zip(domain.size[::-1], self.shape, strict=True)
+        ]
+        # Rows are transformed in pairs.
+        shape = (rows + rows % 2, columns)
+        padded = shape
+        if not domain.periodic:
+            reach = [min(n, math.ceil(REACH_OVER_SIGMA * s)) for n, s in zip(shape, sigma, strict=True)]
+            on_gpu = launcher.device.is_cuda
+            padded_rows, padded_columns = (
+                good_length(n + r, power_of_two=on_gpu) for n, r in zip(shape, reach, strict=True)
+            )
+            padded = (padded_rows, padded_columns)
+        convolution = Convolution(launcher, shape, padded)
+        along_y, along_x = (_gaussian_transform(n, s) for n, s in zip(padded, sigma, strict=True))
+        influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
+
+        difference = launcher.empty(shape[0] * shape[1], float)
+        factor = self._unit * rows * columns / total
+        launcher.launch(kernels_coverage.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
+        weights = sum(weight for _, weight in targets)
+        for image, weight in targets:
+            share = integrate_boxes(launcher, image, self.shape)
+            factor = -rows * columns * weight / weights
+            launcher.launch(kernels_coverage.add_shares, rows * columns, [share, factor], [difference])
+        convolution.apply(influence, difference)
+        squares = launcher.empty(rows, wp.float64)
+        launcher.launch(kernels_coverage.sum_squares, rows, [difference, columns], [squares])
+        return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
+
+    def _deposit(self, one: int) -> None:
+        self.launcher.launch(
+            kernels_coverage.deposit_clouds,
+            self._bodies.count,
+            [
+                self._bodies.pose,
+                self._charge,
+                self._class,
+                one,
+                *self.shape,
+                wp.vec2(*self._bodies.size),
+                int(self.domain.periodic),
+            ],
+            [self._grid],
+        )
+
+
+def _gaussian_transform(count: int, sigma: float) -> np.ndarray:
+    """Transform of a Gaussian of sum 1, sampled and wrapped, shape ``[count // 2 + 1]``."""
+    periods = math.ceil(9.0 * sigma / count)
+    shifts = count * np.arange(-periods - 1, periods + 1)
+    weight = np.exp(-0.5 * ((np.arange(count) + shifts[:, None]) / sigma) ** 2).sum(axis=0)
+    return np.fft.rfft(weight / weight.sum()).real

@@ -1,0 +1,117 @@
+"""Kernels that lay a placement on a grid, to be compared with its densities."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..space.kernels_domain import wrap
+
+wp.set_module_options({"enable_backward": False})
+
+# Charges are added as integers in units of 2^-30 of the mean charge, so that the sum depends on no order.
+CLOUD_SCALE = wp.constant(1073741824.0)
+
+
+# wp.atomic_add is not atomic on the CPU, where several threads add to a cell.
+_ADD = """
+#if defined(__CUDA_ARCH__)
+    atomicAdd((unsigned long long*)grid.data + cell, (unsigned long long)amount);
+#else
+    __atomic_fetch_add((long long*)grid.data + cell, (long long)amount, __ATOMIC_RELAXED);
+#endif
+"""
+
+
+@wp.func_native(_ADD)
+def add_at_once(grid: wp.array(dtype=wp.int64), cell: int, amount: wp.int64): ...
+
+
+@wp.kernel
+def deposit_clouds(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    charge: wp.array(dtype=float),
+    class_index: wp.array(dtype=wp.int32),
+    one: int,
+    rows: int,
+    columns: int,
+    domain: wp.vec2,
+    periodic: int,
+    # outputs
+    grid: wp.array(dtype=wp.int64),
+):
+    """Share every charge of class ``one`` (or, below 0, of all classes) among the four nearest cells."""
+    i = first + wp.tid()
+    if one >= 0 and class_index[i] != one:
+        return
+    u = pose[i][0] / domain[0] * float(columns) - 0.5
+    v = pose[i][1] / domain[1] * float(rows) - 0.5
+    left = int(wp.floor(u))
+    low = int(wp.floor(v))
+    for b in range(2):
+        row = low + b
+        weight_y = 1.0 - wp.abs(v - float(row))
+        for a in range(2):
+            column = left + a
+            weight = weight_y * (1.0 - wp.abs(u - float(column)))
+            r = wp.clamp(row, 0, rows - 1)
+            c = wp.clamp(column, 0, columns - 1)
+            if periodic != 0:
+                r = wrap(row, rows)
+                c = wrap(column, columns)
+            add_at_once(grid, r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
+
+
+@wp.kernel
+def empty_cells(
+    first: int,
+    # outputs
+    grid: wp.array(dtype=wp.int64),
+):
+    grid[first + wp.tid()] = wp.int64(0)
+
+
+@wp.kernel
+def take_clouds(
+    first: int,
+    factor: float,
+    # outputs
+    grid: wp.array(dtype=wp.int64),
+    result: wp.array(dtype=float),
+):
+    """What lies in every cell times a factor, and 0 behind the last of them; leaves the cells empty."""
+    i = first + wp.tid()
+    if i >= grid.shape[0]:
+        result[i] = 0.0
+        return
+    result[i] = factor * float(grid[i])
+    grid[i] = wp.int64(0)
+
+
+@wp.kernel
+def add_shares(
+    first: int,
+    share: wp.array(dtype=float),
+    factor: float,
+    # outputs
+    result: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    result[i] = result[i] + factor * share[i]
+
+
+@wp.kernel
+def sum_squares(
+    first: int,
+    grid: wp.array(dtype=float),
+    columns: int,
+    # outputs
+    squares: wp.array(dtype=wp.float64),
+):
+    """Sum of the squares of every row."""
+    row = first + wp.tid()
+    total = wp.float64(0.0)
+    for column in range(columns):
+        value = wp.float64(grid[row * columns + column])
+        total += value * value
+    squares[row] = total

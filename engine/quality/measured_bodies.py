@@ -1,0 +1,58 @@
+"""Bodies on a device, as they are measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..problem.problem import Domain
+
+__all__ = ["MeasuredBodies", "measured_bodies"]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredBodies:
+    """Bodies on a device, lengths in units of their mean spacing.
+
+    Attributes:
+        launcher: Where they are.
+        domain: The domain.
+        unit: Metres per unit.
+        pose: Position, angle [rad] and length of every body, ``wp.vec4``, shape ``[n]``.
+    """
+
+    launcher: Launcher
+    domain: Domain
+    unit: float
+    pose: wp.array
+
+    @property
+    def count(self) -> int:
+        """Number of bodies."""
+        return len(self.pose)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent of the domain."""
+        return self.domain.size[0] / self.unit, self.domain.size[1] / self.unit
+
+
+def measured_bodies(
+    launcher: Launcher,
+    domain: Domain,
+    position: np.ndarray,
+    angle: np.ndarray | None = None,
+    length: np.ndarray | None = None,
+) -> MeasuredBodies:
+    """Put bodies on a device: positions [m], shape ``[n, 2]``; angles [rad] and lengths [m], shape ``[n]``, None for dots."""
+    unit = math.sqrt(domain.area / max(len(position), 1))
+    pose = np.zeros((len(position), 4), dtype=np.float32)
+    np.multiply(position, 1.0 / unit, out=pose[:, :2], casting="same_kind")
+    if angle is not None and length is not None:
+        pose[:, 2] = angle
+        pose[:, 3] = length / unit
+    return MeasuredBodies(launcher, domain, unit, wp.array(pose, dtype=wp.vec4, device=launcher.device))

@@ -1,0 +1,100 @@
+"""From positions to the figures of a report."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..problem.placement import Placement
+from ..problem.problem import Problem
+from ..problem.report import ClassReport, Report, SizeReport
+from ..space.full_pixels import images_for_kernels
+from ..space.survey import survey
+from . import kernels_spacing
+from .coverage import Coverage
+from .measured_bodies import MeasuredBodies, measured_bodies
+from .overlaps import count_overlaps
+from .spacing import smallest_distance
+
+__all__ = ["measure"]
+
+
+def measure(placement: Placement, launcher: Launcher) -> Report:
+    """Measure a placement.
+
+    Args:
+        placement: What was placed; its own report is not looked at.
+        launcher: Where to count neighbours.
+
+    Returns:
+        The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
+    """
+    problem, domain = placement.problem, placement.problem.domain
+    class_index, size_index, area = placement.class_index, placement.size_index, placement.area
+    has_lines = bool((placement.width > 0.0).any())
+    axes = (placement.angle, placement.length) if has_lines else ()
+    bodies = measured_bodies(launcher, domain, placement.position, *axes)
+    coverage = Coverage(bodies, area, class_index)
+    charges = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
+    targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
+    errors = [coverage.error([target], one) for one, target in enumerate(targets)]
+    whole = coverage.error(targets) if len(errors) > 1 else errors[0]
+    covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
+    notes = [note for c in problem.classes for note in c.notes]
+    if covered > 1.0:
+        notes.append(
+            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
+            "lower the counts or the areas"
+        )
+    overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
+    if problem.avoid_overlap and overlaps:
+        notes.append(
+            f"{overlaps} pairs of footprints still overlap: the space where they may be cannot hold them all; lower the counts or "
+            "the areas"
+        )
+    return Report(
+        steps=0,
+        converged=False,
+        seconds=0.0,
+        device=str(launcher.device.alias),
+        coverage_error=whole,
+        smallest_spacing=smallest_distance(bodies, _number_density(bodies, problem)),
+        overlaps=overlaps,
+        covered=covered,
+        classes=tuple(
+            ClassReport(
+                c.name,
+                errors[i],
+                tuple(
+                    SizeReport(s.name, s.mean_area, s.count or 0, placed)
+                    for s, placed in zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
+                ),
+            )
+            for i, c in enumerate(problem.classes)
+        ),
+        notes=tuple(notes),
+    )
+
+
+def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
+    """Number of bodies per square unit that is asked for at every body."""
+    device = bodies.launcher.device
+    images = [c.density_image for c in problem.classes]
+    per_pixel = [
+        c.body_count / (bodies.size[0] * bodies.size[1] * float(image.mean(dtype=np.float64)))
+        for c, image in zip(problem.classes, images, strict=True)
+    ]
+    result = bodies.launcher.empty(bodies.count, float)
+    bodies.launcher.launch(
+        kernels_spacing.find_number_density,
+        bodies.count,
+        [
+            bodies.pose,
+            wp.array(per_pixel, dtype=float, device=device),
+            images_for_kernels(bodies.launcher, images, bodies.size, ways=False),
+            wp.vec2(*bodies.size),
+        ],
+        [result],
+    )
+    return result

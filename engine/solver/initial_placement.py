@@ -1,0 +1,103 @@
+"""Where the bodies start: importance sampling along a Hilbert curve, even from the first step on and exact in number.
+
+Cells visited along a Hilbert curve carry their share of a group's density; bodies stand at even steps of the running sum.
+Neighbours on the curve are neighbours in the plane, so no region gets more than its share, unlike independent draws. A pyramid
+of sums leads every body from the whole square to its cell, quarter by quarter, so that all of them go at once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
+from ..problem.interaction import Groups
+from ..problem.problem import Problem
+from ..space.full_pixels import images_for_kernels
+from ..space.kernels_images import Images
+from ..space.target_deposit import integrate_boxes
+from . import kernels_start
+
+__all__ = ["first_pose", "initial_placement"]
+
+# Cells per body, and the finest curve (2^12 cells a side): cells smaller than a spacing are what makes the start even.
+CELLS_PER_BODY = 8
+LARGEST_ORDER = 12
+# Golden ratio: group after group starts at another fraction of a step, so that groups interleave along the curve.
+GOLDEN = 0.6180339887498949
+
+
+def first_pose(
+    launcher: Launcher, problem: Problem, groups: Groups, images: Images, size: tuple[float, float]
+) -> wp.array:
+    """Put every group's bodies where its density asks for them, each group spread by itself.
+
+    Args:
+        launcher: Where to run.
+        problem: What is to be placed; its seed decides on all that is random.
+        groups: The groups of its bodies.
+        images: The classes' densities on the device.
+        size: Extent of the domain in the unit of ``images``.
+
+    Returns:
+        Poses (x, y, 0, 0), ``wp.vec4``, shape ``[body_count]``. Every body stands inside the domain, where its density is above zero.
+    """
+    device = launcher.device
+    count = np.bincount(groups.body_group, minlength=groups.count)
+    rng = np.random.default_rng(problem.seed)
+    seed = int(rng.integers(1 << 31))
+    shift = (rng.random() + GOLDEN * np.arange(groups.count)) % 1.0
+    of_bodies = [
+        wp.array(groups.body_group, dtype=wp.int32, device=device),
+        wp.array(_ranks(groups.body_group, count), dtype=wp.int32, device=device),
+        wp.array(count, dtype=wp.int32, device=device),
+        wp.array(shift, dtype=wp.float64, device=device),
+    ]
+    pose = launcher.empty(problem.body_count, wp.vec4)
+    first = 0
+    for k, body_class in enumerate(problem.classes):
+        most = int(count[groups.class_index == k].max())
+        order = min(max(math.ceil(math.log2(math.sqrt(CELLS_PER_BODY * most) + 1.0)), 3), LARGEST_ORDER)
+        launcher.launch(
+            kernels_start.place_bodies,
+            body_class.body_count,
+            [k, *of_bodies, order, _pyramid(launcher, body_class.density_image, order), images, wp.vec2(*size), seed],
+            [pose],
+            first=first,
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        first += body_class.body_count
+    return pose
+
+
+def initial_placement(problem: Problem, groups: Groups) -> np.ndarray:
+    """Return where the bodies of ``problem`` start [m], shape ``[body_count, 2]``, float64, in class, then size order."""
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        size = problem.domain.size
+        images = images_for_kernels(launcher, [c.density_image for c in problem.classes], size)
+        return first_pose(launcher, problem, groups, images, size).numpy()[:, :2].astype(np.float64)
+    finally:
+        launcher.close()
+
+
+def _ranks(body_group: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Number of every body among those of its group."""
+    first = np.concatenate([[0], np.cumsum(count)])
+    by_group = np.argsort(body_group, kind="stable")
+    rank = np.empty(len(body_group), dtype=np.int32)
+    rank[by_group] = np.arange(len(body_group)) - first[body_group[by_group]]
+    return rank
+
+
+def _pyramid(launcher: Launcher, image: np.ndarray, order: int) -> wp.array:
+    """Integrals of an image over 4^l cells, for l from 0 to ``order``, one level after the other."""
+    cells = 1 << order
+    share = integrate_boxes(launcher, image, (cells, cells))
+    pyramid = launcher.empty((4 ** (order + 1) - 1) // 3, wp.float64)
+    launcher.launch(kernels_start.copy_finest, 4**order, [share, order], [pyramid])
+    for level in reversed(range(order)):
+        launcher.launch(kernels_start.sum_quarters, 4**level, [level], [pyramid])
+    return pyramid

@@ -1,0 +1,155 @@
+"""What the lines of a problem are to do (section 6): directions, lengths and weights, one set per size that is a line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..problem.direction_field import direction_field
+from ..problem.problem import Problem
+from . import kernels_descent
+
+__all__ = ["LineRules", "line_widths"]
+
+# Lines start at this share of their desired length: short enough not to cross, and grow while they spread.
+FIRST_LENGTH = 0.1
+
+
+class LineRules:
+    """Rules for the kernels; every size with a line is one kind.
+
+    Args:
+        problem: What is to be placed.
+        unit: Metres per unit of the solver.
+        device: Where the arrays are to be.
+
+    Attributes:
+        body_line: Kind of every body, -1 for dots, shape ``[body_count]``, int32.
+        bends: Whether a body may bend, shape ``[body_count]``.
+        kind_count: Number of kinds.
+        lines: The rules as kernels take them.
+        line_count: Number of bodies of every kind, on the device.
+        pressed: 1 for kinds whose length the forces change, on the device.
+    """
+
+    def __init__(self, problem: Problem, unit: float, device: wp.Device) -> None:
+        kinds = [(c, size) for c in problem.classes for size in c.sizes if size.line is not None]
+        self.kind_count = len(kinds)
+        numbers = iter(range(len(kinds)))
+        self.body_line = np.concatenate(
+            [
+                np.full(size.count or 0, next(numbers) if size.line is not None else -1, dtype=np.int32)
+                for c in problem.classes
+                for size in c.sizes
+            ]
+        )
+        self.bends = np.concatenate(
+            [
+                np.full(size.count or 0, size.line is not None and size.line.straightness is not None)
+                for c in problem.classes
+                for size in c.sizes
+            ]
+        )
+        self._unit = unit
+        self._size = problem.domain.size
+        self._seed = problem.seed
+        rules = [size.line for _, size in kinds if size.line is not None]
+        self._directions = [
+            direction_field(
+                line.direction,
+                c.density_image,
+                *line.tensor_scales,
+                pixel_size=(
+                    problem.domain.size[0] / c.density_image.shape[1],
+                    problem.domain.size[1] / c.density_image.shape[0],
+                ),
+            ).double_angle_vectors()
+            for (c, _), line in zip(kinds, rules, strict=True)
+        ]
+        self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
+
+        def numbers_of(values: list[float]) -> wp.array:
+            return wp.array(np.array(values or [0.0], dtype=np.float32), dtype=float, device=device)
+
+        lines = kernels_descent.Lines()
+        lines.turn_by_force = numbers_of([line.turn_weights[0] for line in rules])
+        lines.turn_by_wish = numbers_of([line.turn_weights[1] for line in rules])
+        lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
+        lines.stretch_by_wish = numbers_of([line.stretch_weights[1] for line in rules])
+        lines.straightness = numbers_of([-1.0 if line.straightness is None else line.straightness for line in rules])
+        lines.length_factor = numbers_of([1.0] * len(rules))
+        lines.direction, *shape = _joined(self._directions, wp.vec2, device)
+        lines.direction_start, lines.direction_height, lines.direction_width = shape
+        lines.length, *shape = _joined([length / unit for length in self._lengths], float, device)
+        lines.length_start, lines.length_height, lines.length_width = shape
+        self.lines = lines
+        count = np.bincount(self.body_line + 1, minlength=len(kinds) + 1)[1:]
+        self.line_count = numbers_of(count.astype(float).tolist())
+        # A line whose length the forces do not change reaches it by itself.
+        self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
+
+    def first_angle_and_length(self, position: np.ndarray) -> np.ndarray:
+        """Angle [rad] and length of every body at the start, shape ``[body_count, 2]``, for positions in the solver's unit."""
+        result = np.zeros((len(position), 2))
+        rng = np.random.default_rng([self._seed, 3])
+        for kind in range(self.kind_count):
+            own = np.flatnonzero(self.body_line == kind)
+            metres = position[own].astype(np.float64) * self._unit
+            angle = rng.uniform(0.0, math.pi, len(own))
+            wish = _at(self._directions[kind], metres, self._size)
+            led = (wish**2).sum(axis=1) > 0.0
+            angle[led] = 0.5 * np.arctan2(wish[led, 1], wish[led, 0])
+            result[own, 0] = angle
+            result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, self._size) / self._unit
+        return result
+
+
+def line_widths(problem: Problem, length: np.ndarray) -> np.ndarray:
+    """Thickness of every body [m], shape ``[n]``, 0 for dots.
+
+    Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
+    image.
+
+    Args:
+        problem: What was placed.
+        length: Length of every body's axis [m], shape ``[n]``.
+    """
+    area = problem.body_areas()
+    width = np.zeros(len(area))
+    first = 0
+    for body_class in problem.classes:
+        for size in body_class.sizes:
+            own = slice(first, first + (size.count or 0))
+            first = own.stop
+            if size.line is None:
+                continue
+            mean = float(length[own].mean())
+            # length * width + pi width² / 4 = area
+            width[own] = (
+                2.0 / math.pi * (np.sqrt(mean**2 + math.pi * area[own]) - mean)
+                if size.line.width is None
+                else size.line.width
+            )
+    return width
+
+
+def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp.array, wp.array, wp.array, wp.array]:
+    """Images one after the other on the device: pixels, where each starts, heights and widths."""
+    channels = (2,) if kind is wp.vec2 else ()
+    images = images or [np.zeros((1, 1, *channels), dtype=np.float32)]
+    sizes = [image.shape[0] * image.shape[1] for image in images]
+    pixels = np.concatenate([np.asarray(image, np.float32).reshape(-1, *channels) for image in images])
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    numbers = (starts, [image.shape[0] for image in images], [image.shape[1] for image in images])
+    start, height, width = (wp.array(np.array(n, np.int32), dtype=wp.int32, device=device) for n in numbers)
+    return wp.array(pixels, dtype=kind, device=device), start, height, width
+
+
+def _at(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+    """Pixels under positions [m]."""
+    height, width = image.shape[:2]
+    column = np.clip((position[:, 0] / size[0] * width).astype(int), 0, width - 1)
+    row = np.clip(((1.0 - position[:, 1] / size[1]) * height).astype(int), 0, height - 1)
+    return image[row, column]

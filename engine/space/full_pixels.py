@@ -1,0 +1,66 @@
+"""Density images on the device, and the way from their empty pixels back to full ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from . import kernels_images, kernels_pixels
+
+__all__ = ["images_for_kernels", "way_to_full_pixels"]
+
+
+def images_for_kernels(
+    launcher: Launcher, images: Sequence[np.ndarray], size: tuple[float, float], *, ways: bool = True
+) -> kernels_images.Images:
+    """Put the density images of all classes on the device, if asked with the way out of their empty pixels.
+
+    Args:
+        launcher: Where to.
+        images: One per class, shape ``[height, width]``.
+        size: Extent of the domain, in the unit that the ways are to have.
+        ways: Whether anybody wants to leave empty pixels.
+    """
+    device = launcher.device
+    first = np.concatenate([[0], np.cumsum([image.size for image in images])])
+    result = kernels_images.Images()
+    result.pixel = wp.array(np.concatenate([image.ravel() for image in images]), dtype=float, device=device)
+    result.way = launcher.zeros(int(first[-1]) if ways else 1, wp.vec2)
+    for image, start in zip(images, first[:-1].tolist(), strict=True):
+        if ways and not (image > 0.0).all():
+            wp.copy(result.way, way_to_full_pixels(launcher, image, size), dest_offset=start, count=image.size)
+    result.start = wp.array(first[:-1], dtype=wp.int32, device=device)
+    result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
+    result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)
+    return result
+
+
+def way_to_full_pixels(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> wp.array:
+    """Return the vector from every empty pixel's centre to that of a nearest full one, ``wp.vec2``, shape ``[height * width]``.
+
+    By jump flooding (Rong and Tan, Jump Flooding in GPU, 2006): x to the right, y up; 0 on full pixels. Now and then a pixel is
+    told of a full one that is not quite the nearest.
+    """
+    height, width = image.shape
+    pixel_size = wp.vec2(size[0] / width, size[1] / height)
+    device = launcher.device
+    index = np.arange(image.size, dtype=np.int32)
+    nearest = wp.array(np.where(image.ravel() > 0.0, index, -1), dtype=wp.int32, device=device)
+    nearer = wp.empty_like(nearest)
+    # The largest power of two below the longer side.
+    longest = 1 << max(0, (max(height, width) - 1).bit_length() - 1)
+    # Two more rounds of single steps mend most of what the jumps overlooked.
+    for jump in [*(longest >> k for k in range(longest.bit_length())), 1, 1]:
+        launcher.launch(
+            kernels_pixels.find_nearer_full_pixels,
+            image.size,
+            [height, width, pixel_size, jump, nearest],
+            [nearer],
+        )
+        nearest, nearer = nearer, nearest
+    way = launcher.empty(image.size, wp.vec2)
+    launcher.launch(kernels_pixels.find_ways, image.size, [width, pixel_size, nearest], [way])
+    return way

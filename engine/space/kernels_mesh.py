@@ -1,0 +1,31 @@
+"""What kernels know of a mesh of nodes over the domain."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from .kernels_domain import wrap
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class Mesh:
+    """Mesh of one potential per group: ``count`` nodes, their inverse spacing, the index of the node at the origin."""
+
+    count_x: wp.int32
+    count_y: wp.int32
+    inverse_spacing: wp.vec2
+    margin: wp.int32
+    periodic: wp.int32
+
+
+@wp.func
+def nearest_node(position: wp.vec2, mesh: Mesh):
+    """Index of the mesh node nearest to ``position``, which lies inside the domain."""
+    column = int(position[0] * mesh.inverse_spacing[0] + 0.5) + mesh.margin
+    row = int(position[1] * mesh.inverse_spacing[1] + 0.5) + mesh.margin
+    if mesh.periodic != 0:
+        column = wrap(column, mesh.count_x)
+        row = wrap(row, mesh.count_y)
+    return row * mesh.count_x + column

@@ -1,0 +1,113 @@
+"""How a mesh lies over the domain, and what its transforms need to know of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..transforms.convolution import good_length
+from ..transforms.convolution_gpu import LONGEST_ROW
+from . import kernels_mesh
+
+__all__ = ["MeshLayout", "open_mesh", "periodic_mesh"]
+
+LARGEST_MESH = 65536
+# Open meshes have nodes beyond the domain, so that the splines of bodies on its edge find theirs.
+OPEN_MARGIN = 2
+# Nodes between the farthest pair and the wrap of an open mesh: the kernel has a kink there, and the optimal influence
+# function spreads it over a few nodes.
+WRAP_GUARD = 6
+
+
+@dataclass(frozen=True)
+class MeshLayout:
+    """A mesh of nodes over a domain, row 0 at the bottom.
+
+    Attributes:
+        size: Extent of the domain along x and y.
+        shape: Rows, an even number, and columns.
+        padded: Rows and columns of the transforms that convolve it.
+        spacing: Distance of nodes along x and y.
+        margin: Index of the node at the origin.
+        periodic: Whether it wraps.
+    """
+
+    size: tuple[float, float]
+    shape: tuple[int, int]
+    padded: tuple[int, int]
+    spacing: tuple[float, float]
+    margin: int
+    periodic: bool
+
+    @property
+    def node_count(self) -> int:
+        """Number of nodes."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def node_area(self) -> float:
+        """Area that a node stands for."""
+        return self.spacing[0] * self.spacing[1]
+
+    def for_kernels(self) -> kernels_mesh.Mesh:
+        """The same as kernels take it."""
+        mesh = kernels_mesh.Mesh()
+        mesh.count_x, mesh.count_y = self.shape[1], self.shape[0]
+        mesh.inverse_spacing = wp.vec2(1.0 / self.spacing[0], 1.0 / self.spacing[1])
+        mesh.margin = self.margin
+        mesh.periodic = int(self.periodic)
+        return mesh
+
+    def windows(self) -> tuple[np.ndarray, np.ndarray]:
+        """What turns a smooth kernel's transform into the optimal influence function for depositing and interpolating.
+
+        W² / (sum of W² over all aliases)², W = sinc⁴ per axis being the transform of the cubic B-spline (Hockney and
+        Eastwood, equation 8-22, where the kernel itself has no aliases): a factor for every wave number along y, shape
+        ``[padded rows // 2 + 1]``, and along x. Divided by the number of elements, so that a pair of transforms is normalised.
+        """
+        return _window(self.padded[0]), _window(self.padded[1])
+
+
+def _window(count: int) -> np.ndarray:
+    theta = 2.0 * np.pi * np.arange(count // 2 + 1) / count
+    aliases = (2416.0 + 2382.0 * np.cos(theta) + 240.0 * np.cos(2.0 * theta) + 2.0 * np.cos(3.0 * theta)) / 5040.0
+    return np.sinc(theta / (2.0 * np.pi)) ** 8 / aliases**2 / count
+
+
+def periodic_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool) -> MeshLayout:
+    """Lay a mesh with nodes at most ``wanted`` apart over a periodic domain."""
+    columns, rows = (_length_for(length / wanted, on_gpu) for length in size)
+    shape = (rows, columns)
+    return MeshLayout(size, shape, shape, (size[0] / columns, size[1] / rows), 0, True)
+
+
+def open_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool, kernel_reach: float = math.inf) -> MeshLayout:
+    """Lay a mesh with nodes at most ``wanted`` apart over an open domain, padded for a kernel that reaches so far."""
+    longer = max(size)
+    # Nodes that the transform holds besides those within the domain: margins, one that makes rows even, the wrap's guard and the
+    # kernel's reach.
+    extra = 2 * OPEN_MARGIN + 2 + WRAP_GUARD
+    if kernel_reach >= longer:
+        # One spacing for both axes, as small as the padded length of the longer one allows.
+        step = longer / (_length_for(2.0 * (longer / wanted + extra), on_gpu) / 2 - extra)
+    else:
+        extra += 1  # the reach is rounded up to whole nodes
+        step = (longer + kernel_reach) / (_length_for((longer + kernel_reach) / wanted + extra, on_gpu) - extra)
+    columns, rows = (math.ceil(length / step - 1e-9) + 2 * OPEN_MARGIN + 1 for length in size)
+    # Rows are transformed in pairs.
+    rows += rows % 2
+
+    def padding(nodes: int) -> int:
+        return min(nodes, math.ceil(kernel_reach / step)) if kernel_reach < math.inf else nodes
+
+    padded = tuple(
+        _length_for(n + padding(n) + (2 if padding(n) == n else 1) * WRAP_GUARD, on_gpu) for n in (rows, columns)
+    )
+    return MeshLayout(size, (rows, columns), (padded[0], padded[1]), (step, step), OPEN_MARGIN, False)
+
+
+def _length_for(least: float, on_gpu: bool) -> int:
+    return min(good_length(least, power_of_two=on_gpu), LONGEST_ROW if on_gpu else LARGEST_MESH)

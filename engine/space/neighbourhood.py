@@ -1,0 +1,120 @@
+"""What may touch what, and how many footprints overlap. Discs, and capsules around the axes of lines.
+
+Neighbours are found in a grid of cells per level of size, so that a few large bodies among many small ones cost no more than both
+by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from . import kernels_neighbourhood
+from .cell_sort import CellSort
+
+__all__ = ["Neighbourhood"]
+
+# Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
+MOST_LEVELS = 12
+# No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
+MOST_OVERLAPS_PER_BODY = 200
+
+
+class Neighbourhood:
+    """Finds what may touch what.
+
+    Args:
+        launcher: Where to run.
+        size: Extent of the domain along x and y.
+        periodic: Whether it wraps.
+        radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
+        half_length: Half the longest axis that it may have, shape ``[n]``.
+        mass: Of every body, shape ``[n]``.
+    """
+
+    def __init__(
+        self,
+        launcher: Launcher,
+        size: tuple[float, float],
+        periodic: bool,
+        radius: np.ndarray,
+        half_length: np.ndarray,
+        mass: np.ndarray,
+    ) -> None:
+        self.launcher = launcher
+        device = launcher.device
+        n = len(radius)
+        reach = radius + half_length
+        level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
+        used = np.flatnonzero(np.bincount(level))
+        level = np.searchsorted(used, level).astype(np.int32) if len(used) <= used[-1] else level
+        most_reach = np.array([reach.max(initial=0.0, where=level == m) for m in range(len(used))])
+        # Cells as large as a body, but not many more than bodies.
+        cell = np.maximum(2.0 * most_reach, math.sqrt(size[0] * size[1] / (2 * n + 64)))
+        counts = np.array([[max(1, int(length / side)) for length in size] for side in cell])
+        first = np.concatenate([[0], np.cumsum(counts.prod(axis=1))])
+        grid = kernels_neighbourhood.ContactGrid()
+        grid.level_count = len(used)
+        grid.reach = wp.array(most_reach, dtype=float, device=device)
+        grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
+        grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
+        grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
+        grid.domain = wp.vec2(*size)
+        grid.periodic = int(periodic)
+        self.grid = grid
+        footprints = kernels_neighbourhood.Footprints()
+        footprints.level = wp.array(level, dtype=wp.int32, device=device)
+        footprints.radius = wp.array(radius, dtype=float, device=device)
+        footprints.mass = wp.array(mass / mass.mean(), dtype=float, device=device)
+        self.footprints = footprints
+        self.body_count = n
+        self._cells = CellSort(launcher, n, int(first[-1]))
+        room = n + kernels_neighbourhood.LANES
+        near = kernels_neighbourhood.Sorted()
+        near.body = self._cells.order
+        near.place = launcher.empty(n, wp.int32)
+        near.x, near.y, near.reach = (launcher.zeros(room, float) for _ in range(3))
+        near.half_axis = launcher.zeros(room, wp.vec2)
+        self.near = near
+        self._found = launcher.zeros(n, wp.int32)
+
+    @property
+    def cell_start(self) -> wp.array:
+        """Place of the first body of every cell in :attr:`near`."""
+        return self._cells.cell_start
+
+    def sort(self, pose: wp.array) -> None:
+        """Put bodies where they are now into the cells."""
+        self._cells.sort(kernels_neighbourhood.contact_keys, [pose, self.footprints, self.grid])
+        self.launcher.launch(kernels_neighbourhood.gather_bodies, self.body_count, [pose, self.footprints], [self.near])
+
+    def overlap_count(self, pose: wp.array, tolerance: float) -> int:
+        """Pairs whose footprints overlap by more than ``tolerance`` of their distance; a lower bound beyond 200 a body."""
+        self.count_overlaps(pose, tolerance)
+        return self.counted_overlaps()
+
+    def count_overlaps(self, pose: wp.array, tolerance: float) -> None:
+        """Launch what counts them."""
+        self.sort(pose)
+        self.launcher.launch(
+            kernels_neighbourhood.count_overlaps,
+            self.body_count,
+            [
+                pose,
+                self.near,
+                self.footprints,
+                self.cell_start,
+                self.grid,
+                1.0 - tolerance,
+                MOST_OVERLAPS_PER_BODY,
+            ],
+            [self._found],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+
+    def counted_overlaps(self) -> int:
+        """What :meth:`count_overlaps` has counted."""
+        return int(self._found.numpy().sum(dtype=np.int64)) // 2

@@ -1,0 +1,20 @@
+"""How many bodies are asked for where."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..problem.problem import Problem
+from .density import box_integrals
+
+__all__ = ["survey"]
+
+# Cells along the longer side on which the typical spacing and the space that bodies may use are measured.
+SURVEY_CELLS = 256
+
+
+def survey(problem: Problem) -> np.ndarray:
+    """Asked number of bodies in every cell of a coarse grid over the domain, shape ``[rows, columns]``, float64."""
+    size = problem.domain.size
+    rows, columns = (max(1, round(SURVEY_CELLS * length / max(size))) for length in size[::-1])
+    return np.sum([c.body_count * box_integrals(c.density_image, (rows, columns)) for c in problem.classes], axis=0)

@@ -1,0 +1,90 @@
+"""Target densities on the nodes of a mesh, on the device: what the charges of a perfect placement would deposit there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from . import kernels_density
+from .density import FOLD, Band, overlap_bands, spline_bands
+from .mesh_layout import MeshLayout
+
+__all__ = ["deposit_images", "integrate_boxes", "mix_images"]
+
+
+def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: MeshLayout) -> wp.array:
+    """Deposit images with cubic B-splines, exactly for piecewise constant pixels.
+
+    Args:
+        launcher: Where to run.
+        images: Densities, each of shape ``[height, width]``, row 0 at the top.
+        layout: The mesh.
+
+    Returns:
+        Share of every image's integral at every node, flat, one image after the other.
+    """
+    result = launcher.empty(len(images) * layout.node_count, float)
+    fold = FOLD if layout.periodic else 0
+    for index, image in enumerate(images):
+        bands = spline_bands(image.shape, layout.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
+        target = wp.array(
+            ptr=result.ptr + 4 * index * layout.node_count,
+            shape=(layout.node_count,),
+            dtype=float,
+            device=launcher.device,
+        )
+        _apply_bands(launcher, image, bands, fold, layout.shape, target)
+    return result
+
+
+def integrate_boxes(launcher: Launcher, image: np.ndarray, shape: tuple[int, int]) -> wp.array:
+    """Share of an image's integral in every cell of a grid, flat; see :func:`.density.box_integrals`."""
+    result = launcher.empty(shape[0] * shape[1], float)
+    _apply_bands(launcher, image, overlap_bands(image.shape, shape), 0, shape, result)
+    return result
+
+
+def _apply_bands(
+    launcher: Launcher, image: np.ndarray, bands: list[Band], fold: int, shape: tuple[int, int], result: wp.array
+) -> None:
+    """Weigh an image's rows, then its columns, into ``result``, of ``shape``; its total is 1."""
+    device = launcher.device
+    height, width = image.shape
+    rows, columns = shape
+    total = float(image.sum(dtype=np.float64))
+    source = wp.array((image[::-1] / total).astype(np.float32).ravel(), dtype=float, device=device)
+    on_rows = launcher.empty(rows * width, float)
+    steps = ((source, (height, width), on_rows, (rows, width)), (on_rows, (rows, width), result, (rows, columns)))
+    for along, ((first, weight), (given, given_shape, made, made_shape)) in enumerate(zip(bands, steps, strict=True)):
+        launcher.launch(
+            kernels_density.apply_band,
+            made_shape[0] * made_shape[1],
+            [
+                given,
+                *given_shape,
+                wp.array(first, dtype=wp.int32, device=device),
+                wp.array(weight.ravel(), dtype=float, device=device),
+                weight.shape[1],
+                fold,
+                along,
+                *made_shape,
+            ],
+            [made],
+        )
+
+
+def mix_images(launcher: Launcher, deposited: wp.array, weight: np.ndarray, node_count: int) -> wp.array:
+    """Sums of deposited images with the weights of every row, shape ``[rows, images]``; flat, one row after the other."""
+    device = launcher.device
+    rows, images = weight.shape
+    result = launcher.empty(rows * node_count, float)
+    launcher.launch(
+        kernels_density.mix_images,
+        rows * node_count,
+        [deposited, wp.array(weight.ravel(), dtype=float, device=device), images, node_count],
+        [result],
+    )
+    return result

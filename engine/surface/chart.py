@@ -1,0 +1,132 @@
+"""The chart *projected from above*: it ties the solver's rectangle to a mesh.
+
+The domain is the bounding rectangle of the target in the world's x and y. Rays go down through the middle of every cell of a
+grid; where one meets the mesh, the cell stands for a piece of surface, the larger the steeper it is. Densities are read at
+those points, the solver works in the rectangle, and what it places is lifted back onto the mesh by rays of its own.
+
+Limitations: where the mesh overhangs itself only its topmost surface is seen; surface steeper than ``SMALLEST_COSINE``
+counts as if it were just as steep; parts narrower than a cell may be missed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..errors import ProblemError
+from .surface_points import SurfacePoints
+from .top_view import TopView
+from .triangle_mesh import TriangleMesh
+
+__all__ = ["Chart"]
+
+# Cells along the longer side of the rectangle.
+RESOLUTION = 1024
+# Smallest z of a normal that slopes are accounted for with (84 degrees): a cliff is not worth a forest.
+SMALLEST_COSINE = 0.1
+# Share of the bounding rectangle that must be covered by faces seen from above for the target to have an upper side.
+SMALLEST_COVER = 1e-6
+
+
+class Chart:
+    """The upper side of a target over its bounding rectangle.
+
+    Args:
+        mesh: The target.
+        resolution: Cells along the longer side.
+
+    Attributes:
+        origin: Corner of smallest x and y in the world [m].
+        size: Extent in x and y [m].
+        shape: Rows and columns of the grid; row 0 has the largest y.
+        points: The surface under the middle of every cell that has one.
+        area: Area of the surface in every cell [m²], shape ``shape``; 0 where there is none.
+
+    Raises:
+        ProblemError: No extent in x or y, or nothing of it is seen from above.
+    """
+
+    def __init__(self, mesh: TriangleMesh, resolution: int = RESOLUTION) -> None:
+        self.view = view = TopView(mesh)
+        self.origin = view.low[:2]
+        self.size = view.high[:2] - view.low[:2]
+        for axis, length in zip("xy", self.size, strict=True):
+            if not length > 1e-6 * max(view.extent, 1e-30):
+                raise ProblemError(f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none")
+        if view.projected_area < SMALLEST_COVER * self.size.prod():
+            raise ProblemError(f"{mesh.name} must be seen from above; all its faces stand upright")
+        width, height = self.size
+        cell = max(width, height) / resolution
+        self.shape = (max(1, math.ceil(height / cell - 1e-6)), max(1, math.ceil(width / cell - 1e-6)))
+        self.cell = self.size / self.shape[::-1]
+        rows, columns = self.shape
+        x = self.origin[0] + (np.arange(columns) + 0.5) * self.cell[0]
+        y = self.origin[1] + (np.arange(rows)[::-1] + 0.5) * self.cell[1]
+        xy = np.empty((rows, columns, 2))
+        xy[..., 0], xy[..., 1] = x, y[:, None]
+        spots: tuple[np.ndarray, ...] = view.cast(xy.reshape(-1, 2))
+        self._filled = np.flatnonzero(spots[0] >= 0)
+        if not len(self._filled):
+            raise ProblemError(f"{mesh.name} must be seen from above; it is too narrow to be met by any ray")
+        if len(self._filled) < rows * columns:
+            spots = tuple(values[self._filled] for values in spots)
+        self.points = SurfacePoints(self.view, *spots)
+        cosine = np.abs(view.cosine[self.points.triangle])
+        self.area = np.zeros(self.shape)
+        self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface."""
+        return self.area / self.cell.prod()
+
+    def continued(self, values: np.ndarray) -> np.ndarray:
+        """Return values of :attr:`points` over the whole rectangle, shape ``shape``, float32.
+
+        Beside the surface they go on smoothly, so that its border is no edge to sharpen or to follow.
+        """
+        image, known = np.zeros(self.shape, np.float32), np.zeros(self.shape, np.float32)
+        image.ravel()[self._filled], known.ravel()[self._filled] = values, 1.0
+        return _fill_gaps(image, known)
+
+    def lift(self, position: np.ndarray) -> SurfacePoints:
+        """Return the points of the surface above or below ``position`` ``[n, 2]`` of the rectangle [m].
+
+        A cell may reach beyond the mesh's edge; what lies there goes to the nearest point of the surface.
+        """
+        xy = position + self.origin
+        spots = self.view.cast(xy)
+        beside = np.flatnonzero(spots[0] < 0)
+        if len(beside):
+            anchor = np.column_stack([xy[beside], self._height_near(position[beside])])
+            for values, nearest in zip(spots, self.view.nearest(anchor), strict=True):
+                values[beside] = nearest
+        return SurfacePoints(self.view, *spots)
+
+    def _height_near(self, position: np.ndarray) -> np.ndarray:
+        """Return z of the surface in the cell of each position, or in a cell beside it."""
+        rows, columns = self.shape
+        index = np.full((rows + 2, columns + 2), -1)
+        row, column = np.divmod(self._filled, columns)
+        index[row + 1, column + 1] = np.arange(len(self._filled))
+        column = np.clip((position[:, 0] / self.cell[0]).astype(int), 0, columns - 1)
+        row = rows - 1 - np.clip((position[:, 1] / self.cell[1]).astype(int), 0, rows - 1)
+        around = [(1, 1), *((i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1))]
+        beside = np.stack([index[row + i, column + j] for i, j in around])
+        chosen = np.take_along_axis(beside, np.argmax(beside >= 0, axis=0)[None], axis=0)[0]
+        height = self.points.position[:, 2]
+        return np.where(chosen >= 0, height[chosen], self.view.middle[2])
+
+
+def _fill_gaps(image: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return ``image`` with means of what is known nearby where ``known`` is 0; values at 1 stay (pull and push)."""
+    if known.all():
+        return image
+    rows, columns = image.shape
+    odd = ((0, rows % 2), (0, columns % 2))
+    blocks = ((rows + 1) // 2, 2, (columns + 1) // 2, 2)
+    weight = np.pad(known, odd).reshape(blocks).sum(axis=(1, 3))
+    total = np.pad(image * known, odd).reshape(blocks).sum(axis=(1, 3))
+    coarse = _fill_gaps(total / np.maximum(weight, 1.0), (weight > 0.0).astype(known.dtype))
+    return np.where(known > 0.0, image, coarse.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns])

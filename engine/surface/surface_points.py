@@ -1,0 +1,84 @@
+"""Points of a target's surface: where they are, and what the mesh says there, interpolated within its faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ProblemError
+from .top_view import TopView
+
+__all__ = ["SurfacePoints"]
+
+# Rec. 709, the primaries of Blender's default colour space.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Points of a target's surface, and what its mesh says there.
+
+    Attributes:
+        view: The mesh whose upper side it is.
+        triangle: Triangle that each lies on, shape ``[n]``.
+        weight: Weights of its corners, shape ``[n, 3]``, float32.
+        position: Where it is in the world [m], shape ``[n, 3]``, float64.
+    """
+
+    view: TopView
+    triangle: np.ndarray
+    weight: np.ndarray
+    position: np.ndarray
+
+    @property
+    def target_name(self) -> str:
+        """How sentences name the target."""
+        return self.view.mesh.name
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Shading normals of the upper side, shape ``[n, 3]``, float32, of length 1 and never pointing down."""
+        return self.view.normals(self.triangle, self.weight)
+
+    def rectangle_coordinates(self) -> np.ndarray:
+        """Return where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``."""
+        return (self.position[:, :2] - self.view.low[:2]) / (self.view.high[:2] - self.view.low[:2])
+
+    def uv(self, name: str, key: str) -> np.ndarray:
+        """Return coordinates in a UV map (the active one if ``name`` is empty), shape ``[n, 2]``."""
+        mesh = self.view.mesh
+        chosen = name or mesh.active_uv_map
+        if not mesh.uv_map:
+            raise ProblemError(f"{key} needs a UV map, and {mesh.name} has none; unwrap it, or map by position")
+        if chosen not in mesh.uv_map:
+            raise ProblemError(f'{key}: {mesh.name} has no UV map "{chosen}"; it has {_names(mesh.uv_map)}')
+        return self._blend(mesh.uv_map[chosen][mesh.corner[self.triangle]])
+
+    def vertex_group(self, name: str, key: str) -> np.ndarray:
+        """Return the weights of a vertex group, shape ``[n]``."""
+        mesh = self.view.mesh
+        if name not in mesh.vertex_group:
+            raise ProblemError(f'{key}: {mesh.name} has no vertex group "{name}"; it has {_names(mesh.vertex_group)}')
+        return self._blend(mesh.vertex_group[name][mesh.triangle[self.triangle]])
+
+    def attribute(self, name: str, key: str) -> np.ndarray:
+        """Return the values of an attribute, colours by their luminance, shape ``[n]``."""
+        mesh = self.view.mesh
+        if name in mesh.unusable_attribute:
+            raise ProblemError(f'{key}: attribute "{name}" of {mesh.name} {mesh.unusable_attribute[name]}')
+        if name not in mesh.attribute:
+            raise ProblemError(f'{key}: {mesh.name} has no attribute "{name}"; it has {_names(mesh.attribute)}')
+        domain, values = mesh.attribute[name]
+        if values.ndim == 2:
+            values = values[:, :3] @ LUMINANCE
+        if domain == "FACE":
+            return values[mesh.face[self.triangle]]
+        return self._blend(values[(mesh.triangle if domain == "POINT" else mesh.corner)[self.triangle]])
+
+    def _blend(self, values: np.ndarray) -> np.ndarray:
+        return np.einsum("nk,nk...->n...", self.weight, values)
+
+
+def _names(mapping: dict) -> str:
+    return ", ".join(f'"{name}"' for name in mapping) if mapping else "none"

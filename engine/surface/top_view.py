@@ -1,0 +1,83 @@
+"""A triangle mesh seen from above: what is topmost at a place, and what of it is nearest to one."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from . import kernels_chart
+from .launching import launch_on_cpu
+from .triangle_mesh import TriangleMesh
+
+__all__ = ["Spots", "TopView"]
+
+# Points of a mesh: the triangle that each lies on (shape [n], int32; -1 is none, and then the others mean nothing), the weights
+# of its corners ([n, 3], float32), and where it is in the world [m] ([n, 3], float64).
+Spots = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+# Upright triangles hide nothing, but rays along them meet them by rounding.
+SMALLEST_SEEN_COSINE = 1e-5
+
+
+class TopView:
+    """A triangle mesh seen from above.
+
+    Args:
+        mesh: Its triangles; those that stand upright are not seen.
+
+    Attributes:
+        low: Smallest coordinates of what is part of a triangle [m], shape ``[3]``.
+        high: Largest ones.
+        extent: The longest side between them [m].
+        cosine: z of every triangle's unit normal, shape ``[t]``, float64; negative where it is seen from its back.
+        projected_area: Area of all triangles seen from above [m²], also where they hide each other.
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
+        used = np.zeros(len(mesh.position), bool)
+        used[mesh.triangle.ravel()] = True
+        corner = mesh.position[used]
+        self.low, self.high = corner.min(axis=0), corner.max(axis=0)
+        self.middle = 0.5 * (self.low + self.high)
+        self.extent = float((self.high - self.low).max())
+        count = len(mesh.triangle)
+        self.cosine, area = np.empty(count), np.empty(count)
+        launch_on_cpu(kernels_chart.look_from_above, count, [mesh.position, mesh.triangle], [self.cosine, area])
+        self.projected_area = float(np.abs(area).sum())
+        self._seen = np.flatnonzero(np.abs(self.cosine) > SMALLEST_SEEN_COSINE).astype(np.int32)
+        self._built: wp.Mesh | None = None
+
+    def cast(self, xy: np.ndarray) -> Spots:
+        """Return the topmost points of the mesh at ``xy`` ``[n, 2]``; no triangle beside the mesh."""
+        above = 0.5 * (self.high[2] - self.low[2]) + 0.01 * self.extent
+        return self._ask(kernels_chart.cast_down, xy, above)
+
+    def nearest(self, place: np.ndarray) -> Spots:
+        """Return the points of the mesh that are nearest to every ``place`` ``[n, 3]``."""
+        return self._ask(kernels_chart.find_nearest, place, 4.0 * self.extent)
+
+    def normals(self, triangle: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Return the shading normals of the upper side, shape ``[n, 3]``, float32, of length 1 and never pointing down."""
+        mesh = self.mesh
+        normal = np.empty((len(triangle), 3), np.float32)
+        matrix = wp.mat33(mesh.normal_matrix.ravel())
+        inputs = [mesh.corner, mesh.corner_normal, matrix, self.cosine, triangle, weight]
+        launch_on_cpu(kernels_chart.blend_normals, len(triangle), inputs, [normal])
+        return normal
+
+    def _ask(self, kernel: wp.Kernel, where: np.ndarray, reach: float) -> Spots:
+        """Ask the mesh about every place, from its middle as far as ``reach``."""
+        mesh, count = self.mesh, len(where)
+        spots = np.full(count, -1, np.int32), np.empty((count, 3), np.float32), np.empty((count, 3))
+        if len(self._seen):
+            if self._built is None:
+                vertex = (mesh.position - self.middle).astype(np.float32)
+                index = mesh.triangle[self._seen].ravel()
+                self._built = wp.Mesh(
+                    wp.array(vertex, dtype=wp.vec3, device="cpu", copy=False),
+                    wp.array(index, dtype=wp.int32, device="cpu", copy=False),
+                )
+            inputs = [self._built.id, self._seen, mesh.position, mesh.triangle, where, wp.vec3d(self.middle), reach]
+            launch_on_cpu(kernel, count, inputs, list(spots))
+        return spots

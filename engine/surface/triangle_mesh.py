@@ -1,0 +1,42 @@
+"""A mesh as triangles, whatever it was read from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+__all__ = ["TriangleMesh"]
+
+
+@dataclass
+class TriangleMesh:
+    """A mesh as triangles, with what can be interpolated over it.
+
+    Attributes:
+        name: How sentences name it.
+        position: Vertices in the world [m], shape ``[v, 3]``, float64.
+        triangle: Vertex indices, shape ``[t, 3]``, int32.
+        corner: Face-corner indices, shape ``[t, 3]``, int32.
+        face: Face that each triangle is part of, shape ``[t]``, int32.
+        corner_normal: Shading normals of the face corners in the object's space, shape ``[c, 3]``, float32; empty when not read.
+        normal_matrix: What turns normals into the world, shape ``[3, 3]``; their length means nothing then.
+        uv_map: Name -> coordinates of the face corners, shape ``[c, 2]``.
+        active_uv_map: Name of the active one; empty when there is none.
+        vertex_group: Name -> weights, shape ``[v]``.
+        attribute: Name -> (domain, values of shape ``[n]`` or colours of shape ``[n, 4]``).
+        unusable_attribute: Name -> why it is no density.
+    """
+
+    name: str
+    position: np.ndarray
+    triangle: np.ndarray
+    corner: np.ndarray
+    face: np.ndarray
+    corner_normal: np.ndarray
+    normal_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
+    uv_map: dict[str, np.ndarray] = field(default_factory=dict)
+    active_uv_map: str = ""
+    vertex_group: dict[str, np.ndarray] = field(default_factory=dict)
+    attribute: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+    unusable_attribute: dict[str, str] = field(default_factory=dict)

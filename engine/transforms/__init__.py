@@ -1,0 +1,1 @@
+"""Fourier transforms of real meshes, and convolution through them. May import ``device``."""

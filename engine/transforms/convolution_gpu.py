@@ -1,0 +1,80 @@
+"""The GPU's half of :mod:`.convolution`: the same transforms, as tiles in shared memory."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..device.launcher import BLOCK_DIM
+from . import kernels_fft_gpu
+
+__all__ = ["LONGEST_ROW", "GpuTransforms"]
+
+# A row of complex float32 must fit into a block's shared memory (227 kB on recent GPUs, 99 kB on consumer ones).
+LONGEST_ROW = 8192
+# Elements of a row per thread: fewer leave threads idle at the barriers, more spill registers.
+ELEMENTS_PER_THREAD = 16
+
+
+class GpuTransforms:
+    """Convolves real meshes on a GPU; the influence function is transposed, ``[padded columns // 2 + 1, padded rows]``.
+
+    Args:
+        device: An NVIDIA GPU.
+        shape: Rows (an even number, so that no pair is of two meshes) and columns of the meshes.
+        padded: Rows and columns of the transforms; powers of two.
+        count: Number of meshes.
+    """
+
+    def __init__(self, device: wp.Device, shape: tuple[int, int], padded: tuple[int, int], count: int = 1) -> None:
+        self._device = device
+        self._shape = shape
+        self._padded = padded
+        self._count = count
+        self.influence_shape = (padded[1] // 2 + 1, padded[0])
+        self._pairs = wp.empty((count * shape[0] // 2, padded[1]), dtype=wp.vec2, device=device)
+        self._columns = wp.empty((count * self.influence_shape[0], padded[0]), dtype=wp.vec2, device=device)
+
+    def apply(self, influence: wp.array, meshes: wp.array) -> None:
+        """See :meth:`.convolution.Convolution.apply`."""
+        forward, back = kernels_fft_gpu.row_kernels(self._padded[1])
+        rows = meshes.reshape((self._count * self._shape[0], self._shape[1]))
+        self._transform(forward, self._pairs.shape, [rows, self._pairs])
+        self._launch_tiles(kernels_fft_gpu.split_pairs, [self._pairs, self._shape[0]], self._columns)
+        self._transform(
+            kernels_fft_gpu.column_kernel(self._padded[0]),
+            self._columns.shape,
+            [influence.reshape(self.influence_shape), self._columns],
+        )
+        self._launch_tiles(kernels_fft_gpu.join_pairs, [self._columns, self._shape[0]], self._pairs)
+        self._transform(back, self._pairs.shape, [self._pairs, rows])
+
+    def transform_even(self, quarter: wp.array, influence: wp.array) -> None:
+        """See :meth:`.convolution.Convolution.influence_of`."""
+        rows, columns = self._padded
+        row_count = rows // 2 + 1
+        pairs = wp.empty((row_count // 2 + 1, columns), dtype=wp.vec2, device=self._device)
+        forward, _ = kernels_fft_gpu.row_kernels(columns)
+        self._transform(forward, pairs.shape, [quarter.reshape((row_count, columns)), pairs])
+        half = wp.empty(self.influence_shape, dtype=wp.vec2, device=self._device)
+        self._launch_tiles(kernels_fft_gpu.split_pairs, [pairs, row_count], half)
+        whole = influence.reshape(self.influence_shape)
+        self._launch(kernels_fft_gpu.unfold_columns, whole.shape, [half], whole)
+        pairs = wp.empty((whole.shape[0] // 2 + 1, rows), dtype=wp.vec2, device=self._device)
+        forward, _ = kernels_fft_gpu.row_kernels(rows)
+        self._transform(forward, pairs.shape, [whole, pairs])
+        self._launch(kernels_fft_gpu.separate_pairs, whole.shape, [pairs], whole)
+
+    def _launch(self, kernel: wp.Kernel, dim: int | tuple[int, ...], inputs: list, output: wp.array) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[output], device=self._device, block_dim=BLOCK_DIM)
+
+    def _launch_tiles(self, kernel: wp.Kernel, inputs: list, output: wp.array) -> None:
+        """Launch blocks of threads that write square tiles of a matrix."""
+        side = kernels_fft_gpu.TILE_SIDE
+        tiles = -(-output.shape[0] // side) * -(-output.shape[1] // side)
+        self._launch(kernel, tiles * kernels_fft_gpu.TILE_THREADS, inputs, output)
+
+    def _transform(self, kernel: wp.Kernel, shape: tuple[int, int], arguments: list[wp.array]) -> None:
+        """Launch a block of threads for each of ``shape[0]`` rows of ``shape[1]`` elements."""
+        count, length = shape
+        threads = max(32, min(512, length // ELEMENTS_PER_THREAD)) if self._device.is_cuda else 1
+        wp.launch_tiled(kernel, dim=[count], inputs=arguments, block_dim=threads, device=self._device)

@@ -1,0 +1,212 @@
+"""The plan: bodies where they are, as large as they are, in the colour of their class."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
+from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
+from esh.engine.problem.problem import Line
+from PIL import Image
+
+RED, BLUE = (255, 0, 0), (0, 0, 255)
+TOP = 40 + MARGIN
+
+
+def place(domain, classes, position) -> Placement:
+    problem = Problem(domain, classes)
+    pairs = [(c, s) for c, k in enumerate(classes) for s, size in enumerate(k.sizes) for _ in range(size.count)]
+    class_index, size_index = np.array(pairs, np.int32).T
+    n = len(pairs)
+    report = Report(1, True, 0.1, "cpu", 0.0, None, 0, 0.0, ())
+    return Placement(
+        problem, np.asarray(position, float), class_index, size_index, np.zeros(n), np.zeros(n), np.zeros(n), report
+    )
+
+
+def plan_of(placement: Placement, **options) -> np.ndarray:
+    """The part of the picture that shows the domain, as an array [height, width, 3]."""
+    file = io.BytesIO()
+    draw_plan(placement, file, **options)
+    picture = np.asarray(Image.open(file)).astype(int)
+    width, height = placement.problem.domain.size
+    scale = PLAN_PIXELS / max(width, height)
+    left = (picture.shape[1] - round(width * scale)) // 2
+    return picture[TOP : TOP + round(height * scale), left : left + round(width * scale)]
+
+
+def is_color(plan: np.ndarray, color) -> np.ndarray:
+    return (np.abs(plan - np.array(color)) < 90).all(axis=2)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("size", [(40.0, 30.0), (3.0, 6.0)])
+def test_bodies_are_where_they_are_and_as_large_as_they_are(boundary, size):
+    center = np.array([[0.25 * size[0], 0.75 * size[1]], [0.75 * size[0], 0.25 * size[1]]])
+    area = 0.01 * size[0] * size[1]
+    classes = [BodyClass("a", [Size("s", area, 1)]), BodyClass("b", [Size("s", area / 2, 1)])]
+    plan = plan_of(place(Domain(size, boundary), classes, center), colors=["red", (0.0, 0.0, 1.0)])
+    metre = plan.shape[1] / size[0]
+    for (x, y), color, body_area in zip(center, (RED, BLUE), (area, area / 2), strict=True):
+        row, column = np.nonzero(is_color(plan, color))
+        assert abs(column.mean() + 0.5 - x * metre) < 1
+        assert abs(row.mean() + 0.5 - (size[1] - y) * metre) < 1
+        assert len(row) / metre**2 == pytest.approx(body_area, rel=0.05)
+        radius = math.sqrt(body_area / math.pi) * metre
+        assert np.hypot(column - column.mean(), row - row.mean()).max() == pytest.approx(radius, abs=2)
+
+
+def test_a_periodic_plan_can_be_tiled():
+    classes = [BodyClass("a", [Size("s", 4.0, 1)])]
+    whole = is_color(
+        plan_of(place(Domain((10.0, 10.0), "periodic"), classes, [[5.0, 5.0]]), colors=[RED_NAME]), RED
+    ).sum()
+    plan = is_color(plan_of(place(Domain((10.0, 10.0), "periodic"), classes, [[0.0, 0.0]]), colors=[RED_NAME]), RED)
+    half = plan.shape[0] // 2
+    for quarter in (plan[:half, :half], plan[:half, half:], plan[half:, :half], plan[half:, half:]):
+        assert quarter.sum() == pytest.approx(whole / 4, rel=0.03)
+
+
+RED_NAME = "#ff0000"
+
+
+def place_lines(domain, classes, position, angle, length, width, bends=None) -> Placement:
+    return replace(
+        place(domain, classes, position),
+        angle=np.array(angle, float),
+        length=np.array(length, float),
+        width=np.array(width, float),
+        bends=bends,
+    )
+
+
+def distance_to_axis(plan: np.ndarray, metre: float, points: np.ndarray) -> np.ndarray:
+    """Distance of every pixel's middle from a polyline [m], in a domain whose lower left corner is the origin."""
+    rows, columns = np.indices(plan.shape[:2])
+    pixel = np.stack([columns + 0.5, plan.shape[0] - rows - 0.5], axis=-1) / metre
+    nearest = np.full(plan.shape[:2], np.inf)
+    for start, end in itertools.pairwise(points):
+        axis = end - start
+        share = np.clip((pixel - start) @ axis / (axis @ axis), 0.0, 1.0)
+        nearest = np.minimum(nearest, np.linalg.norm(pixel - start - share[..., None] * axis, axis=-1))
+    return nearest
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, math.pi / 2, 2.5])
+def test_lines_are_capsules_where_they_lie(angle):
+    size = Size("s", 1.0, 1, line=Line(3.0))
+    placement = place_lines(Domain((8.0, 6.0)), [BodyClass("a", [size])], [[3.0, 3.5]], [angle], [3.0], [0.6])
+    plan = plan_of(placement, colors=["red"])
+    metre = plan.shape[1] / 8.0
+    half = 1.5 * np.array([math.cos(angle), math.sin(angle)])
+    distance = distance_to_axis(plan, metre, np.array([[3.0, 3.5] - half, [3.0, 3.5] + half]))
+    red = is_color(plan, RED)
+    assert red[distance < 0.3 - 2 / metre].all()
+    assert not red[distance > 0.3 + 2 / metre].any()
+
+
+def test_bending_lines_are_polylines_beside_straight_ones():
+    bending, straight = Line(3.0, straightness=0.1, charges=4), Line(1.0)
+    classes = [BodyClass("a", [Size("s", 1.0, 1, line=bending)]), BodyClass("b", [Size("s", 1.0, 1, line=straight)])]
+    way = np.array([[1.0, 1.0], [2.0, 1.0], [2.5, 2.0], [2.0, 3.0]])
+    bends = np.full((2, 4, 2), np.nan)
+    bends[0] = way
+    middle = way.mean(axis=0)
+    placement = place_lines(
+        Domain((8.0, 6.0)), classes, [middle, [6.0, 3.0]], [0.9, 0.0], [2.2, 1.0], [0.3, 0.5], bends
+    )
+    plan = plan_of(placement, colors=["red", "blue"])
+    metre = plan.shape[1] / 8.0
+    for color, points, half_width in ((RED, way, 0.15), (BLUE, np.array([[5.5, 3.0], [6.5, 3.0]]), 0.25)):
+        distance = distance_to_axis(plan, metre, points)
+        drawn = is_color(plan, color)
+        # A rim as dark as a third of a shadow may go uncounted; round joints stand out a pixel at most.
+        assert drawn[distance < half_width - 3 / metre].all()
+        assert not drawn[distance > half_width + 2 / metre].any()
+
+
+@pytest.mark.parametrize("middle", [[0.0, 0.0], [9.9, 5.0], [5.0, 0.0], [1.0, 5.0], [8.9, 9.1]])
+def test_lines_come_in_again_at_the_opposite_border(middle):
+    line = BodyClass("a", [Size("s", 1.0, 1, line=Line(4.0))])
+    shapes = [0.7], [4.0], [0.5]
+    domain = Domain((10.0, 10.0), "periodic")
+    inside = is_color(plan_of(place_lines(domain, [line], [[5.0, 5.0]], *shapes), colors=["red"]), RED)
+    moved = is_color(plan_of(place_lines(domain, [line], [middle], *shapes), colors=["red"]), RED)
+    metre = inside.shape[0] / 10.0
+    shift = round((5.0 - middle[1]) * metre), round((middle[0] - 5.0) * metre)
+    # The frame, one pixel along the border, is drawn under the bodies: what differs are pixels at the rim.
+    assert (np.roll(inside, shift, axis=(0, 1)) != moved).sum() < 0.04 * inside.sum()
+
+
+def test_every_body_of_a_range_is_as_large_as_it_is():
+    areas = np.array([0.5, 1.0, 2.0, 4.0])
+    size = Size("any", (0.5, 4.0), 4, distribution=areas)
+    center = np.array([[2.0, 4.0], [6.0, 4.0], [10.0, 4.0], [14.0, 4.0]])
+    plan = is_color(plan_of(place(Domain((16.0, 8.0)), [BodyClass("a", [size])], center), colors=["red"]), RED)
+    metre = plan.shape[1] / 16.0
+    quarters = np.split(plan, 4, axis=1)
+    for quarter, area in zip(quarters, areas, strict=True):
+        assert quarter.sum() / metre**2 == pytest.approx(area, rel=0.05)
+
+
+def test_small_bodies_lie_on_top_of_large_ones():
+    classes = [BodyClass("a", [Size("small", 1.0, 1)]), BodyClass("b", [Size("large", 20.0, 1)])]
+    plan = plan_of(place(Domain((10.0, 10.0)), classes, [[5.0, 5.0], [5.0, 5.0]]), colors=["red", "blue"])
+    assert is_color(plan, RED).sum() / 160**2 == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_background_shows_faintly_with_its_top_up():
+    classes = [BodyClass("a", [Size("s", 0.01, 1)])]
+    background = np.zeros((2, 4))
+    background[0] = 1.0
+    plan = plan_of(place(Domain((8.0, 4.0)), classes, [[0.1, 0.1]]), background=background)
+    assert (np.abs(plan[100, 800] - np.array(GROUND)) < 12).all()
+    assert (plan[-100, 800] < 200).all()
+
+
+def test_a_hundred_thousand_bodies_take_seconds(tmp_path):
+    n = 50_000
+    classes = [BodyClass("a", [Size("s", 0.01, n)]), BodyClass("b", [Size("s", 0.02, n)])]
+    placement = place(Domain((100.0, 100.0)), classes, np.random.default_rng(0).random((2 * n, 2)) * 100)
+    start = time.perf_counter()
+    draw_plan(placement, tmp_path / "plan.png")
+    assert time.perf_counter() - start < 30
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("size", [(1e6, 1e2), (1e-2, 1e2), (1e-9, 1e-9)])
+def test_any_domain_and_any_footprint_can_be_drawn(size, tmp_path):
+    names = ["a" * 200, "Bärlauch", "木", "x"]
+    sizes = [
+        Size(f"{name} {index}", area, 1) for index, area in enumerate([1e-12, 1e3, 1e24]) for name in ["size" * 20]
+    ]
+    many = [Size(str(index), 1.0, 1) for index in range(30)]
+    classes = [BodyClass(names[0], sizes), BodyClass(names[1], many), BodyClass(names[2], [Size("s", 1.0, 1)])]
+    placement = place(Domain(size, "periodic"), classes, np.random.default_rng(0).random((34, 2)) * size)
+    draw_plan(placement, tmp_path / "plan.png")
+    with Image.open(tmp_path / "plan.png") as picture:
+        assert max(picture.size) < 4000
+
+
+def test_a_plan_that_cannot_be_written(tmp_path):
+    placement = place(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 1)])], [[0.5, 0.5]])
+    with pytest.raises(EshError, match=r"plan\.png cannot be written: there is no folder"):
+        draw_plan(placement, tmp_path / "absent" / "plan.png")
+
+
+def test_colours_and_backgrounds_without_meaning():
+    placement = place(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 1)])], [[0.5, 0.5]])
+    with pytest.raises(EshError, match="`colors` must hold one colour per class, 1; got 0"):
+        draw_plan(placement, io.BytesIO(), colors=[])
+    for color in ("no colour", (1.0, 0.0), None, 3, ("a", "b", "c")):
+        with pytest.raises(EshError, match="a colour is a name, a hex code or three numbers"):
+            draw_plan(placement, io.BytesIO(), colors=[color])
+    for background in (np.ones(3), np.ones((2, 2, 4)), np.ones((0, 2)), np.array([["a"]])):
+        with pytest.raises(EshError, match="`background` must have shape"):
+            draw_plan(placement, io.BytesIO(), background=background)

@@ -1,0 +1,144 @@
+"""The fast field against the direct float64 sum, in units of the local force scale."""
+
+import itertools
+
+import numpy as np
+import pytest
+import warp as wp
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.field.direct_sum import direct_field
+from esh.engine.field.field import Field, FieldTarget
+
+SQUARE, WIDE, TALL = (32.0, 32.0), (64.0, 16.0), (16.0, 64.0)
+
+
+@pytest.fixture(scope="module")
+def launcher():
+    result = Launcher(resolve_device("auto"))
+    yield result
+    result.close()
+
+
+def random_points(rng, size, n):
+    return rng.random((n, 2)) * size
+
+
+def relaxed_points(rng, size, n):
+    columns = round(np.sqrt(n * size[0] / size[1]))
+    rows = n // columns
+    lattice = np.stack(np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows), axis=-1)
+    return np.clip(
+        lattice.reshape(-1, 2) * size + rng.normal(0.0, 0.1, (rows * columns, 2)), 0.0, np.array(size) * 0.9999
+    )
+
+
+def fast_and_direct(launcher, position, size, periodic, groups, image):
+    rng = np.random.default_rng(5)
+    position = position.astype(np.float32).astype(np.float64)
+    n = len(position)
+    group = rng.integers(0, groups, n)
+    # The mean charge is 1, the engine's unit.
+    charge = np.array([0.5, 1.5, 1.0])[:groups][group] if groups > 1 else np.ones(n)
+    charge = charge / charge.mean()
+    interaction = 0.5 + 0.5 * np.eye(groups)
+    targets = [FieldTarget(image, charge[group == g].sum()) for g in range(groups)]
+    arguments = {
+        "size": size,
+        "periodic": periodic,
+        "interaction": interaction,
+        "targets": targets,
+        "charge": charge,
+        "charge_group": group,
+    }
+    field = Field(launcher, spacing=1.0, **arguments)
+    at = wp.array(position.astype(np.float32), dtype=wp.vec2, device=launcher.device)
+    result = wp.zeros_like(at)
+    field.evaluate(at, result)
+    return result.numpy(), direct_field(position, blur=field.blur, **arguments)
+
+
+@pytest.mark.parametrize("periodic", [False, True], ids=["open", "periodic"])
+@pytest.mark.parametrize("size", [SQUARE, WIDE, TALL], ids=["square", "wide", "tall"])
+@pytest.mark.parametrize("points", [random_points, relaxed_points], ids=["random", "relaxed"])
+@pytest.mark.parametrize("groups", [1, 3])
+def test_forces_agree_with_the_direct_sum(launcher, periodic, size, points, groups):
+    image = np.ones((1, 1)) if groups == 1 else np.random.default_rng(1).random((5, 7)) + 0.2
+    fast, direct = fast_and_direct(
+        launcher, points(np.random.default_rng(2), size, 1024), size, periodic, groups, image
+    )
+    error = np.sqrt(((fast - direct) ** 2).sum(axis=1).mean())
+    assert error < 3e-3
+    # The comparison means something: the forces themselves are far larger.
+    assert np.sqrt((direct**2).sum(axis=1).mean()) > 0.3
+
+
+def test_direct_sum_of_two_charges_is_coulombs_law():
+    """Repulsion along the line between them, 1/r; a target of no strength does not act."""
+    position = np.array([[1.0, 2.0], [4.0, 6.0]])
+    field = direct_field(
+        position,
+        size=(8.0, 8.0),
+        periodic=False,
+        interaction=np.eye(1),
+        targets=[FieldTarget(np.ones((1, 1)), 0.0)],
+        charge=np.array([2.0, 3.0]),
+        charge_group=np.zeros(2, dtype=int),
+        blur=1.0,
+    )
+    np.testing.assert_allclose(field[0], -3.0 * np.array([3.0, 4.0]) / 25.0, rtol=1e-12)
+    np.testing.assert_allclose(field[1], 2.0 * np.array([3.0, 4.0]) / 25.0, rtol=1e-12)
+
+
+def test_periodic_field_does_not_change_when_everything_is_shifted(launcher):
+    rng = np.random.default_rng(3)
+    position = rng.random((500, 2)) * SQUARE
+    first, _ = fast_and_direct(launcher, position, SQUARE, True, 1, np.ones((1, 1)))
+    moved, _ = fast_and_direct(launcher, (position + [7.3, 21.9]) % 32.0, SQUARE, True, 1, np.ones((1, 1)))
+    assert np.sqrt(((first - moved) ** 2).sum(axis=1).mean()) < 5e-3
+
+
+def test_forces_are_minus_the_gradient_of_the_energy():
+    """Numerically, of the energy that the module's docstring states, for two groups of unequal charge."""
+    rng = np.random.default_rng(4)
+    n, size, charge, group = 12, (4.0, 3.0), rng.random(12) + 0.5, np.arange(12) % 2
+    interaction = np.array([[1.0, 0.4], [0.4, 2.0]])
+    position = rng.random((n, 2)) * size
+    blur = 0.3
+    targets = [FieldTarget(np.ones((1, 1)), charge[group == g].sum()) for g in range(2)]
+    columns, rows = 27, 20
+    x, y = (np.arange(columns) + 0.5) / columns * size[0], (np.arange(rows) + 0.5) / rows * size[1]
+    nodes = np.stack([np.tile(x, rows), np.repeat(y, columns)], axis=1)
+    width2 = blur**2 + size[0] * size[1] / (columns * rows) / 12.0
+
+    def smooth_potential(r2):
+        # -log r blurred by a Gaussian: integral of -(1 - exp(-r²/2w²)) / r, by quadrature.
+        r = np.sqrt(r2)
+        t = np.linspace(0.0, 1.0, 4001)[1:] * r[..., None]
+        return -(-np.expm1(-(t**2) / (2.0 * width2)) / t).mean(axis=-1) * r
+
+    def energy(p):
+        total = 0.0
+        for i, j in itertools.combinations(range(n), 2):
+            strength = interaction[group[i], group[j]] * charge[i] * charge[j]
+            total -= strength * np.log(np.hypot(*(p[i] - p[j])))
+        for i in range(n):
+            pull = sum(interaction[group[i], g] * targets[g].charge for g in range(2)) / len(nodes)
+            total -= charge[i] * pull * smooth_potential(((p[i] - nodes) ** 2).sum(axis=1)).sum()
+        return total
+
+    field = direct_field(
+        position,
+        size=size,
+        periodic=False,
+        interaction=interaction,
+        targets=targets,
+        charge=charge,
+        charge_group=group,
+        blur=blur,
+    )
+    assert int(np.ceil(2.0 * size[0] / blur)) == columns
+    for body, axis in ((0, 0), (5, 1)):
+        step = np.zeros_like(position)
+        step[body, axis] = 1e-4
+        slope = (energy(position + step) - energy(position - step)) / 2e-4
+        assert -slope == pytest.approx(charge[body] * field[body, axis], rel=2e-3, abs=2e-3)

@@ -1,0 +1,33 @@
+"""Recipes that cover the whole engine give the same bytes on any number of threads."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+RECIPES = sorted((ROOT / "tests" / "recipes").glob("*.toml"))
+
+
+def hashes(threads: int, folder: Path) -> str:
+    """What `benchmarks/placement_hashes.py` prints for all recipes, solved by so many threads."""
+    command = [sys.executable, str(ROOT / "benchmarks" / "placement_hashes.py"), *map(str, RECIPES)]
+    environment = {**os.environ, "ESH_THREADS": str(threads)}
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=folder, env=environment, timeout=300
+    ).stdout
+
+
+def test_there_are_recipes():
+    assert len(RECIPES) >= 20
+
+
+@pytest.mark.parametrize("threads", [2, 8])
+def test_bytes_do_not_depend_on_the_number_of_threads(threads, tmp_path):
+    alone = hashes(1, tmp_path)
+    assert len(alone.splitlines()) >= len(RECIPES)
+    assert hashes(threads, tmp_path) == alone

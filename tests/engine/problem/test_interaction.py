@@ -1,0 +1,72 @@
+"""The matrix against the paper's figures 5, 6 and 8, and its definiteness."""
+
+import numpy as np
+from esh.engine.problem.interaction import group_bodies
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+def problem_of(areas, alpha=0.5, emphasis=2.0):
+    classes = [
+        BodyClass(f"class {i}", [Size(f"size {j}", area, 1) for j, area in enumerate(sizes)])
+        for i, sizes in enumerate(areas)
+    ]
+    return Problem(Domain((1.0, 1.0)), classes, Balance(alpha, emphasis))
+
+
+def test_three_sizes_as_in_figure_6():
+    matrix = group_bodies(problem_of([[1.0, 2.0, 4.0]], emphasis=3.0)).matrix
+    np.testing.assert_array_equal(matrix, [[1, 1, 1], [1, 3, 3], [1, 3, 9]])
+
+
+def test_two_classes_with_two_sizes_as_in_figure_8():
+    a, c = 0.25, 2.0
+    matrix = group_bodies(problem_of([[1.0, 3.0], [1.0, 3.0]], a, c)).matrix
+    np.testing.assert_array_equal(matrix, [[1, 1, a, a], [1, c, a, a * c], [a, a, 1, 1], [a, a * c, 1, c]])
+
+
+def test_rank_follows_the_area_and_not_the_order():
+    np.testing.assert_array_equal(group_bodies(problem_of([[4.0, 1.0]])).matrix, [[2, 1], [1, 1]])
+    np.testing.assert_array_equal(group_bodies(problem_of([[1.0, 1.0]])).matrix, np.ones((2, 2)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.lists(st.floats(0.1, 10.0), min_size=1, max_size=4), min_size=1, max_size=4),
+    st.floats(0.0, 1.0),
+    st.floats(1.0, 20.0),
+)
+def test_is_positive_semidefinite_for_every_allowed_balance(areas, alpha, emphasis):
+    matrix = group_bodies(problem_of(areas, alpha, emphasis)).matrix
+    np.testing.assert_array_equal(matrix, matrix.T)
+    values = np.linalg.eigvalsh(matrix)
+    assert values.min() >= -1e-9 * values.max()
+
+
+def test_a_list_of_emphases_is_taken_as_it_is():
+    matrix = group_bodies(problem_of([[4.0, 1.0, 2.0]], emphasis=[5.0, 7.0])).matrix
+    np.testing.assert_array_equal(matrix, [[7, 1, 5], [1, 1, 1], [5, 1, 5]])
+
+
+def test_classes_that_may_overlap_do_not_see_each_other():
+    inks = [BodyClass(name, [Size("dot", 1.0, 3)]) for name in "CMYK"]
+    apart = np.eye(4)
+    apart[3] = apart[:, 3] = 1.0
+    matrix = group_bodies(Problem(Domain((1.0, 1.0)), inks, Balance(0.5, non_overlap=apart))).matrix
+    np.testing.assert_array_equal(matrix, [[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5], [0.5, 0.5, 0.5, 1]])
+
+
+def test_a_range_of_areas_has_nearly_the_papers_continuous_matrix():
+    """Figure 12: i / (A_j A_k) = min(A_j², A_k²), over that of the smallest body."""
+    problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", (0.5, 2.0), 3000)])])
+    groups = group_bodies(problem)
+    squared = problem.body_areas() ** 2
+    wanted = np.minimum(squared[:, None], squared[None])
+    got = groups.matrix[np.ix_(groups.body_group, groups.body_group)]
+    # Only ratios count.
+    got *= (wanted / got).mean()
+    assert np.abs(got / wanted - 1.0).max() < 0.15
+    assert np.sqrt(np.mean((got / wanted - 1.0) ** 2)) < 0.06
+    assert groups.count <= 24
+    assert np.linalg.eigvalsh(groups.matrix).min() > 0.0

@@ -1,0 +1,88 @@
+"""The measures themselves, on arrangements whose values are known."""
+
+import numpy as np
+import pytest
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.problem import Domain
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.quality.spacing import smallest_spacing
+
+UNIFORM = np.ones((1, 1))
+
+
+@pytest.fixture(scope="module")
+def launcher():
+    return Launcher(resolve_device("cpu"))
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_independent_points_score_as_they_should(boundary):
+    """White noise through a Gaussian of one spacing leaves 1 / sqrt(4 pi) = 0.28 (periodic), a little more at open edges."""
+    domain = Domain((64.0, 64.0), boundary)
+    scores = [
+        coverage_error(np.random.default_rng(seed).random((4096, 2)) * 64.0, np.ones(4096), UNIFORM, domain)
+        for seed in range(5)
+    ]
+    assert np.mean(scores) == pytest.approx(0.282 if boundary == "periodic" else 0.29, rel=0.12)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize(("size", "k"), [((3.0, 2.0), 1.0), ((3.0, 2.0), 0.4), ((1.0, 40.0), 2.0)])
+def test_equals_what_scipys_blur_gives(boundary, size, k):
+    """The definition written out: clouds in cells, the target's integrals, a Gaussian with zeros outside or wrapped, the RMS."""
+    ndimage = pytest.importorskip("scipy.ndimage")
+    from esh.engine.space.density import box_integrals
+    from esh.engine.transforms.convolution import good_length
+
+    domain = Domain(size, boundary)
+    rng = np.random.default_rng(0)
+    image = rng.random((3, 5)) + 0.1
+    position, charge = rng.random((300, 2)) * size, rng.random(300) + 0.5
+    cell = max(size) / 512
+    columns, rows = (round(length / cell) for length in size)
+    if boundary == "periodic":
+        rows, columns = good_length(rows), good_length(columns)
+    grid = np.zeros((rows, columns))
+    u, v = position[:, 0] / size[0] * columns - 0.5, position[:, 1] / size[1] * rows - 0.5
+    for dy in (0, 1):
+        for dx in (0, 1):
+            c, r = np.floor(u).astype(int) + dx, np.floor(v).astype(int) + dy
+            weight = charge * (1 - np.abs(u - c)) * (1 - np.abs(v - r))
+            if boundary == "periodic":
+                np.add.at(grid, (r % rows, c % columns), weight)
+            else:
+                np.add.at(grid, (np.clip(r, 0, rows - 1), np.clip(c, 0, columns - 1)), weight)
+    difference = grid - charge.sum() * box_integrals(image, (rows, columns))
+    sigma = k * np.sqrt(domain.area / 300)
+    blurred = ndimage.gaussian_filter(
+        difference,
+        (sigma / size[1] * rows, sigma / size[0] * columns),
+        mode="constant" if boundary == "open" else "wrap",
+        truncate=9.0,
+    )
+    expected = np.sqrt(np.mean(blurred**2)) / (charge.sum() / grid.size)
+    assert coverage_error(position, charge, image, domain, k) == pytest.approx(expected, rel=2e-4)
+
+
+def test_the_grid_is_fine_enough_for_many_bodies():
+    """A lattice whose spacing is no multiple of the cells: on 512 of them their own pattern would be thrice as strong."""
+    side = 300
+    lattice = np.stack(np.meshgrid(np.arange(side) + 0.5, np.arange(side) + 0.5), -1).reshape(-1, 2) / side
+    assert coverage_error(lattice, np.ones(side**2), UNIFORM, Domain((1.0, 1.0), "periodic")) < 4e-3
+
+
+def test_a_lattice_covers_better_than_random_points():
+    domain = Domain((8.0, 8.0), "periodic")
+    lattice = np.stack(np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5), -1).reshape(-1, 2) / 8.0
+    assert coverage_error(lattice, np.ones(4096), UNIFORM, domain) < 1e-4
+
+
+def test_spacing_of_a_hexagonal_lattice_is_one(launcher):
+    rows, columns = 20, 24
+    x = np.arange(columns) + 0.5 * (np.arange(rows)[:, None] % 2)
+    y = np.repeat(np.arange(rows)[:, None] * np.sqrt(3.0) / 2.0, columns, axis=1)
+    domain = Domain((columns, rows * np.sqrt(3.0) / 2.0), "periodic")
+    position = np.stack([x.ravel(), y.ravel()], axis=1)
+    density = np.full(len(position), len(position) / domain.area)
+    assert smallest_spacing(position, density, domain, launcher) == pytest.approx(1.0, abs=1e-4)
+    assert smallest_spacing(position[:1], density[:1], domain, launcher) is None

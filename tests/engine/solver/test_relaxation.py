@@ -1,0 +1,219 @@
+"""solve(): exact counts, quality at or below the direct sum's, determinism, and where bodies may be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from esh.engine.errors import DeviceError, ProblemError
+from esh.engine.problem.interaction import group_bodies
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.quality.spacing import HEXAGONAL_SPACING
+from esh.engine.solve import solve
+from esh.engine.solver.initial_placement import initial_placement
+from esh.engine.space.density import sample_density
+
+UNIFORM = np.ones((1, 1), dtype=np.float32)
+
+
+def errors(placement, chosen, image):
+    domain = placement.problem.domain
+    area = placement.area[chosen]
+    return [coverage_error(placement.position[chosen], area, image, domain, k) for k in (0.5, 1.0, 2.0)]
+
+
+def spacings(position, area):
+    """Smallest and mean distance to the nearest neighbour, over the hexagonal spacing."""
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(position).query(position, 2)[0][:, 1] / (HEXAGONAL_SPACING * np.sqrt(area / len(position)))
+    return nearest.min(), nearest.mean()
+
+
+def picture():
+    """An image with large bright and dark parts, fine detail and noise, as a photograph has."""
+    y, x = np.mgrid[0:128, 0:128] / 128.0
+    rng = np.random.default_rng(0)
+    image = 0.5 + 0.35 * np.sin(5.0 * x + 3.0 * y) + 0.15 * np.sin(40.0 * x * y) + 0.1 * rng.standard_normal((128, 128))
+    image[(x - 0.6) ** 2 + (y - 0.4) ** 2 < 0.04] *= 0.1
+    return np.clip(image, 0.0, 1.0)
+
+
+# Scores of the direct float64 sum with the paper's scheme, 1,000 steps; k = 0.5, 1, 2.
+@pytest.mark.parametrize("seed", [0, 1])
+def test_uniform_density_is_at_or_below_the_direct_sum(seed):
+    placement = solve(Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 4096)])], seed=seed))
+    assert placement.report.steps <= 100
+    assert (np.array(errors(placement, slice(None), UNIFORM)) <= [0.0223, 0.0033, 0.0010]).all()
+    smallest, mean = spacings(placement.position, 64.0**2)
+    assert smallest >= 0.82
+    assert mean >= 0.92
+
+
+def test_a_photograph_is_at_or_below_the_direct_sum():
+    data = pytest.importorskip("skimage.data")
+    from skimage.transform import resize
+
+    image = 1.0 - resize(data.camera(), (128, 128), anti_aliasing=True)
+    placement = solve(Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 4096)], image)]))
+    assert (np.array(errors(placement, slice(None), image)) <= [0.0663, 0.0053, 0.0013]).all()
+
+
+def test_a_generated_picture_is_followed():
+    image = picture()
+    problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 4096)], image)])
+    placement = solve(problem)
+    start = replace(placement, position=initial_placement(problem, group_bodies(problem)))
+    reached, before = errors(placement, slice(None), image), errors(start, slice(None), image)
+    assert reached[0] < 0.6 * before[0]
+    assert reached[1] < 0.5 * before[1]
+    assert reached[2] < 0.33 * before[2]
+
+
+def test_two_classes_are_at_or_below_the_direct_sum():
+    classes = [BodyClass(name, [Size("s", 1.0, 1024)]) for name in "ab"]
+    placement = solve(Problem(Domain((64.0, 64.0)), classes, Balance(class_separation=0.5)))
+    assert (np.array(errors(placement, slice(None), UNIFORM)) <= [0.070, 0.0069, 0.0017]).all()
+    for k in range(2):
+        chosen = placement.class_index == k
+        assert (np.array(errors(placement, chosen, UNIFORM)) <= [0.076, 0.019, 0.0067]).all()
+        assert spacings(placement.position[chosen], 64.0**2)[0] >= 0.65
+
+
+def test_two_sizes_are_at_or_below_the_direct_sum():
+    sizes = [Size("small", 1.0, 1536), Size("large", 3.0, 256)]
+    placement = solve(Problem(Domain((64.0, 64.0)), [BodyClass("a", sizes)], Balance(size_emphasis=2.0)))
+    assert (np.array(errors(placement, slice(None), UNIFORM)) <= [0.180, 0.020, 0.0055]).all()
+    large = placement.size_index == 1
+    assert (np.array(errors(placement, large, UNIFORM)) <= [0.091, 0.032, 0.017]).all()
+    assert spacings(placement.position[large], 64.0**2)[0] >= 0.67
+
+
+def small_problem(boundary="open", seed=0):
+    image = np.zeros((40, 60))
+    image[5:30, 10:55] = np.linspace(0.1, 1.0, 45)
+    return Problem(
+        Domain((6.0, 4.0), boundary),
+        [
+            BodyClass("a", [Size("s", 0.01, 150), Size("l", 0.04, 31)], image),
+            BodyClass("b", [Size("s", 0.02, 77)], image[::-1, ::-1]),
+        ],
+        seed=seed,
+    )
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_counts_order_and_places(boundary):
+    problem = small_problem(boundary)
+    placement = solve(problem)
+    assert [s.placed for c in placement.report.classes for s in c.sizes] == [150, 31, 77]
+    pairs = np.stack([placement.class_index, placement.size_index], axis=1).tolist()
+    assert pairs == [[0, 0]] * 150 + [[0, 1]] * 31 + [[1, 0]] * 77
+    assert (placement.position >= 0).all()
+    assert (placement.position <= problem.domain.size).all()
+    for k, body_class in enumerate(problem.classes):
+        own = placement.position[placement.class_index == k]
+        assert (sample_density(body_class.density_image, own, problem.domain.size) > 0).all()
+    assert placement.angle.shape == placement.length.shape == (258,)
+
+
+def test_same_seed_same_bytes_and_another_seed_another_result():
+    first, again, other = (solve(small_problem(seed=s)).position for s in (3, 3, 4))
+    assert first.tobytes() == again.tobytes()
+    assert first.tobytes() != other.tobytes()
+
+
+@pytest.mark.parametrize("threads", ["2", "8", "13"])
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("kind", ["dots", "lines", "contact"])
+def test_threads_do_not_change_the_bytes(monkeypatch, threads, boundary, kind):
+    """Also where a thread has few chunks, and where there are more threads than processors."""
+    ramp = np.linspace(0.0, 1.0, 64)[None, :]
+    line = Line(2.0, "density") if kind == "lines" else None
+    sizes = [Size("s", 0.4, 5000, line=line), Size("l", 1.5, 600)]
+    problem = Problem(
+        Domain((64.0, 64.0), boundary), [BodyClass("a", sizes, ramp)], avoid_overlap=kind == "contact", seed=4
+    )
+    monkeypatch.setenv("ESH_THREADS", "1")
+    alone = solve(problem, device="cpu", max_steps=8)
+    monkeypatch.setenv("ESH_THREADS", threads)
+    several = solve(problem, device="cpu", max_steps=8)
+    assert alone.position.tobytes() == several.position.tobytes()
+    assert alone.angle.tobytes() == several.angle.tobytes()
+    assert replace(alone.report, seconds=0.0) == replace(several.report, seconds=0.0)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_thin_features_hold_their_bodies(boundary):
+    """A line one pixel wide, single pixels, and a footprint that cannot fit: nobody ends beside them."""
+    image = np.zeros((200, 200))
+    image[50, 20:180] = 1.0
+    image[::7, 100] = 1.0
+    problem = Problem(
+        Domain((10.0, 10.0), boundary), [BodyClass("a", [Size("s", 1e-3, 700), Size("l", 1.0, 9)], image)]
+    )
+    placement = solve(problem, max_steps=60)
+    assert (sample_density(image, placement.position, (10.0, 10.0)) > 0).all()
+
+
+def test_progress_reports_every_step_and_stops_the_run():
+    seen = []
+
+    def stop_at_five(progress):
+        seen.append(progress)
+        return progress.step < 5
+
+    placement = solve(small_problem(), progress=stop_at_five)
+    assert [p.step for p in seen] == [1, 2, 3, 4, 5]
+    assert placement.report.steps == 5
+    assert not placement.report.converged
+    assert seen[-1].position.shape == (258, 2)
+    np.testing.assert_array_equal(seen[-1].position, placement.position)
+    assert sum(s.placed for c in placement.report.classes for s in c.sizes) == 258
+
+
+def test_footprints_that_cannot_fit_keep_their_counts_and_are_reported():
+    placement = solve(Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 30)])]))
+    assert len(placement.position) == 30
+    assert placement.report.covered == pytest.approx(3.0)
+    assert placement.report.overlaps > 10
+    assert any("cannot fit" in note for note in placement.report.notes)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize(
+    ("size", "count"),
+    [((1.0, 1.0), 1), ((1.0, 1.0), 2), ((1000.0, 1.0), 100), ((1.0, 3000.0), 40), ((1e-6, 1e-6), 300)],
+)
+def test_small_and_extreme_problems_end_with_finite_positions_inside(boundary, size, count):
+    problem = Problem(
+        Domain(size, boundary), [BodyClass("a", [Size("s", 1e-3, count)]), BodyClass("b", [Size("s", 1.0, 1)])]
+    )
+    placement = solve(problem, device="cpu", max_steps=30)
+    assert len(placement.position) == count + 1
+    assert np.isfinite(placement.position).all()
+    assert (placement.position >= 0).all()
+    assert (placement.position <= size).all()
+
+
+def test_long_domains_are_as_even_as_square_ones():
+    for size in ((256.0, 16.0), (16.0, 256.0)):
+        placement = solve(Problem(Domain(size), [BodyClass("a", [Size("s", 1.0, 4096)])]))
+        assert errors(placement, slice(None), UNIFORM)[1] < 0.008
+
+
+@pytest.mark.parametrize("device", ["gpu", "cuda:77", "", "cpu:1", "CPU"])
+def test_unknown_devices_are_named(device):
+    with pytest.raises(DeviceError, match="device"):
+        solve(small_problem(), device=device)
+
+
+@pytest.mark.parametrize("max_steps", [0, -3, 1.5, True, "ten"])
+def test_max_steps_must_be_a_whole_number(max_steps):
+    with pytest.raises(ProblemError, match="max_steps"):
+        solve(small_problem(), max_steps=max_steps)
+
+
+def test_a_count_beyond_memory_says_how_much_it_would_take():
+    with pytest.raises(ProblemError, match=r"[GTP]B"):
+        solve(Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 1.0, 10**12)])]))
