@@ -26,7 +26,7 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza figures bench test extension lint format clean
+.PHONY: help demo pizza figures bench test extension docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
@@ -35,6 +35,7 @@ help: ## Say what can be made
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
+	@echo "make docs       build the documentation as web pages into $(OUTPUT)/docs/"
 	@echo "make lint       check style and types"
 	@echo "make format     put the code into the style that lint asks for"
 	@echo "make clean      remove everything that was made here"
@@ -65,6 +66,11 @@ endif
 
 extension: $(VENV)/.with-blender
 	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+# Nothing is downloaded once Sphinx is installed; a warning is an error.
+docs: $(VENV)/.with-docs
+	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet -d build/doctrees docs $(OUTPUT)/docs
+	@echo "$(OUTPUT)/docs/index.html"
 
 lint: $(VENV)/.with-lint
 	$(RUN) -m ruff check .
