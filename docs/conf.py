@@ -41,7 +41,7 @@ for module_name in ("bpy", "mathutils"):
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
-autodoc_class_signature = "separated"
+autodoc_class_signature = "mixed"
 python_display_short_literal_types = True
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False

@@ -1,7 +1,8 @@
-"""What the README shows runs as it stands there."""
+"""What the README, CONTRIBUTING and the pages in docs/ show runs as it stands there, and what they link to exists."""
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import re
 import subprocess
@@ -13,30 +14,59 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SCRIPTS = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
-RECIPES = re.findall(r"^```toml\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+README = ROOT / "README.md"
+PAGES = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+TEXT = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PAGES}
+WORDS = "\n".join(TEXT.values())
 
 
-def test_the_readme_has_a_script_for_each_world_and_recipes_of_bodies_and_of_inks():
-    assert ["bpy" in script for script in SCRIPTS] == [False, True]
+def blocks(language: str) -> list[tuple[str, str]]:
+    """Page and text of every code block in a language, in the order of the pages."""
+    return [
+        (page, block)
+        for page, text in TEXT.items()
+        for block in re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    ]
+
+
+def name_of(block: object) -> str | None:
+    return block if isinstance(block, str) and block in TEXT else ""
+
+
+SCRIPTS = blocks("python")
+RECIPES = [block for _, block in blocks("toml")]
+(README_SCRIPT,) = [script for page, script in SCRIPTS if page == "README.md"]
+
+
+def test_there_is_a_script_for_each_world_and_recipes_of_bodies_and_of_inks():
+    assert "bpy" not in README_SCRIPT
+    assert any("bpy" in script for _, script in SCRIPTS)
     assert ["[image]" in recipe for recipe in RECIPES] == [False, True]
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: "blender" if "bpy" in script else "engine")
-def test_a_script_runs_and_prints_its_report(script: str, tmp_path: Path):
+@pytest.mark.parametrize(("page", "script"), SCRIPTS, ids=name_of)
+def test_a_script_runs_and_prints_its_report(page: str, script: str, tmp_path: Path):
     if "bpy" in script and importlib.util.find_spec("bpy") is None:
         pytest.skip("needs Blender as a Python module")
     outcome = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert outcome.returncode == 0, outcome.stderr
-    assert "asked" in outcome.stdout and "placed" in outcome.stdout
-    if "bpy" in script:
+    if ".report" in script:
+        assert "asked" in outcome.stdout and "placed" in outcome.stdout
+    else:
+        assert outcome.stdout.strip(), f"a script on {page} shows nothing"
+    if "scattered.blend" in script:
         assert (tmp_path / "scattered.blend").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(("page", "script"), SCRIPTS, ids=name_of)
+def test_a_script_imports_what_it_uses(page: str, script: str):
+    names = {alias.name for node in ast.walk(ast.parse(script)) if isinstance(node, ast.Import) for alias in node.names}
+    assert "esh" in names, f"a script on {page} does not stand by itself"
 
 
 def test_the_script_places_what_its_text_says():
     names: dict = {}
-    exec(SCRIPTS[0], names)
+    exec(README_SCRIPT, names)
     placement = names["placement"]
     width = placement.problem.domain.size[0]
     mean_x = [placement.position[placement.class_index == index, 0].mean() / width for index in (0, 1)]
@@ -68,7 +98,8 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
     outcome = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, timeout=600)
     assert outcome.returncode == 0, outcome.stderr
     with np.load(elsewhere / "out.npz", allow_pickle=False) as arrays:
-        documented = set(re.findall(r"^\| `(\w+)` \|", README, re.MULTILINE))
+        table = re.search(r"^\| `\.npz` array.*?(?=\n\n)", TEXT["docs/command-line.md"], re.MULTILINE | re.DOTALL)
+        documented = set(re.findall(r"^\| `(\w+)` \|", table.group(), re.MULTILINE))
         # Nothing may bend here.
         assert set(arrays) == documented - {"bends"}
         if recipe == RECIPES[0]:
@@ -80,12 +111,71 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
             assert len(arrays["position"]) == round(256 * 256 * 55 / 255)
 
 
+def test_the_reference_of_recipes_has_every_key():
+    source = (ROOT / "engine" / "files" / "recipe.py").read_text(encoding="utf-8")
+    reference = TEXT["docs/recipes.md"].partition("## Every key")[2]
+    documented = {name.strip("[]").split(".")[-1] for name in re.findall(r"^\| `([^`]+)` \|", reference, re.MULTILINE)}
+    known: set[str] = set()
+    for call in ast.walk(ast.parse(source)):
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
+            known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}
+    assert known - documented == {"amount", "radius"}  # of unsharp, in its row
+    assert documented <= known
+
+
+def test_the_page_of_the_command_line_has_every_option():
+    outcome = subprocess.run(
+        [sys.executable, "-m", "esh.engine.cli.command_line", "solve", "--help"], capture_output=True, text=True
+    )
+    options = set(re.findall(r"--[a-z-]+", outcome.stdout)) - {"--help", "--output"}
+    assert options == {name for name in options if f"`{name}" in TEXT["docs/command-line.md"]}
+
+
+def test_the_reference_of_the_api_has_every_public_name():
+    import esh
+
+    directives = set(re.findall(r"^\.\. auto\w+:: esh\.(\w+)$", TEXT["docs/api.md"], re.MULTILINE))
+    assert directives == set(esh.__all__)
+
+
 def test_every_make_target_that_is_named_exists():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for target in re.findall(r"^    make (\w+)", README, re.MULTILINE):
+    for target in re.findall(r"(?:^    |`)make (\w+)", WORDS, re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"make {target}"
+    for target in re.search(r"^\.PHONY: help (.*)$", makefile, re.MULTILINE).group(1).split():
+        assert f"make {target} " in TEXT["docs/start.md"], f"make {target} is missing in docs/start.md"
 
 
-def test_every_picture_and_file_that_is_linked_exists():
-    for link in re.findall(r"\]\(([^)#:]+)\)", README):
-        assert (ROOT / link).is_file(), f"{link} is missing"
+def anchors(text: str) -> set[str]:
+    """Anchors of a page's headings, as they are made for Markdown."""
+    text = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+        for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    }
+
+
+@pytest.mark.parametrize("page", TEXT)
+def test_every_picture_file_and_heading_that_is_linked_exists(page: str):
+    for link in re.findall(r"\]\(([^)\s]+)\)", TEXT[page]):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        linked = (ROOT / page).parent / path if path else ROOT / page
+        assert linked.is_file(), f"{page} links to {link}, which is missing"
+        if anchor:
+            assert anchor in anchors(linked.read_text(encoding="utf-8")), f"{page}: no heading for {link}"
+
+
+def test_every_page_and_picture_of_the_documentation_is_shown_somewhere():
+    for path in (ROOT / "docs").iterdir():
+        if path.suffix in {".png", ".jpg"}:
+            assert f"({path.name})" in TEXT["docs/gallery.md"], f"docs/{path.name} is in no gallery"
+        elif path.suffix == ".md" and path.name != "index.md":
+            assert f"\n{path.stem}\n" in TEXT["docs/index.md"], f"docs/{path.name} is in no table of contents"
+            assert f"({path.name})" in TEXT["docs/index.md"]
+
+
+def test_the_measured_block_keeps_its_markers():
+    text = TEXT["docs/measured.md"]
+    assert text.count("<!-- measured: begin -->") == text.count("<!-- measured: end -->") == 1
