@@ -61,6 +61,8 @@ def timings(device: str, counts: list[int], repeat: int, json_path: Path) -> lis
         "-q",
         "-p",
         "no:cacheprovider",
+        # The root is a package: pytest is not to import it, since the folder's name need not be one for Python.
+        f"--confcutdir={Path(__file__).parent}",
     ]
     command += ["--device", device, "--repeat", str(repeat), f"--benchmark-json={json_path}", "--benchmark-quiet"]
     subprocess.run([*command, "--bodies", *map(str, counts)], check=True)

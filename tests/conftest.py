@@ -7,8 +7,11 @@ import os
 import shutil
 import sys
 import tempfile
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
 
 # Before anything imports bpy: Blender reads the folder once. Warp's kernel cache is left where it is, in the user's
 # cache folder, so that kernels are compiled once and not once a run.
@@ -16,6 +19,20 @@ if "bpy" not in sys.modules:
     _blender_folder = tempfile.mkdtemp(prefix="esh-test-blender-")
     os.environ["BLENDER_USER_RESOURCES"] = _blender_folder
     atexit.register(shutil.rmtree, _blender_folder, ignore_errors=True)
+
+
+class RootAsPlainFolder:
+    """Has pytest take the root for a folder: as a package it could be imported only where its name is one for Python."""
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+        """Answer for the root, and leave all other folders to pytest."""
+        return pytest.Dir.from_parent(parent, path=path) if path == ROOT else None
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let a checkout lie in a folder of any name, such as ``esh-scatter``."""
+    config.pluginmanager.register(RootAsPlainFolder())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
