@@ -44,6 +44,14 @@ def test_versions_agree():
     assert released[0] == version
 
 
+def test_the_citation_is_of_this_version_and_licence():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.*)$", text, re.MULTILINE) == [PYPROJECT["project"]["version"]]
+    assert re.findall(r"^license: (.*)$", text, re.MULTILINE) == [PYPROJECT["project"]["license"]]
+    (date,) = re.findall(r"^date-released: (.*)$", text, re.MULTILINE)
+    assert f"## [{PYPROJECT['project']['version']}] - {date}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
 def test_licences_agree():
     assert MANIFEST["license"] == [f"SPDX:{PYPROJECT['project']['license']}"]
     text = (ROOT / "LICENSE").read_text(encoding="utf-8")
@@ -104,6 +112,26 @@ def test_an_unknown_platform_is_refused_in_one_sentence(build_extension: ModuleT
 def test_the_oldest_blender_is_the_one_that_is_tested():
     oldest = ".".join(MANIFEST["blender_version_min"].split(".")[:2])
     assert any(f"bpy=={oldest}.*" in entry for entry in PYPROJECT["project"]["optional-dependencies"]["blender-oldest"])
+
+
+def test_workflows_run_what_is_there():
+    yaml = pytest.importorskip("yaml")
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    extras = PYPROJECT["project"]["optional-dependencies"]
+    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+        jobs = yaml.safe_load(path.read_text(encoding="utf-8"))["jobs"]
+        commands = "\n".join(step.get("run", "") for job in jobs.values() for step in job["steps"])
+        assert commands
+        for target in re.findall(r"^make (\w+)", commands, re.MULTILINE):
+            assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"{path.name}: make {target}"
+        for extra in ",".join(re.findall(r"\.\[([\w,-]+)\]", commands)).split(","):
+            assert not extra or extra in extras, f"{path.name}: {extra}"
+        for file in re.findall(r"\b(?:tests|tools)/[\w./]+", commands):
+            assert (ROOT / file).exists(), f"{path.name}: {file}"
+        for system in re.findall(r"PLATFORM=(\S+)", commands):
+            assert system in MANIFEST["platforms"]
+    # The citation is YAML, too.
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["cff-version"] == "1.2.0"
 
 
 def test_nothing_committed_names_a_private_place():
