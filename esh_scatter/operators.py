@@ -39,7 +39,7 @@ class _Edit(bpy.types.Operator):
 
 
 class ESH_OT_scatter(bpy.types.Operator):
-    """Place everything: exactly as many as asked, evenly, following the densities. Esc stops and changes nothing"""
+    """Place all classes and sizes. Counts are exact. Esc stops the run and leaves the scene as it is"""
 
     bl_idname = "esh.scatter"
     bl_label = "Scatter"
@@ -53,7 +53,7 @@ class ESH_OT_scatter(bpy.types.Operator):
         scatter = active_scatter(context)
         obstacle = scatter.obstacle(context.scene) if scatter else "Add a scatter first"
         if context.mode != "OBJECT":
-            obstacle = "Go back to Object Mode first"
+            obstacle = "Switch to Object Mode first"
         if obstacle:
             cls.poll_message_set(obstacle)
         return not obstacle
@@ -95,7 +95,7 @@ class ESH_OT_scatter(bpy.types.Operator):
     def modal(self, context, event):
         """Watch the run; Esc leaves what was there."""
         if event.type == "ESC" and event.value == "PRESS":
-            running.stop("Stopped; nothing was changed")
+            running.stop("Stopped. Nothing was changed")
         session = running.session
         if session is None or session.stop_reason:
             return self._stopped(session)
@@ -111,7 +111,7 @@ class ESH_OT_scatter(bpy.types.Operator):
 
     def _stopped(self, session):
         running.end()
-        self.report({"WARNING"}, session.stop_reason if session else "Stopped; nothing was changed")
+        self.report({"WARNING"}, session.stop_reason if session else "Stopped. Nothing was changed")
         return {"CANCELLED"}
 
     def _write(self, context):
@@ -126,7 +126,9 @@ class ESH_OT_scatter(bpy.types.Operator):
             self.report({"ERROR"}, _sentence(error))
             return {"CANCELLED"}
         except ReferenceError:
-            self.report({"ERROR"}, "The target, a source or the scene was removed during the run; nothing was changed")
+            self.report(
+                {"ERROR"}, "The target, an object to place or the scene was removed during the run. Nothing was changed"
+            )
             return {"CANCELLED"}
         return self._finish(settings, result)
 
@@ -145,7 +147,7 @@ class ESH_OT_scatter(bpy.types.Operator):
 
 
 class ESH_OT_stop(bpy.types.Operator):
-    """Stop the run and leave what was there"""
+    """Stop the run. The scene stays as it is"""
 
     bl_idname = "esh.stop"
     bl_label = "Stop"
@@ -158,12 +160,12 @@ class ESH_OT_stop(bpy.types.Operator):
 
     def execute(self, _context):
         """Stop."""
-        running.stop("Stopped; nothing was changed")
+        running.stop("Stopped. Nothing was changed")
         return {"FINISHED"}
 
 
 class ESH_OT_scatter_add(_Edit):
-    """Add a scatter; the active object, where it is a mesh, becomes its target"""
+    """Add a scatter. If the active object is a mesh, it becomes the target"""
 
     bl_idname = "esh.scatter_add"
     bl_label = "Add Scatter"
@@ -183,7 +185,7 @@ class ESH_OT_scatter_add(_Edit):
 
 
 class ESH_OT_scatter_remove(_Edit):
-    """Remove this scatter's settings; what it has placed stays in the scene"""
+    """Remove the settings of this scatter. What it has placed stays in the scene"""
 
     bl_idname = "esh.scatter_remove"
     bl_label = "Remove Scatter"
@@ -196,7 +198,7 @@ class ESH_OT_scatter_remove(_Edit):
 
 
 class ESH_OT_class_add(_Edit):
-    """Add a class of things to scatter, e.g. pines; each class follows its own density"""
+    """Add a class: one kind of thing, for example pines, with its own density"""
 
     bl_idname = "esh.class_add"
     bl_label = "Add Class"
@@ -208,21 +210,21 @@ class ESH_OT_class_add(_Edit):
 
 
 class ESH_OT_classes_from_image(_Edit):
-    """Split a color image into inks: one class per ink, with its density and a colored dot"""
+    """Split a color image into inks. Each ink becomes a class of colored dots with its own density"""
 
     bl_idname = "esh.classes_from_image"
     bl_label = "Classes from Image"
 
-    image: StringProperty(name="Image", description="Color image; stretched over the target seen from above")
+    image: StringProperty(name="Image", description="Color image. It is stretched over the target, seen from above")
     model: EnumProperty(
         name="Inks",
-        description="Which inks there are",
-        items=[(name, name, f"The inks {name}") for name in ("CMY", "CMYK", "CMY-RG-K", "CMY-RB-K", "CMY-RGB-K")],
+        description="Which inks the image is split into",
+        items=[(name, name, f"Use the inks {name}") for name in ("CMY", "CMYK", "CMY-RG-K", "CMY-RB-K", "CMY-RGB-K")],
         default="CMYK",
     )
     dots: IntProperty(
         name="Dots",
-        description="How many dots a black image would take; the dots' area follows from it",
+        description="How many dots a black image would get. The area of a dot follows from this number",
         default=20_000,
         min=10,
         soft_max=200_000,
@@ -258,7 +260,7 @@ class ESH_OT_classes_from_image(_Edit):
         scatter = active_scatter(context)
         image = bpy.data.images.get(self.image)
         if image is None:
-            self.report({"ERROR"}, f'There is no image "{self.image}"; open one first')
+            self.report({"ERROR"}, f'There is no image "{self.image}". Open one first')
             return {"CANCELLED"}
         try:
             chart = Chart(read_target(check_target(scatter.target, context), context, set()))
@@ -266,7 +268,7 @@ class ESH_OT_classes_from_image(_Edit):
         except EshError as error:
             self.report({"ERROR"}, _sentence(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Added {count} inks of {self.model}")
+        self.report({"INFO"}, f"Added {count} classes, one for each ink of {self.model}")
         return {"FINISHED"}
 
 
@@ -308,7 +310,7 @@ class ESH_OT_class_move(_ClassEdit):
 
 
 class ESH_OT_size_add(_ClassEdit):
-    """Add a size to the selected class; larger sizes keep more distance"""
+    """Add a size to the selected class. Larger sizes keep more distance"""
 
     bl_idname = "esh.size_add"
     bl_label = "Add Size"
@@ -357,13 +359,13 @@ class ESH_OT_size_move(_SizeEdit):
 
 
 class ESH_OT_seed_roll(_Edit):
-    """Roll the dice: another seed, another placement of equal quality"""
+    """Choose another seed. The result is another placement of the same quality"""
 
     bl_idname = "esh.seed_roll"
-    bl_label = "Roll Seed"
+    bl_label = "Randomize Seed"
 
     def execute(self, context):
-        """Roll."""
+        """Choose it."""
         scatter = active_scatter(context)
         scatter.seed = random.choice([seed for seed in range(10_000) if seed != scatter.seed])
         return {"FINISHED"}
@@ -373,9 +375,9 @@ def _settings_editable(operator: type, context: bpy.types.Context) -> bool:
     """Tell whether settings can be changed now; otherwise the tooltip of ``operator`` says why not."""
     reason = None
     if running.session is not None:
-        reason = "A run is under way; Esc stops it"
+        reason = "A run is in progress. Press Esc to stop it"
     elif running.still_stopping():
-        reason = "The run that was stopped is still coming to its end; try again in a moment"
+        reason = "The stopped run has not ended yet. Try again in a moment"
     elif context.scene is None or not context.scene.is_editable:
         reason = "This scene is linked from a library and cannot be changed"
     if reason:

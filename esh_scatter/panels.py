@@ -45,7 +45,7 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         settings = context.scene.esh_scatter
         if not settings.scatters:
             column = layout.column()
-            _write_text(context, column, "Select the ground, a mesh, and click:")
+            _write_text(context, column, "Select the mesh to scatter on, then click:")
             column.separator()
             row = column.row()
             row.scale_y = 1.5
@@ -71,7 +71,7 @@ class ESH_PT_classes(_SubPanel, bpy.types.Panel):
             _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=3, move=True)
             column.operator("esh.classes_from_image", icon="IMAGE_RGB")
             return
-        _write_text(context, column, "A class is one kind of thing, e.g. pines, with a density of its own.")
+        _write_text(context, column, "A class is one kind of thing, for example pines. It has its own density.")
         column.separator()
         row = column.row()
         row.scale_y = 1.5
@@ -163,7 +163,7 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
         column = self._column()
         body_class = active_scatter(context).active_class
         if not body_class.sizes:
-            _write_text(context, column, "A size says what is placed and how many.")
+            _write_text(context, column, "A size says which object is placed, and how many.")
             column.separator()
             column.operator("esh.size_add", text="Add a Size", icon="ADD")
             return
@@ -250,7 +250,7 @@ class ESH_PT_solve(_SubPanel, bpy.types.Panel):
         if obstacle:
             _write_text(context, column, obstacle, icon="INFO")
         elif not scatter.report_json:
-            _write_text(context, column, "The first run on a computer compiles for up to a minute.", icon="INFO")
+            _write_text(context, column, "The first run compiles the solver. This takes up to a minute.", icon="INFO")
 
 
 class ESH_PT_report(_SubPanel, bpy.types.Panel):
@@ -270,7 +270,12 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         scatter = active_scatter(context)
         report = scatter.report
         if scatter.outdated and running.session is None:
-            _write_text(context, layout, "Settings changed since this run. Scatter again.", icon="FILE_REFRESH")
+            _write_text(
+                context,
+                layout,
+                "Settings have changed since this run. Scatter again to apply them.",
+                icon="FILE_REFRESH",
+            )
         for note in report["notes"]:
             _write_text(context, layout, note.replace("`", ""), icon="ERROR")
         _draw_counts(layout.box(), report)
@@ -281,8 +286,8 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         _draw_fact(facts, "Coverage error", f"{report['coverage_error']:.4f}")
         if len(report["classes"]) > 1:
             for entry in report["classes"]:
-                _draw_fact(facts, entry["name"], f"{entry['coverage_error']:.4f} by itself")
-        _draw_fact(facts, "Least spacing", "-" if spacing is None else f"{spacing:.2f} of a lattice's")
+                _draw_fact(facts, entry["name"], f"{entry['coverage_error']:.4f} (this class)")
+        _draw_fact(facts, "Least spacing", "-" if spacing is None else f"{spacing:.2f} (1 = perfect lattice)")
         _draw_fact(facts, "Space covered", f"{report['covered']:.0%}")
         converged = "" if report["converged"] else ", not converged"
         _draw_fact(facts, "Steps", f"{report['steps']}{converged}", "NONE" if report["converged"] else "ERROR")
@@ -318,7 +323,7 @@ def _draw_progress(context, layout) -> None:
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
     row.operator("esh.stop", text="", icon="CANCEL")
-    _write_text(context, layout, "Esc stops and changes nothing.", icon="INFO")
+    _write_text(context, layout, "Esc stops the run. The scene stays as it is.", icon="INFO")
 
 
 def _draw_counts(layout, report: dict) -> None:

@@ -67,17 +67,19 @@ class ESH_PG_size(PropertyGroup):
     KIND = "Size"
 
     name: StringProperty(
-        name="Name", description="Name of this size; it differs from the class's other sizes", update=_keep_name_unused
+        name="Name",
+        description="Name of this size. No two sizes of a class have the same name",
+        update=_keep_name_unused,
     )
     source_kind: EnumProperty(
         name="Place",
-        description="What is placed",
+        description="What this size places",
         items=(
             ("OBJECT", "Object", "Place copies of one object", "OBJECT_DATA", 0),
             (
                 "COLLECTION",
                 "Collection",
-                "Place the objects of a collection, one chosen at random per place",
+                "Place objects of a collection. Each point gets one of them, chosen at random",
                 "OUTLINER_COLLECTION",
                 1,
             ),
@@ -87,23 +89,23 @@ class ESH_PG_size(PropertyGroup):
     source_object: PointerProperty(
         type=bpy.types.Object,
         name="Object",
-        description="The object to place; it is instanced, not copied, and stays as it is",
+        description="The object to place. It is instanced, not copied, and stays as it is",
     )
     source_collection: PointerProperty(
         type=bpy.types.Collection,
         name="Collection",
-        description="The collection whose objects are placed, one chosen at random per place",
+        description="The collection whose objects are placed. Each point gets one of them, chosen at random",
     )
     count: IntProperty(
         name="Count",
-        description="How many to place; exactly as many are placed, always",
+        description="How many to place. This count is always reached exactly",
         default=100,
         min=1,
         soft_max=100_000,
     )
     share: FloatProperty(
         name="Share",
-        description="This size's part of the class, by footprint; what counts is how the shares compare",
+        description="The part of the class's summed footprints that this size gets. Shares need not add up to 1",
         default=1.0,
         min=0.001,
         max=1000.0,
@@ -111,17 +113,17 @@ class ESH_PG_size(PropertyGroup):
     )
     area_kind: EnumProperty(
         name="Footprint",
-        description="How much ground one of them takes; larger footprints keep more distance",
+        description="How much ground one object takes. Larger footprints keep more distance",
         items=(
-            ("MESH", "From the Mesh", "Measure the object as seen from above", "MESH_DATA", 0),
-            ("VALUE", "Area", "Give the area", "FIXED_SIZE", 1),
-            ("RANGE", "Range", "Give each one an area of its own, and scale it to that", "ARROW_LEFTRIGHT", 2),
+            ("MESH", "From the Mesh", "Measure the object, seen from above", "MESH_DATA", 0),
+            ("VALUE", "Area", "Enter the area", "FIXED_SIZE", 1),
+            ("RANGE", "Range", "Give each object an area of its own, and scale it to fit", "ARROW_LEFTRIGHT", 2),
         ),
         default="MESH",
     )
     area: FloatProperty(
         name="Area",
-        description="Ground that one of them takes; this much stays free of all others where the space allows it",
+        description="Ground that one object takes. No other object stands there, if there is enough room",
         default=1.0,
         min=1e-6,
         soft_min=0.01,
@@ -132,7 +134,7 @@ class ESH_PG_size(PropertyGroup):
 
     area_largest: FloatProperty(
         name="Largest",
-        description="Ground that the largest one takes; the areas are evenly spread from the smallest to this",
+        description="Ground that the largest object takes. The areas go from the smallest to this one in even steps",
         default=2.0,
         min=1e-6,
         soft_min=0.01,
@@ -142,11 +144,11 @@ class ESH_PG_size(PropertyGroup):
     )
     shape: EnumProperty(
         name="Shape",
-        description="Whether it is round or long, seen from above; long ones are turned along the class's direction",
+        description="Whether the object is round or long, seen from above. Long objects are turned along the direction of the class",
         items=(
-            ("AUTO", "From the Mesh", "Long where the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
-            ("DOT", "Round", "Treat it as a disc, turned at random", "MESH_CIRCLE", 1),
-            ("LINE", "Long", "Treat it as a rod along the outline's longer side", "FIXED_SIZE", 2),
+            ("AUTO", "From the Mesh", "Long if the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
+            ("DOT", "Round", "Treat the object as a disc, turned at random", "MESH_CIRCLE", 1),
+            ("LINE", "Long", "Treat the object as a rod along the longer side of its outline", "FIXED_SIZE", 2),
         ),
         default="AUTO",
     )
@@ -172,11 +174,11 @@ class ESH_PG_class(PropertyGroup):
     KIND = "Class"
 
     name: StringProperty(
-        name="Name", description="Name of this class; it differs from the other classes", update=_keep_name_unused
+        name="Name", description="Name of this class. No two classes have the same name", update=_keep_name_unused
     )
     color: FloatVectorProperty(
         name="Color",
-        description="Color of this class in the list and, as an attribute, on its points",
+        description="Color of this class in the list. Its points have it as an attribute",
         subtype="COLOR",
         size=3,
         min=0.0,
@@ -185,10 +187,10 @@ class ESH_PG_class(PropertyGroup):
     )
     density_kind: EnumProperty(
         name="Density",
-        description="Where more and where fewer of this class stand",
+        description="Where many objects of this class stand, and where few",
         items=(
-            ("UNIFORM", "Even", "Equally dense everywhere on the target", "MESH_PLANE", 0),
-            ("IMAGE", "Image", "Follow an image: white means many, black none", "IMAGE_DATA", 1),
+            ("UNIFORM", "Even", "The same density everywhere on the target", "MESH_PLANE", 0),
+            ("IMAGE", "Image", "Follow an image: white means many, black means none", "IMAGE_DATA", 1),
             ("VERTEX_GROUP", "Vertex Group", "Follow the weights of a vertex group of the target", "GROUP_VERTEX", 2),
             ("ATTRIBUTE", "Attribute", "Follow a painted or computed attribute of the target", "SPREADSHEET", 3),
         ),
@@ -197,74 +199,87 @@ class ESH_PG_class(PropertyGroup):
     image: PointerProperty(
         type=bpy.types.Image,
         name="Image",
-        description="Density image: white means many, black none. It is read at every point, however coarse the mesh",
+        description="Density image: white means many, black means none. It is read at every point, however coarse the mesh is",
     )
     mapping: EnumProperty(
         name="Mapping",
         description="How the image lies on the target",
         items=(
-            ("POSITION", "From Above", "Stretched over the target's extent in x and y; its top is at the largest y"),
+            (
+                "POSITION",
+                "From Above",
+                "Stretched over the extent of the target in x and y. The top of the image is at the largest y",
+            ),
             ("UV", "UV Map", "Laid out by a UV map of the target"),
         ),
         default="POSITION",
     )
     uv_map: StringProperty(
-        name="UV Map", description="UV map of the target; the one that is active for rendering when left empty"
+        name="UV Map",
+        description="UV map of the target. If this is empty, the one that is active for rendering is used",
     )
     vertex_group: StringProperty(
-        name="Vertex Group", description="Vertex group of the target whose weights are followed"
+        name="Vertex Group", description="Vertex group of the target. Its weights are the density"
     )
     attribute: StringProperty(
-        name="Attribute", description="Attribute of the target that is followed; values must be 0 or more"
+        name="Attribute", description="Attribute of the target. Its values are the density and must be 0 or more"
     )
-    invert: BoolProperty(name="Invert", description="Swap many and none", default=False)
+    invert: BoolProperty(name="Invert", description="Exchange many and none", default=False)
     direction_kind: EnumProperty(
         name="Direction",
-        description="Where long ones of this class point, seen from above",
+        description="Where long objects of this class point, seen from above",
         items=(
-            ("DENSITY", "Along Edges", "Along the edges in the density, e.g. around its bright parts", "IMAGE_DATA", 0),
-            ("NONE", "Free", "However they lie best", "ORIENTATION_GIMBAL", 1),
-            ("ANGLE", "Angle", "All along one direction", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
-            ("IMAGE", "Flow Image", "Along an image whose red and green are x and y, 0.5 being none", "FORCE_WIND", 3),
+            (
+                "DENSITY",
+                "Along Edges",
+                "Along the edges in the density, for example around its bright parts",
+                "IMAGE_DATA",
+                0,
+            ),
+            ("NONE", "Free", "No preferred direction", "ORIENTATION_GIMBAL", 1),
+            ("ANGLE", "Angle", "All along one angle", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
+            ("IMAGE", "Flow Image", "Along an image: red is x, green is y, and 0.5 means none", "FORCE_WIND", 3),
         ),
         default="DENSITY",
     )
     direction_angle: FloatProperty(
-        name="Angle", description="Counter-clockwise from the x axis", subtype="ANGLE", default=0.0
+        name="Angle", description="Angle from the x axis, counter-clockwise", subtype="ANGLE", default=0.0
     )
     direction_image: PointerProperty(
-        type=bpy.types.Image, name="Flow Image", description="Stretched over the target's extent in x and y"
+        type=bpy.types.Image,
+        name="Flow Image",
+        description="Flow image. It is stretched over the extent of the target in x and y",
     )
     density_correction: BoolProperty(
         name="Cover Dark Areas",
-        description="Take the density as the share of the ground to cover, and place more where discs must overlap to cover it",
+        description="Take the density as the share of the ground to cover. Where discs must overlap to cover it, more are placed",
         default=False,
     )
-    use_unsharp: BoolProperty(name="Sharpen", description="Enhance the edges of the density", default=False)
+    use_unsharp: BoolProperty(name="Sharpen", description="Make the edges of the density stronger", default=False)
     unsharp_amount: FloatProperty(
         name="Amount", description="Strength of the sharpening", default=1.0, min=0.0, soft_max=5.0
     )
     unsharp_radius: FloatProperty(
         name="Radius",
-        description="How far the sharpening reaches, in steps of which the target's longer side has 1024",
+        description="How far the sharpening reaches, in steps of 1/1024 of the longer side of the target",
         default=20.0,
         min=0.1,
         soft_max=200.0,
     )
     may_overlap: StringProperty(
         name="May Overlap",
-        description="Names of classes that may lie on this one, separated by commas; e.g. inks that mix",
+        description="Names of classes that may overlap this one, separated by commas. For example inks that mix",
     )
     count_kind: EnumProperty(
         name="Counts",
-        description="Where the number of each size comes from",
+        description="How the count of each size is found",
         items=(
-            ("SIZES", "Per Size", "Every size has its own count", "LINENUMBERS_ON", 0),
-            ("TOTAL", "In All", "The class has a count, and every size a share of it", "FUND", 1),
+            ("SIZES", "Per Size", "Each size has its own count", "LINENUMBERS_ON", 0),
+            ("TOTAL", "In Total", "The class has a count, and each size gets a share of it", "FUND", 1),
             (
                 "COVER",
                 "From Density",
-                "As many as it takes to cover the ground as densely as the density says",
+                "As many as it takes to cover the share of the ground that the density says",
                 "TEXTURE",
                 2,
             ),
@@ -272,7 +287,7 @@ class ESH_PG_class(PropertyGroup):
         default="SIZES",
     )
     total: IntProperty(
-        name="Count in All", description="How many to place of all sizes together", default=100, min=1, soft_max=100_000
+        name="Total Count", description="How many to place, all sizes together", default=100, min=1, soft_max=100_000
     )
     sizes: CollectionProperty(type=ESH_PG_size)
     size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
@@ -306,7 +321,9 @@ class ESH_PG_class(PropertyGroup):
             return f'Class "{self.name}": choose its density image'
         if self.density_kind == "IMAGE" and self.mapping == "UV":
             if not target.data.uv_layers:
-                return f'Class "{self.name}": "{target.name}" has no UV map; add one, or map the image from above'
+                return (
+                    f'Class "{self.name}": "{target.name}" has no UV map; add one, or choose From Above as its mapping'
+                )
             if self.uv_map and self.uv_map not in target.data.uv_layers:
                 return f'Class "{self.name}": "{target.name}" has no UV map "{self.uv_map}"'
         if self.direction_kind == "IMAGE" and self.direction_image is None:
@@ -361,19 +378,19 @@ class ESH_PG_scatter(PropertyGroup):
     KIND = "Scatter"
 
     name: StringProperty(
-        name="Name", description="Name of this scatter, and of the object it makes", update=_keep_name_unused
+        name="Name", description="Name of this scatter and of the object that it makes", update=_keep_name_unused
     )
     target: PointerProperty(
         type=bpy.types.Object,
         name="Target",
-        description="The mesh that is scattered on, seen from above; slopes are accounted for",
+        description="The mesh to scatter on. It is seen from above, and slopes are taken into account",
         poll=lambda _self, candidate: candidate.type == "MESH",
     )
     classes: CollectionProperty(type=ESH_PG_class)
     class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
     class_separation: FloatProperty(
         name="Class Separation",
-        description="0: every class is spread evenly by itself, as if it were alone. 1: only the union of all is even",
+        description="How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
         default=0.5,
         min=0.0,
         max=1.0,
@@ -381,7 +398,7 @@ class ESH_PG_scatter(PropertyGroup):
     )
     size_emphasis: FloatProperty(
         name="Size Emphasis",
-        description="How much more evenly larger sizes are spread among themselves; 1 treats all sizes alike",
+        description="How evenly the larger sizes are spread among themselves. 1 treats all sizes alike",
         default=2.0,
         min=1.0,
         soft_max=8.0,
@@ -389,12 +406,12 @@ class ESH_PG_scatter(PropertyGroup):
     )
     avoid_overlap: BoolProperty(
         name="Avoid Overlap",
-        description="Push apart what touches; counts stay as they are, and the report says what still overlaps",
+        description="Push footprints apart that touch. Counts stay as they are. The report says how many still overlap",
         default=True,
     )
     align_to_normal: FloatProperty(
         name="Align to Normal",
-        description="0: everything stands upright. 1: everything is perpendicular to the ground",
+        description="0: objects stand upright. 1: objects are perpendicular to the ground",
         default=1.0,
         min=0.0,
         max=1.0,
@@ -402,7 +419,7 @@ class ESH_PG_scatter(PropertyGroup):
     )
     random_turn: FloatProperty(
         name="Random Turn",
-        description="Range of the random turn about each one's own axis; 360° is any direction, 0 none",
+        description="How far each object is turned about its own axis at random. 360° allows any direction, 0 none",
         default=tau,
         min=0.0,
         max=tau,
@@ -410,7 +427,7 @@ class ESH_PG_scatter(PropertyGroup):
     )
     scale_jitter: FloatProperty(
         name="Scale Jitter",
-        description="Largest random change of scale: 0.2 makes each between 20% smaller and 20% larger",
+        description="Largest random change of scale. With 0.2, each object is up to 20% smaller or larger",
         default=0.0,
         min=0.0,
         max=0.95,
@@ -419,14 +436,14 @@ class ESH_PG_scatter(PropertyGroup):
     )
     seed: IntProperty(
         name="Seed",
-        description="The same settings, seed and device give the same result; another seed another one",
+        description="The same settings, seed and device give the same result. Another seed gives another result",
         min=0,
     )
     device: EnumProperty(
         name="Device",
-        description="Where the bodies are moved into place",
+        description="Where the placement is computed",
         items=(
-            ("AUTO", "Automatic", "An NVIDIA GPU where there is one, otherwise the CPU"),
+            ("AUTO", "Automatic", "An NVIDIA GPU if there is one, otherwise the CPU"),
             ("CPU", "CPU", "The processor"),
             ("CUDA", "NVIDIA GPU", "The first NVIDIA GPU (CUDA)"),
         ),
@@ -434,14 +451,14 @@ class ESH_PG_scatter(PropertyGroup):
     )
     max_steps: IntProperty(
         name="Steps",
-        description="Steps taken at most. More steps spread more evenly; beyond 100 little is gained",
+        description="Largest number of steps. More steps make the result more even. Above 100 little is gained",
         default=100,
         min=1,
         soft_min=20,
         soft_max=500,
     )
     result: PointerProperty(
-        type=bpy.types.Object, name="Result", description="The object that the last run made; the next run replaces it"
+        type=bpy.types.Object, name="Result", description="The object that the last run made. The next run replaces it"
     )
     report_json: StringProperty(options={"HIDDEN"})
     ran_with: StringProperty(options={"HIDDEN"})
@@ -488,7 +505,7 @@ class ESH_PG_scatter(PropertyGroup):
         if scene.objects.get(self.target.name) != self.target:
             return f'"{self.target.name}" is no longer in this scene; choose another target'
         if self.result is not None and self.result == self.target:
-            return "The target is what the last run made; choose another target"
+            return "The target is the result of the last run; choose another target"
         if not self.classes:
             return "Add a class: what to scatter"
         names = {body_class.name for body_class in self.classes}

@@ -75,13 +75,13 @@ class Session:
         progress = self.run.progress
         if progress:
             return f"Step {progress.step} of {progress.steps}"
-        return "Preparing" if self.run.seconds < _PATIENCE else "Compiling, first run only"
+        return "Preparing" if self.run.seconds < _PATIENCE else "Compiling (first run only)"
 
     def show(self) -> None:
         """Bring panel and status bar up to date where something changed."""
         if self._shown != self.text:
             self._shown = self.text
-            _set_status(f"ESH Scatter: {self.text}   |   Esc: stop, change nothing")
+            _set_status(f"ESH Scatter: {self.text}   |   Esc: stop without changes")
             redraw_sidebars()
 
 
@@ -174,4 +174,4 @@ def _interrupting() -> tuple[list, ...]:
 
 
 def _interrupt(*_arguments: object) -> None:
-    stop("Stopped, because the file changed under the run; nothing was placed")
+    stop("Stopped, because the file changed during the run. Nothing was placed")

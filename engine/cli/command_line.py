@@ -32,10 +32,10 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 SOLVE_HELP = """\
-Read a recipe, place its bodies, write where they are.
+Read a recipe, place its bodies, and write their positions.
 
-Exit status: 0 when everything is written; 2 when something in the input is wrong (one sentence says what); 130 when
-Ctrl-C stopped the run. In the last two cases nothing is written, and older files stay as they were.
+Exit status: 0 if everything was written. 2 if something in the input is wrong; one sentence says what. 130 if Ctrl-C
+stopped the run. After 2 and 130 nothing was written, and older files are unchanged.
 """
 
 
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(str(error))
         return BAD_INPUT
     except MemoryError:
-        _complain("this machine's memory does not suffice; lower the counts, or use smaller density images")
+        _complain("there is not enough memory; lower the counts, or use smaller density images")
         return BAD_INPUT
     except KeyboardInterrupt as interruption:
         _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="esh-scatter",
-        description="Place objects by electrostatic sampling: exact counts, density textures, classes and sizes.",
+        description="Place objects by electrostatic sampling: exact counts, density images, several classes and sizes at once.",
     )
     parser.add_argument("--version", action="version", version=f"esh-scatter {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
@@ -89,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     solve.add_argument(
-        "recipe", metavar="RECIPE.toml", type=Path, help="what to place where; density images lie beside it"
+        "recipe", metavar="RECIPE.toml", type=Path, help="the recipe; images that it names lie in the same folder"
     )
     solve.add_argument(
         "-o",
@@ -98,32 +98,39 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         action="append",
         required=True,
-        help="where to write the placement: a .npz (NumPy) or .csv file; may be given several times",
+        help="file for the placement: .npz (NumPy) or .csv; may be given several times",
     )
-    solve.add_argument("--report", metavar="R.json", type=Path, help="write the report as JSON too")
-    solve.add_argument("--plot", metavar="P.png", type=Path, help="draw the plan: bodies as discs of their size")
+    solve.add_argument("--report", metavar="R.json", type=Path, help="also write the report, as JSON")
+    solve.add_argument("--plot", metavar="P.png", type=Path, help="draw a plan: each body as a disc of its size")
     solve.add_argument(
         "--halftone",
         metavar="H",
         type=Path,
-        help="draw the bodies as ink on paper: a .png or .svg; an [image]'s inks have colours",
+        help="draw the bodies as ink on paper: a .png or .svg file",
     )
     solve.add_argument(
         "--scale", metavar="S", type=_positive, default=4.0, help="pixels per metre of a .png halftone (default: 4)"
     )
     solve.add_argument("--seed", metavar="N", type=_whole(0), help="use this seed instead of the recipe's")
     solve.add_argument(
-        "--device", metavar="D", default="auto", help='"auto" (default: a GPU where there is one), "cpu" or "cuda:0"'
+        "--device",
+        metavar="D",
+        default="auto",
+        help='"auto" (default: an NVIDIA GPU if there is one), "cpu" or "cuda:0"',
     )
-    solve.add_argument("--max-steps", metavar="N", type=_whole(1), default=100, help="steps at most (default: 100)")
-    solve.add_argument("--profile", action="store_true", help="print where the time went")
-    solve.add_argument("--quiet", action="store_true", help="no progress bar, and no report at the end")
+    solve.add_argument(
+        "--max-steps", metavar="N", type=_whole(1), default=100, help="largest number of steps (default: 100)"
+    )
+    solve.add_argument("--profile", action="store_true", help="print how long each phase took")
+    solve.add_argument("--quiet", action="store_true", help="show no progress bar and no report")
     separate = commands.add_parser(
         "separate",
         help="split a colour image into inks",
-        description="Split a colour image into inks: one channel image each, and a recipe that prints them.",
+        description="Split a colour image into inks. Writes one image for each ink, and a recipe that prints them.",
     )
-    separate.add_argument("image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR; transparent places are white")
+    separate.add_argument(
+        "image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR file; transparent places count as white"
+    )
     separate.add_argument(
         "--model", metavar="M", default="CMYK", help="CMY, CMYK (default), CMY-RG-K, CMY-RB-K or CMY-RGB-K"
     )
@@ -136,7 +143,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FOLDER",
         type=Path,
         required=True,
-        help="where to write C.png, ... and recipe.toml; made if need be",
+        help="folder for C.png, ... and recipe.toml; it is made if it does not exist",
     )
     return parser
 
@@ -216,9 +223,7 @@ def _separate(options: argparse.Namespace) -> int:
     writers = channel_writers(options.image, options.model, folder, area=options.area)
     for path in writers:
         if path.exists() and path.samefile(options.image):
-            raise EshError(
-                f"-o {folder} would overwrite {options.image}, which is read for this run; name another folder"
-            )
+            raise EshError(f"-o {folder} would overwrite {options.image}, which this run reads; choose another folder")
     made = not folder.exists()
     try:
         folder.mkdir(exist_ok=True)
@@ -366,7 +371,9 @@ def _check_outputs(options: argparse.Namespace) -> None:
         check_writable(path)
         place = path.resolve()
         if place in seen:
-            raise EshError(f"{option} {path} is the same file as {seen[place]}, which is given before; name another")
+            raise EshError(
+                f"{option} {path} is the same file as {seen[place]}, which was given before; choose another name"
+            )
         seen[place] = path
 
 
@@ -374,9 +381,7 @@ def _check_not_inputs(options: argparse.Namespace, inputs: list[Path]) -> None:
     for option, path in _outputs(options):
         for source in inputs:
             if path.resolve() == source.resolve() or (path.exists() and source.exists() and path.samefile(source)):
-                raise EshError(
-                    f"{option} {path} would overwrite {source}, which is read for this run; name another file"
-                )
+                raise EshError(f"{option} {path} would overwrite {source}, which this run reads; choose another name")
 
 
 def _outputs(options: argparse.Namespace) -> list[tuple[str, Path]]:

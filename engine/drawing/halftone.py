@@ -1,4 +1,7 @@
-"""A placement as ink on paper: discs and strokes in the colours of their classes, mixed subtractively (figures 10 to 17)."""
+"""A placement as ink on paper: discs and strokes in the colours of their classes, mixed subtractively.
+
+The paper (Schmaltz, Gwosdek and Weickert 2012) shows such pictures in its figures 10 to 17.
+"""
 
 from __future__ import annotations
 

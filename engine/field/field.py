@@ -1,8 +1,8 @@
 """The electrostatic field of charges and target densities, by particle-particle particle-mesh (P3M).
 
-The paper sums over all pairs (equations 1 and 2). Here the kernel K = -log r is split by a Gaussian of width s into a
-smooth far part, K * gauss(s), convolved on a mesh, and a near part whose force between two unit charges is exp(-r²/2s²)/r,
-summed over neighbours (Hockney and Eastwood, Computer Simulation Using Particles, 1981, chapter 8).
+The paper (Schmaltz, Gwosdek and Weickert 2012) sums over all pairs, in its equations 1 and 2. Here the kernel K = -log r is split
+by a Gaussian of width s into a smooth far part, K * gauss(s), convolved on a mesh, and a near part whose force between two unit
+charges is exp(-r²/2s²)/r, summed over neighbours (Hockney and Eastwood, Computer Simulation Using Particles, 1981, chapter 8).
 
 Units: the solver's length unit makes the mean number density 1, and its charge unit is the mean charge.
 """

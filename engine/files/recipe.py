@@ -103,9 +103,9 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
 
     if "image" in recipe.entries:
         if "class" in recipe.entries:
-            raise recipe.error("image", "must not stand beside [[class]]: the image's inks are the classes")
+            raise recipe.error("image", "cannot be combined with [[class]]: the image's inks are the classes")
         if non_overlap is not None:
-            raise table.error("non_overlap", "must not stand beside [image]: the ink model has its own")
+            raise table.error("non_overlap", "cannot be combined with [image]: the ink model has its own")
         table = recipe.table("image")
         problem = table.build(lambda: _read_image(table, domain, class_separation, size_emphasis, own_seed))
         return replace(problem, avoid_overlap=avoid_overlap)
@@ -182,7 +182,7 @@ def _read_class(table: _Table) -> BodyClass:
     if isinstance(density, str):
         image = table.read("density", lambda path: read_density(path, invert))
     elif invert:
-        raise table.error("invert", f"is for density images; got true beside a `density` of {show(density)}")
+        raise table.error("invert", f"is only for a `density` that is an image; `density` is {show(density)}")
     return table.build(
         lambda: BodyClass(name, sizes, image, count=count, density_correction=correction, unsharp=unsharp)
     )
@@ -193,7 +193,9 @@ def _read_size(table: _Table, of_shares: bool) -> Size:
     table.check_keys("name", "area", "count", "share", "distribution", "line")
     name = table.take("name", validation.check_name)
     if of_shares and "count" in table.entries:
-        raise table.error("count", "must not stand beside a `count` of the class: give a `share` of its charge")
+        raise table.error(
+            "count", "cannot be combined with a `count` of the class: give a `share` of the class instead"
+        )
     return table.build(
         lambda: Size(
             name=name,
@@ -226,7 +228,7 @@ def _read_line(table: _Table) -> Line:
         grey = table.read("length", lambda path: read_color(path)).mean(axis=2)
         length = low + (high - low) * grey
     elif "length_range" in table.entries:
-        raise table.error("length_range", f"is for images; got it beside a `length` of {show(length)}")
+        raise table.error("length_range", f"is only for a `length` that is an image; `length` is {show(length)}")
     direction: Any = table.take("direction", _check_direction, "density")
     kind = table.take("direction_kind", _check_direction_kind, "angle")
     if isinstance(direction, str) and direction not in WORDS:
@@ -234,7 +236,9 @@ def _read_line(table: _Table) -> Line:
         angles = direction_from_angle_image(image.mean(axis=2))
         direction = table.take("direction", lambda _, key: _vectors(image, key)) if kind == "vector" else angles
     elif "direction_kind" in table.entries:
-        raise table.error("direction_kind", f"is for images; got it beside a `direction` of {show(direction)}")
+        raise table.error(
+            "direction_kind", f"is only for a `direction` that is an image; `direction` is {show(direction)}"
+        )
     default = Line(1.0)
     return table.build(
         lambda: Line(
@@ -259,13 +263,13 @@ def _read_image(
     model: str | InkModel = table.take("model", _check_model, "CMYK")
     if "inks" in table.entries:
         if "model" in table.entries:
-            raise table.error("inks", "must not stand beside a `model`")
+            raise table.error("inks", "cannot be combined with `model`: give one of the two")
         inks = table.take("inks", _check_inks)
         matrix = table.take("non_overlap", validation.check_non_overlap)
         model = InkModel("inks", inks, np.asarray(matrix))
     sizes = [_read_size(size, True) for size in table.tables("size")] if "size" in table.entries else None
     if sizes is not None and "area" in table.entries:
-        raise table.error("area", "must not stand beside [[image.size]], which have areas of their own")
+        raise table.error("area", "cannot be combined with [[image.size]], which have areas of their own")
     return halftone_problem(
         image,
         model,

@@ -1,4 +1,7 @@
-"""The charges that bodies consist of: one on a dot, a row of them on a line (section 6)."""
+"""The charges that bodies consist of: one on a dot, a row of them on a line.
+
+Lines are those of section 6 of the paper (Schmaltz, Gwosdek and Weickert 2012).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Inks: separating a colour image into channels (section 5, figures 7 and 13), and the halftoning problem that they pose.
+"""Inks: separating a colour image into channels, and the halftoning problem that they pose.
+
+The method is section 5 of the paper (Schmaltz, Gwosdek and Weickert 2012), with its figures 7 and 13.
 
 Colours mix subtractively: an ink is described by how much of cyan, magenta and yellow it holds, so red is (0, 1, 1).
 """

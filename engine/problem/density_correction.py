@@ -1,4 +1,7 @@
-"""Grey-value correction (section 3): denser dots where discs cannot tile the plane, so that dark areas come out dark."""
+"""Grey-value correction: denser dots where discs cannot tile the plane, so that dark areas come out dark.
+
+It is section 3 of the paper (Schmaltz, Gwosdek and Weickert 2012).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Desired directions of lines: from the structure tensor of a density (equation 8), or given.
+"""Desired directions of lines: from the structure tensor of a density, or given.
+
+The structure tensor is equation 8 of the paper (Schmaltz, Gwosdek and Weickert 2012).
 
 Directions have no front: they count modulo pi, and are averaged as vectors of the doubled angle.
 """

@@ -1,4 +1,6 @@
-"""Groups of bodies, and the interaction matrix between them (figures 5, 6, 7 and 8 of the paper).
+"""Groups of bodies, and the interaction matrix between them.
+
+The matrices are those of figures 5 to 8 of the paper (Schmaltz, Gwosdek and Weickert 2012).
 
 A group is one size of one class; where sizes are a range, one level of it. The paper's entries carry the charges of both
 partners; here charges belong to the bodies and the matrix holds the factors that remain, so equation 7's attraction strengths

@@ -3,6 +3,9 @@
 Conventions used in the whole engine: metres, square metres and radians; x to the right, y up; the domain is the
 rectangle ``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y),
 and it is stretched over the whole domain whatever its resolution or aspect.
+
+Sections, equations and symbols are those of the paper: Schmaltz, Gwosdek and Weickert, Multi-Class (Anisotropic) Electrostatic
+Halftoning, 2012.
 """
 
 from __future__ import annotations
@@ -62,8 +65,8 @@ class Balance:
             larger sizes are spread evenly among themselves. For sizes that are a range, it is the square of C that every
             doubling of the area adds as a factor: C = 2 is the paper's min(A_j², A_k²).
         non_overlap: One row and column per class, symmetric, 1 on the diagonal: 1 where two classes must keep apart, 0 where
-            they may overlap (section 5). The classes' factors are (1 - alpha) identity + alpha non_overlap; None means that
-            all keep apart.
+            they may overlap (section 5 of the paper). The classes' factors are (1 - alpha) identity + alpha non_overlap; None
+            means that all keep apart.
 
     Raises:
         ProblemError: A value outside these ranges, or factors with a negative eigenvalue.
@@ -105,15 +108,15 @@ class Unsharp:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Makes bodies long: a straight row of charges with a direction and a length (section 6, hatching).
+    """Makes bodies long: a straight row of charges with a direction and a length (hatching; section 6 of the paper).
 
     The body is a capsule: an axis from the first to the last charge, with round caps of half the width.
 
     Args:
         length: Desired length of the axis [m]; a number, or an image of numbers stretched over the domain.
         direction: Desired direction: ``"density"`` (along the edges of the class's density, by its structure tensor,
-            equation 8), ``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the
-            right, y up) whose lengths 0..1 weigh them. A line has no front: angles count modulo pi.
+            equation 8 of the paper), ``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of
+            vectors (x to the right, y up) whose lengths 0..1 weigh them. A line has no front: angles count modulo pi.
         width: Thickness [m]; None makes it the area over the mean length reached, so that the average grey is kept.
         charges: Charges along the axis, 2 or more.
         middle_charge: Charge of the middle one over that of an end, where their number is odd.
@@ -200,7 +203,7 @@ class Size:
         if self.count is not None:
             object.__setattr__(self, "count", validation.check_count(self.count, f"`count` {where}"))
             if self.share is not None:
-                raise ProblemError(f"`share` {where} must not stand beside a `count`; got {show(self.share)}")
+                raise ProblemError(f"`share` {where} cannot be combined with a `count`; got {show(self.share)}")
         if self.share is not None:
             object.__setattr__(self, "share", validation.check_share(self.share, f"`share` {where}"))
         if self.line is not None and not isinstance(self.line, Line):
@@ -254,8 +257,8 @@ class BodyClass:
             for a uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy.
         count: Number of bodies in all sizes, which then have shares instead of counts (a single size has all of it); or
             ``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground.
-        density_correction: Raise densities above 0.907 so that overlapping discs cover what is asked for (section 3); the
-            density is then a covered share, 0..1.
+        density_correction: Raise densities above 0.907 so that overlapping discs cover what is asked for (section 3 of the paper);
+            the density is then a covered share, 0..1.
         unsharp: Unsharp masking of the density, before everything else.
 
     Raises:

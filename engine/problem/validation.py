@@ -137,10 +137,10 @@ def check_class_matrix(
 def check_name(value: object, key: str) -> str:
     """Return the name; raise ProblemError unless it can be shown on one line and written to any file."""
     if not isinstance(value, str) or not value.strip():
-        raise ProblemError(f"{key} must be a text that is not empty; got {show(value)}")
+        raise ProblemError(f"{key} must be text, and not empty; got {show(value)}")
     # Line breaks would tear reports apart, and lone surrogates cannot be written as UTF-8.
     if not value.isprintable():
-        raise ProblemError(f"{key} must be a text on one line, without control characters; got {show(value)}")
+        raise ProblemError(f"{key} must be text on one line, without control characters; got {show(value)}")
     return str(value)
 
 
@@ -361,7 +361,7 @@ def check_unique(names: Sequence[str], what: str) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
-            raise ProblemError(f'{what} must differ from each other; "{name}" stands there {names.count(name)} times')
+            raise ProblemError(f'{what} must differ from each other; "{name}" is used {names.count(name)} times')
         seen.add(name)
 
 

@@ -279,7 +279,7 @@ def test_lines_can_be_forbidden_and_areas_may_be_a_range():
     [
         ({"line": "yes"}, "`line` of size"),
         ({"area": (0.4, 0.1)}, "smallest area first"),
-        ({"share": 0.5}, "must not stand beside a `count`"),
+        ({"share": 0.5}, "cannot be combined with a `count`"),
     ],
 )
 def test_lines_and_ranges_without_meaning(changes, complaint):

@@ -159,7 +159,7 @@ def test_nothing_can_be_edited_or_started_during_a_run(scatter, monkeypatch):
 
 def test_a_stopped_thread_that_is_still_busy_keeps_the_button_grey(scatter, monkeypatch):
     monkeypatch.setattr(running, "_stopping", SimpleNamespace(running=True, join=lambda _seconds: None))
-    with pytest.raises(RuntimeError, match="coming to its end"):
+    with pytest.raises(RuntimeError, match="has not ended yet"):
         bpy.ops.esh.scatter()
 
 

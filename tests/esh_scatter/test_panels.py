@@ -179,9 +179,9 @@ def test_the_report_shows_counts_notes_and_that_it_is_out_of_date():
     scatter.remember(new_object("Result"), report(overlaps=1500, converged=False, notes=["The `area` cannot fit"]))
     words = " ".join(draw_all())
     assert "1,234 1,234" in words and "1,500" in words and "not converged" in words
-    assert "The area cannot fit" in words and "Settings changed" not in words
+    assert "The area cannot fit" in words and "Settings have changed" not in words
     scatter.seed += 1
-    assert "Settings changed" in " ".join(draw_all())
+    assert "Settings have changed" in " ".join(draw_all())
 
 
 def test_removed_data_never_stops_the_drawing():

@@ -116,7 +116,7 @@ MISTAKES = {
     "area": (["photo.png", "--area", "-1", "-o", "x"], "--area: must be a number above 0; got '-1'"),
     "folder of none": (["photo.png", "-o", "absent/x"], "-o absent/x cannot be made: there is no folder"),
     "file": (["photo.png", "-o", "note.txt"], "-o note.txt must be a folder; it is a file"),
-    "own source": (["K.png", "-o", "."], "-o . would overwrite K.png, which is read for this run"),
+    "own source": (["K.png", "-o", "."], "-o . would overwrite K.png, which this run reads"),
     "no output": (["photo.png"], "required: -o"),
 }
 

@@ -176,8 +176,8 @@ MISTAKES = {
     "alpha text": ("0.25", '"half"', 'got "half"'),
     "emphasis": ("size_emphasis = 3", "size_emphasis = 0.9", "`balance.size_emphasis` must be a number of 1 or more"),
     "name missing": ('name = "pine"', "", "`class[1].name` is missing"),
-    "name empty": ('name = "pine"', 'name = " "', "`class[1].name` must be a text that is not empty"),
-    "name number": ('name = "pine"', "name = 3", "`class[1].name` must be a text that is not empty; got 3"),
+    "name empty": ('name = "pine"', 'name = " "', "`class[1].name` must be text, and not empty"),
+    "name number": ('name = "pine"', "name = 3", "`class[1].name` must be text, and not empty; got 3"),
     "class names": (
         'name = "beech"',
         'name = "pine"',
@@ -207,7 +207,7 @@ MISTAKES = {
     "invert number": (
         "density = 0.5",
         "density = 0.5\ninvert = true",
-        "is for density images; got true beside a `density` of 0.5",
+        "is only for a `density` that is an image; `density` is 0.5",
     ),
     "area zero": (
         "area = 2.5",

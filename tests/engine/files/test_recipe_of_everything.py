@@ -143,7 +143,11 @@ MISTAKES = {
     "no length": ('length = "grey.png"\nlength_range = [1.0, 2.0]', "", "`class[1].size[1].line.length` (class"),
     "length is a word": ('length = "grey.png"', 'length = "long"', 'or the name of an image; got "long"'),
     "length without a range": ("length_range = [1.0, 2.0]\n", "", "`class[1].size[1].line.length_range`"),
-    "range without an image": ('length = "grey.png"', "length = 1.0", "is for images; got it beside a `length` of 1"),
+    "range without an image": (
+        'length = "grey.png"',
+        "length = 1.0",
+        "is only for a `length` that is an image; `length` is 1",
+    ),
     "direction is a word": (
         'direction = "flow.png"\ndirection_kind = "vector"',
         'direction = "up"',
@@ -154,7 +158,7 @@ MISTAKES = {
         'direction = "black.png"',
         "must have a direction somewhere; red and green of its image are 0 everywhere, and 0.5 means none",
     ),
-    "kind without an image": ('"flow.png"', "0.5", "is for images; got it beside a `direction` of 0.5"),
+    "kind without an image": ('"flow.png"', "0.5", "is only for a `direction` that is an image; `direction` is 0.5"),
     "line is a number": (
         LINES[LINES.index("[class.size.line]") : LINES.index('[[class.size]]\nname = "short"')],
         "line = 3\n",
