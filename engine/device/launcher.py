@@ -116,6 +116,7 @@ class Launcher:
         self._profile = profile
         self._phase = ""
         self._recording: CpuRecording | None = None
+        self._gpu_recordings: list[GpuRecording] = []
         if self._team is not None and profile is not None:
             self._team.timed = True
 
@@ -146,7 +147,9 @@ class Launcher:
             operation.busy = operation.wall = 0
 
     def close(self) -> None:
-        """Give the threads back."""
+        """Give the threads back, and let go of what was recorded: whoever recorded it is held by it."""
+        for recording in self._gpu_recordings:
+            recording.forget()
         if self._team is not None:
             self._team.close()
 
@@ -217,7 +220,9 @@ class Launcher:
         ``run`` must launch kernels and nothing else: what it does beside is done once, or not at all.
         """
         if self._team is None:
-            return GpuRecording(self, run)
+            on_gpu = GpuRecording(self, run)
+            self._gpu_recordings.append(on_gpu)
+            return on_gpu
         self._recording = recording = CpuRecording(self, self._team)
         try:
             run()
@@ -262,6 +267,15 @@ class GpuRecording(Recording):
             self._graph = capture.graph
         launcher.python_launches += 1
         wp.capture_launch(self._graph)
+
+    def forget(self) -> None:
+        """Let go of the launches, which cannot be played any more."""
+        self._run = _nothing
+        self._graph = None
+
+
+def _nothing() -> None:
+    raise RuntimeError("this recording's launcher is closed")
 
 
 class CpuRecording(Recording):

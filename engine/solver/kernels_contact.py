@@ -19,7 +19,7 @@ from ..space.kernels_neighbourhood import (
     may_touch,
     set_sorted,
 )
-from .kernels_descent import Bodies, confine, slide
+from .kernels_descent import PINNED, Bodies, confine, slide
 
 wp.set_module_options({"enable_backward": False})
 
@@ -167,7 +167,7 @@ def accept_push(
     """Push bodies as far as they may go, and count that as part of the displacement."""
     i = first + wp.tid()
     push = push_of_body[i]
-    if push[3] == 0.0:
+    if push[3] == 0.0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]
     new = old

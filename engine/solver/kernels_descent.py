@@ -10,10 +10,12 @@ import warp as wp
 from ..space.kernels_domain import shortest, stay_inside
 from ..space.kernels_images import Images, density_pixel, is_full, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
+from .body_flags import BodyFlags
 from .kernels_direction import LENGTHS, add, add_products
 
 wp.set_module_options({"enable_backward": False})
 
+PINNED = wp.constant(int(BodyFlags.PINNED))
 # Times that a line is pushed back from empty pixels before its move is given up.
 PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
@@ -26,11 +28,12 @@ WEIGHING_SHARE = wp.constant(0.5)
 
 @wp.struct
 class Bodies:
-    """What bodies are: class, group and kind of line (-1: a dot) of each, and its charges."""
+    """What bodies are: class, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
 
     class_index: wp.array(dtype=wp.int32)
     group: wp.array(dtype=wp.int32)
     line: wp.array(dtype=wp.int32)
+    flags: wp.array(dtype=wp.int32)
     first_charge: wp.array(dtype=wp.int32)
     place: wp.array(dtype=float)
     charge: wp.array(dtype=float)
@@ -210,7 +213,7 @@ def propose_dots(
 ):
     """The move that the force on every dot asks for, and what it changed by since the last step."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0:
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     charge = bodies.first_charge[i]
     at = charge_position[charge]
@@ -260,7 +263,7 @@ def propose_lines(
     """The shift, turn and stretch that the forces on every line and its wishes ask for, and what they changed by."""
     i = first + wp.tid()
     kind = bodies.line[i]
-    if kind < 0:
+    if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     start = pose[i]
     begin = bodies.first_charge[i]
@@ -369,7 +372,7 @@ def move_dots(
 ):
     """Move every dot in the direction that :func:`decide_direction` found; it never enters empty pixels."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0:
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = wp.vec2(pose[i][0], pose[i][1])
     d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
@@ -401,7 +404,7 @@ def move_lines(
     """Move every line in the direction that :func:`decide_direction` found; its charges never enter empty pixels."""
     i = first + wp.tid()
     kind = bodies.line[i]
-    if kind < 0:
+    if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]
     k = bodies.class_index[i]

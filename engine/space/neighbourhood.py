@@ -32,7 +32,7 @@ class Neighbourhood:
         periodic: Whether it wraps.
         radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
         half_length: Half the longest axis that it may have, shape ``[n]``.
-        mass: Of every body, shape ``[n]``.
+        mass: Of every body, shape ``[n]``; infinite for one that others cannot push.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Neighbourhood:
         footprints = kernels_neighbourhood.Footprints()
         footprints.level = wp.array(level, dtype=wp.int32, device=device)
         footprints.radius = wp.array(radius, dtype=float, device=device)
-        footprints.mass = wp.array(mass / mass.mean(), dtype=float, device=device)
+        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))
