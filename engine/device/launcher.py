@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
+import reprlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -80,8 +82,10 @@ def core_count() -> int:
     """
     wanted = os.environ.get("ESH_THREADS", "")
     if wanted:
-        if not wanted.isdecimal() or int(wanted) < 1:
-            raise DeviceError(f"the environment variable ESH_THREADS must be a whole number >= 1; got {wanted!r}")
+        if not re.fullmatch(r"0*[1-9][0-9]{0,5}", wanted):
+            raise DeviceError(
+                f"the environment variable ESH_THREADS must be a whole number >= 1; got {reprlib.repr(wanted)}"
+            )
         return int(wanted)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     cores = min(cores, _container_cores() or cores)

@@ -139,8 +139,7 @@ class Contact:
                 self._bodies,
                 bend,
                 self._images,
-                near.grid.domain,
-                near.grid.periodic,
+                near.grid.space,
             ],
             [near.near, pose, displacement],
         )

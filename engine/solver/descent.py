@@ -17,6 +17,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field, FieldTarget
 from ..problem.problem import Problem
 from ..space.full_pixels import images_for_kernels
+from ..space.space import space_for_kernels
 from ..space.survey import survey
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction
@@ -55,7 +56,7 @@ class Descent:
         self.launcher = launcher
         problem = model.problem
         device = launcher.device
-        self.domain = wp.vec2(*model.size)
+        self._space = space_for_kernels(model.size, problem.domain.periodic)
         self.rules = LineRules(model, launcher)
         self.bodies = _bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
@@ -162,7 +163,7 @@ class Descent:
 
     def propose(self) -> None:
         """What the forces ask for, and the sums over all bodies that the direction depends on."""
-        field = [self.step_length, self.step_limit, self.field.mesh, self.domain, int(self.contact is not None)]
+        field = [self.step_length, self.step_limit, self.field.mesh, self._space, int(self.contact is not None)]
         charges = [self.charge_position, self.field_at_charge, self.bodies]
         moves = [self.state.move, self._change]
         if self.has_dots:
@@ -197,7 +198,7 @@ class Descent:
 
     def move(self) -> None:
         """Move them."""
-        where = [self.step_limit, self.field.mesh, self.images, self.domain, self.state.move, self._change]
+        where = [self.step_limit, self.field.mesh, self.images, self._space, self.state.move, self._change]
         if self.has_dots:
             self.launcher.launch(
                 kernels_descent.move_dots,
@@ -219,7 +220,7 @@ class Descent:
         self.launcher.launch(
             kernels_descent.place_charges,
             self.model.body_count,
-            [self.state.pose, self.bodies, self.state.bend, self.domain, int(self.model.problem.domain.periodic)],
+            [self.state.pose, self.bodies, self.state.bend, self._space],
             [self.charge_position],
         )
 

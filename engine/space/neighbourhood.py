@@ -14,6 +14,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from . import kernels_neighbourhood
 from .cell_sort import CellSort
+from .space import space_for_kernels
 
 __all__ = ["Neighbourhood"]
 
@@ -62,8 +63,7 @@ class Neighbourhood:
         grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
         grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
         grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
-        grid.domain = wp.vec2(*size)
-        grid.periodic = int(periodic)
+        grid.space = space_for_kernels(size, periodic)
         self.grid = grid
         footprints = kernels_neighbourhood.Footprints()
         footprints.level = wp.array(level, dtype=wp.int32, device=device)
