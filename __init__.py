@@ -22,7 +22,7 @@ _PUBLIC = {
     "Placement": ".engine.problem.placement",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
-    "Progress": ".engine.solver.relaxation",
+    "Progress": ".engine.solver.solver",
     "Report": ".engine.problem.report",
     "Size": ".engine.problem.problem",
     "Unsharp": ".engine.problem.problem",
