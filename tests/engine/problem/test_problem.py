@@ -243,7 +243,7 @@ def test_names_must_differ_and_be_writable():
     with pytest.raises(ProblemError, match='class names must differ from each other; "a" is used 2 times'):
         Problem(Domain((1.0, 1.0)), [body_class, body_class])
     for name in ("", "  ", "two\nlines", "\ud800", "\0", 3, None):
-        with pytest.raises(ProblemError, match="`name` of a size must be a text"):
+        with pytest.raises(ProblemError, match="`name` of a size must be text"):
             Size(name, 1.0, 1)
 
 
