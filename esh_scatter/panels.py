@@ -287,7 +287,7 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         if len(report["classes"]) > 1:
             for entry in report["classes"]:
                 _draw_fact(facts, entry["name"], f"{entry['coverage_error']:.4f} (this class)")
-        _draw_fact(facts, "Least spacing", "-" if spacing is None else f"{spacing:.2f} (1 = perfect lattice)")
+        _draw_fact(facts, "Least spacing", "-" if spacing is None else f"{spacing:.2f} (lattice = 1)")
         _draw_fact(facts, "Space covered", f"{report['covered']:.0%}")
         converged = "" if report["converged"] else ", not converged"
         _draw_fact(facts, "Steps", f"{report['steps']}{converged}", "NONE" if report["converged"] else "ERROR")
