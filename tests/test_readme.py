@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +139,27 @@ def test_the_reference_of_the_api_has_every_public_name():
     assert directives == set(esh.__all__)
 
 
+def test_contributing_has_the_rooms_as_they_are_held():
+    spec = importlib.util.spec_from_file_location("test_rooms", ROOT / "tests" / "engine" / "test_rooms.py")
+    rooms = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(rooms)
+    table = TEXT["CONTRIBUTING.md"].partition("## The rooms")[2].partition("\n\n`errors.py`")[0]
+    rows = re.findall(r"^\| `(\w+)` \|.*\| ([^|]*) \|$", table, re.MULTILINE)
+    assert {room: set(re.findall(r"`(\w+)(?:\.py)?`", below)) for room, below in rows} == rooms.MAY_IMPORT
+
+
+def test_contributing_names_every_file_that_draws_random_numbers():
+    for folder in ("engine", "esh_scatter"):
+        for path in (ROOT / folder).rglob("*.py"):
+            if re.search(r"default_rng\(|rand_init\(", path.read_text(encoding="utf-8")):
+                assert f"`{path.relative_to(ROOT).as_posix()}`" in TEXT["CONTRIBUTING.md"]
+
+
+def test_contributing_names_files_that_exist():
+    for name in re.findall(r"`((?:engine|esh_scatter|tests|docs|benchmarks)/[\w./-]+\.\w+)`", WORDS):
+        assert (ROOT / name).is_file(), f"{name} is missing"
+
+
 def test_every_make_target_that_is_named_exists():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"(?:^    |`)make (\w+)", WORDS, re.MULTILINE):
@@ -165,6 +187,15 @@ def test_every_picture_file_and_heading_that_is_linked_exists(page: str):
         assert linked.is_file(), f"{page} links to {link}, which is missing"
         if anchor:
             assert anchor in anchors(linked.read_text(encoding="utf-8")), f"{page}: no heading for {link}"
+
+
+@pytest.mark.parametrize("page", TEXT)
+def test_a_table_ends_at_an_empty_line(page: str):
+    lines = re.sub(r"^```.*?^```$", "", TEXT[page], flags=re.MULTILINE | re.DOTALL).splitlines()
+    for line, following in pairwise(lines):
+        assert not line.startswith("|") or following.startswith("|") or not following, (
+            f"{page}: {following} after a table"
+        )
 
 
 def test_every_page_and_picture_of_the_documentation_is_shown_somewhere():
