@@ -62,6 +62,22 @@ def test_every_package_is_listed_for_pip():
     assert set(PYPROJECT["tool"]["setuptools"]["packages"]) == packages
 
 
+def test_files_that_are_no_modules_are_shipped_by_pip():
+    shipped = {
+        path
+        for package, patterns in PYPROJECT["tool"]["setuptools"]["package-data"].items()
+        for pattern in patterns
+        for path in ROOT.joinpath(*package.split(".")[1:]).glob(pattern)
+    }
+    there = {
+        path
+        for top in ("engine", "esh_scatter")
+        for path in (ROOT / top).rglob("*")
+        if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
+    }
+    assert shipped == there | {ROOT / "py.typed"}
+
+
 def test_bundled_wheels_satisfy_the_requirements_of_pip():
     required = {r.name: r.specifier for r in map(Requirement, PYPROJECT["project"]["dependencies"])}
     bundled = {
