@@ -134,7 +134,7 @@ def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
         path.relative_to(ROOT).as_posix()
         for folder in ("engine", "esh_scatter")
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
+        if path.is_file() and not {"__pycache__", "fonts"} & set(path.parts)
     }
     wheels = {wheel.removeprefix("./") for wheel in manifest["wheels"]}
     assert names == {"blender_manifest.toml", "__init__.py", "LICENSE", *sources, *wheels}

@@ -108,6 +108,10 @@ def test_what_is_staged_is_what_the_manifest_lets_in(build_extension: ModuleType
         pattern.removeprefix("!/") for pattern in MANIFEST["build"]["paths_exclude_pattern"] if pattern[0] == "!"
     }
     assert allowed == set(build_extension.PACKAGE_CONTENT)
+    refused = {
+        pattern.strip("/") for pattern in MANIFEST["build"]["paths_exclude_pattern"] if re.match(r"/\w", pattern)
+    }
+    assert refused == set(build_extension.LEFT_OUT)
 
 
 def test_an_unknown_platform_is_refused_in_one_sentence(build_extension: ModuleType, monkeypatch, capsys):
