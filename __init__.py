@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
     from .engine.solve import solve
-    from .engine.solver.relaxation import Progress
+    from .engine.solver.body_flags import BodyFlags
+    from .engine.solver.solver import Progress, Solver
+    from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
@@ -37,6 +39,7 @@ __all__ = [
     "AttributeDensity",
     "Balance",
     "BodyClass",
+    "BodyFlags",
     "ClassReport",
     "Density",
     "DeviceError",
@@ -60,6 +63,8 @@ __all__ = [
     "ScatterSize",
     "Size",
     "SizeReport",
+    "Solver",
+    "State",
     "Unsharp",
     "VertexGroupDensity",
     "draw_plan",
@@ -85,6 +90,7 @@ _MODULES = {
     "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
     "BodyClass": ".engine.problem.problem",
+    "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
@@ -100,7 +106,7 @@ _MODULES = {
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
-    "Progress": ".engine.solver.relaxation",
+    "Progress": ".engine.solver.solver",
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
@@ -108,6 +114,8 @@ _MODULES = {
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
+    "Solver": ".engine.solver.solver",
+    "State": ".engine.solver.state",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
     "draw_plan": ".engine.drawing.plan",

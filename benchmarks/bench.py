@@ -29,7 +29,8 @@ from direct_summation import DirectSummation, direct_solve
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solve import solve
-from esh.engine.solver.relaxation import Relaxation
+from esh.engine.solver.descent import Descent
+from esh.engine.solver.model import Model
 from quality import quality_table
 from timings import SQUARE, problem_of
 
@@ -180,10 +181,10 @@ def force_evaluations(
 
 def other_libraries(python: Path, launcher: Launcher, count: int) -> dict[str, float]:
     """Seconds that other libraries take to evaluate the same forces."""
-    relaxation = Relaxation(problem_of(count), launcher)
-    position = (np.random.default_rng(0).random((count, 2)) * relaxation.size).astype(np.float32)
+    descent = Descent(Model(problem_of(count)), launcher)
+    position = (np.random.default_rng(0).random((count, 2)) * descent.model.size).astype(np.float32)
     # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
-    modes = 2 * math.ceil(LAST_WAVE / relaxation.field.split * max(relaxation.size) / math.pi)
+    modes = 2 * math.ceil(LAST_WAVE / descent.field.split * max(descent.model.size) / math.pi)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "points.npz"
         np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)

@@ -18,7 +18,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from esh.engine.problem.interaction import group_bodies
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.report import NO_REPORT
@@ -115,7 +114,7 @@ def three_classes(bodies: int) -> list[ScatterClass]:
 def unsolved(problem: Problem) -> Placement:
     """Return where the solver would start."""
     zero = np.zeros(problem.body_count)
-    position = initial_placement(problem, group_bodies(problem))
+    position = initial_placement(problem)
     return Placement(problem, position, *problem.body_indices(), zero, zero, zero, NO_REPORT)
 
 

@@ -202,7 +202,7 @@ def direct_solve(
         levels: See :class:`DirectSummation`.
     """
     sums = DirectSummation(problem, launcher, double, levels)
-    position = initial_placement(problem, group_bodies(problem)) / sums.unit
+    position = initial_placement(problem) / sums.unit
     for _ in range(steps):
         pull, density = sums.attraction(position)
         force = sums.repulsion(position) + pull

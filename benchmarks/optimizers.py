@@ -26,7 +26,8 @@ import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
 from esh.engine.quality.coverage import coverage_error
-from esh.engine.solver.relaxation import STEP_LIMIT, Relaxation
+from esh.engine.solver.descent import STEP_LIMIT, Descent
+from esh.engine.solver.model import Model
 from quality import photograph
 from scipy.ndimage import minimum_filter
 
@@ -61,23 +62,23 @@ class Dots:
     def __init__(self, problem: Problem, launcher: Launcher, guarded: bool = True) -> None:
         self.problem = problem
         self.launcher = launcher
-        self.relaxation = Relaxation(problem, launcher)
+        self.descent = Descent(Model(problem), launcher)
         self.evaluations = 0.0
         self.cost = 1.0
-        self.size = np.array(self.relaxation.size)
-        self.layout = self.relaxation.field.layout
-        self.charge = self.relaxation.bodies.charge.numpy().astype(np.float64)
-        self.group = self.relaxation.groups.body_group
-        step = self.relaxation.step_length.numpy().reshape(-1, *self.layout.shape).astype(np.float64)
+        self.size = np.array(self.descent.model.size)
+        self.layout = self.descent.field.layout
+        self.charge = self.descent.bodies.charge.numpy().astype(np.float64)
+        self.group = self.descent.model.body.group
+        step = self.descent.step_length.numpy().reshape(-1, *self.layout.shape).astype(np.float64)
         if guarded:
             step = np.stack([minimum_filter(one, footprint=NODE_AND_NEIGHBOURS, mode="nearest") for one in step])
         self.step = step
-        self.limit = self.relaxation.step_limit.numpy().reshape(self.layout.shape).astype(np.float64)
+        self.limit = self.descent.step_limit.numpy().reshape(self.layout.shape).astype(np.float64)
         self.class_index = problem.body_indices()[0]
         self.start = self._first_state()
 
     def _first_state(self) -> np.ndarray:
-        return self.relaxation.pose.numpy()[:, :2].astype(np.float64)
+        return self.descent.state.pose.numpy()[:, :2].astype(np.float64)
 
     def _nodes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         node = np.rint(x[:, :2] / np.array(self.layout.spacing)).astype(int) + self.layout.margin
@@ -85,11 +86,11 @@ class Dots:
 
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Evaluate the forces: the moves, force times inverse curvature, and the weights of the metric in which they descend."""
-        relaxation = self.relaxation
+        descent = self.descent
         points = wp.array(x.astype(np.float32), dtype=wp.vec2, device=self.launcher.device)
-        relaxation.field.evaluate(points, relaxation.field_at_charge)
+        descent.field.evaluate(points, descent.field_at_charge)
         self.evaluations += self.cost
-        force = relaxation.field_at_charge.numpy().astype(np.float64)
+        force = descent.field_at_charge.numpy().astype(np.float64)
         # What presses a body against the border moves nothing.
         force[((x <= 0.0) & (force < 0.0)) | ((x >= self.size) & (force > 0.0))] = 0.0
         step = self.step[self.group, *self._nodes(x)][:, None]
@@ -139,7 +140,7 @@ class Dots:
     def errors(self, x: np.ndarray) -> np.ndarray:
         """Coverage error of ``x`` for every blur; with several classes the mean of that of all and of the first class."""
         problem = self.problem
-        position = np.clip(x * self.relaxation.unit, 0.0, problem.domain.size)
+        position = np.clip(x * self.descent.model.unit, 0.0, problem.domain.size)
         parts = [np.full(len(x), True)]
         if len(problem.classes) > 1:
             parts.append(self.class_index == 0)
@@ -155,23 +156,23 @@ class Lines(Dots):
     """Lines of a problem of one class: states of shape ``[n, 4]`` are poses, moved by the engine's own rules."""
 
     def _first_state(self) -> np.ndarray:
-        relaxation = self.relaxation
-        self.body = body = np.repeat(np.arange(relaxation.body_count), np.diff(relaxation.bodies.first_charge.numpy()))
+        descent = self.descent
+        self.body = body = np.repeat(np.arange(descent.model.body_count), np.diff(descent.bodies.first_charge.numpy()))
         self.body_charge = np.bincount(body, weights=self.charge)
-        place = relaxation.bodies.place.numpy()
+        place = descent.bodies.place.numpy()
         self.inertia = np.bincount(body, weights=self.charge * place**2) / self.body_charge
-        return relaxation.pose.numpy().astype(np.float64)
+        return descent.state.pose.numpy().astype(np.float64)
 
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        relaxation = self.relaxation
-        relaxation.pose.assign(x.astype(np.float32))
-        relaxation._place_charges()
-        relaxation.field.evaluate(relaxation.charge_position, relaxation.field_at_charge)
+        descent = self.descent
+        descent.state.pose.assign(x.astype(np.float32))
+        descent.place_charges()
+        descent.field.evaluate(descent.charge_position, descent.field_at_charge)
         self.evaluations += self.cost
         # The lengths reached decide how far the desired one is raised, which is the engine's matter whatever moves the lines.
-        relaxation._propose()
-        relaxation._decide()
-        move = relaxation.move.numpy().astype(np.float64)
+        descent.propose()
+        descent.decide()
+        move = descent.state.move.numpy().astype(np.float64)
         # Mean square of the way of a line's charges.
         half = 0.5 * x[:, 3]
         one = np.ones(len(x))
@@ -186,20 +187,20 @@ class Lines(Dots):
 
     def shifted(self, x: np.ndarray, move: np.ndarray, ahead: np.ndarray | None = None) -> np.ndarray:
         ahead = x if ahead is None else ahead
-        relaxation = self.relaxation
-        relaxation.pose.assign(x.astype(np.float32))
-        relaxation.move.assign((self.inside(ahead + self.limited(ahead, move)) - x).astype(np.float32))
-        relaxation.direction.assign(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32))
+        descent = self.descent
+        descent.state.pose.assign(x.astype(np.float32))
+        descent.state.move.assign((self.inside(ahead + self.limited(ahead, move)) - x).astype(np.float32))
+        descent.direction.assign(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32))
         # What keeps lines on full pixels and apart is the engine's.
-        relaxation._move()
-        relaxation.contact.push(relaxation.pose, relaxation.bend, relaxation.displacement)
-        return relaxation.pose.numpy().astype(np.float64)
+        descent.move()
+        descent.contact.push(descent.state.pose, descent.state.bend, descent.state.displacement)
+        return descent.state.pose.numpy().astype(np.float64)
 
     def errors(self, x: np.ndarray) -> np.ndarray:
         body = self.body
-        along = (0.5 * x[body, 3] * self.relaxation.bodies.place.numpy())[:, None]
+        along = (0.5 * x[body, 3] * self.descent.bodies.place.numpy())[:, None]
         position = x[body, :2] + along * np.stack([np.cos(x[body, 2]), np.sin(x[body, 2])], axis=1)
-        position = np.clip(position * self.relaxation.unit, 0.0, self.problem.domain.size)
+        position = np.clip(position * self.descent.model.unit, 0.0, self.problem.domain.size)
         return coverage_errors(position, self.charge, self.problem.classes[0].density_image)
 
 
@@ -216,9 +217,9 @@ def engine(system: Dots, x: np.ndarray) -> Iterator[np.ndarray]:
     """The engine as it stands."""
     columns = x.shape[1]
     while True:
-        system.relaxation._take_step()
+        system.descent.take_step()
         system.evaluations += 1.0
-        yield system.relaxation.pose.numpy()[:, :columns].astype(np.float64)
+        yield system.descent.state.pose.numpy()[:, :columns].astype(np.float64)
 
 
 def direct_descent(system: Dots, x: np.ndarray, *, step: float) -> Iterator[np.ndarray]:
@@ -389,7 +390,7 @@ def multilevel(system: Dots, _x: np.ndarray, *, coarse: int, then: Optimizer) ->
     reach = few.spacing(parents) * 0.25 * math.sqrt(2.0)
     corners = [np.stack([np.cos(turn + k * np.pi / 2), np.sin(turn + k * np.pi / 2)], axis=1) for k in range(4)]
     split = np.stack([parents + reach * corner for corner in corners], axis=1).reshape(-1, 2)
-    unit = few.relaxation.unit / system.relaxation.unit
+    unit = few.descent.model.unit / system.descent.model.unit
     start = np.repeat(parents, 4, axis=0) * unit
     x = system.shifted(start, split * unit - start)
     yield x
@@ -398,7 +399,7 @@ def multilevel(system: Dots, _x: np.ndarray, *, coarse: int, then: Optimizer) ->
 
 def kept_far_field(system: Dots, x: np.ndarray, *, every: int, then: Optimizer) -> Iterator[np.ndarray]:
     """The mesh part of the field is refreshed every few evaluations only; one without costs ``NEAR_SHARE``."""
-    field = system.relaxation.field
+    field = system.descent.field
     parts = field._deposit, field._solve_far_field
     evaluate = field.evaluate
     count = 0

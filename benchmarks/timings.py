@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, Recording, resolve_device
+from esh.engine.device.launcher import Recording, resolve_device
 from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
 from esh.engine.solve import solve
-from esh.engine.solver.relaxation import Relaxation
+from esh.engine.solver.solver import Solver
 
 SQUARE = Domain((64.0, 64.0))
 TINY = """
@@ -74,18 +74,15 @@ def test_whole_run(benchmark, device: wp.Device, repeat: int, count: int, groups
 
 def test_evaluation_of_all_forces(benchmark, device: wp.Device, repeat: int, count: int) -> None:
     """Forces on bodies of one group, at random places."""
-    launcher = Launcher(device)
-    try:
-        relaxation = Relaxation(problem_of(count), launcher)
-        position = (np.random.default_rng(0).random((count, 2)) * relaxation.size).astype(np.float32)
+    with Solver(problem_of(count), device=device.alias) as solver:
+        descent = solver.descent
+        position = (np.random.default_rng(0).random((count, 2)) * solver.model.size).astype(np.float32)
         points = wp.array(position, dtype=wp.vec2, device=device)
-        evaluation = launcher.record(lambda: relaxation.field.evaluate(points, relaxation.field_at_charge))
+        evaluation = solver.launcher.record(lambda: descent.field.evaluate(points, descent.field_at_charge))
         for _ in range(2):
             evaluation.play()
         benchmark.pedantic(play, (evaluation, device), rounds=5 * repeat)
-        assert np.isfinite(relaxation.field_at_charge.numpy()).all()
-    finally:
-        launcher.close()
+        assert np.isfinite(descent.field_at_charge.numpy()).all()
 
 
 def play(recording: Recording, device: wp.Device) -> None:

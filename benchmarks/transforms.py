@@ -19,7 +19,8 @@ import scipy
 import scipy.fft
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.solver.relaxation import Relaxation
+from esh.engine.solver.descent import Descent
+from esh.engine.solver.model import Model
 from esh.engine.transforms.convolution import Convolution
 from timings import problem_of
 
@@ -55,7 +56,7 @@ def timed(run: Callable[[], object]) -> float:
 
 def row_of(launcher: Launcher, count: int, repeat: int) -> str:
     """Time the convolution of a mesh for so many bodies, as a row of the table."""
-    layout = Relaxation(problem_of(count), launcher).field.layout
+    layout = Descent(Model(problem_of(count)), launcher).field.layout
     shape, padded, workers = layout.shape, layout.padded, launcher.thread_count
     mesh = np.random.default_rng(0).standard_normal(shape).astype(np.float32)
     y, x = (np.abs(np.fft.fftfreq(length)) for length in padded)

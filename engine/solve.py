@@ -6,14 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from .device.launcher import Launcher, resolve_device
 from .device.profile import Profile
 from .problem.placement import Placement
 from .problem.problem import Problem
 from .problem.validation import check_count
 from .quality.measurement import measure
-from .solver.memory import check_memory
-from .solver.relaxation import Progress, Relaxation, placement_of
+from .solver.solver import Progress, Solver
 
 __all__ = ["solve"]
 
@@ -46,20 +44,11 @@ def solve(
     """
     start_time = time.perf_counter()
     max_steps = check_count(max_steps, "`max_steps`")
-    launcher = Launcher(resolve_device(device), profile)
-    try:
-        check_memory(problem)
-        with launcher.phase("set-up"):
-            relaxation = Relaxation(problem, launcher)
-        steps, converged = relaxation.run(max_steps, progress)
-        with launcher.phase("contact"):
-            if relaxation.contact is not None and problem.avoid_overlap:
-                relaxation.contact.separate(relaxation.pose, relaxation.bend)
-        with launcher.phase("report"):
-            placement = placement_of(problem, relaxation)
-            report = measure(placement, launcher)
+    with Solver(problem, device=device, profile=profile) as solver:
+        steps, converged = solver.run(max_steps, progress)
+        solver.separate()
+        with solver.launcher.phase("report"):
+            placement = solver.placement()
+            report = measure(placement, solver.launcher)
         seconds = time.perf_counter() - start_time
-        report = replace(report, steps=steps, converged=converged, seconds=seconds)
-        return replace(placement, report=report)
-    finally:
-        launcher.close()
+        return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))

@@ -30,7 +30,7 @@ from ..engine.problem.validation import (
     show,
 )
 from ..engine.solve import solve
-from ..engine.solver.relaxation import Progress
+from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Footprint
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels

@@ -16,7 +16,7 @@ class BackgroundRun:
         solve: Called once, in the thread, with a progress callback that answers False once the run was stopped.
 
     Attributes:
-        progress: The last :class:`~esh.engine.solver.relaxation.Progress`, None before the first.
+        progress: The last :class:`~esh.engine.solver.solver.Progress`, None before the first.
         error: What ``solve`` raised, or None.
         stopped: Whether :meth:`stop` was called.
     """

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..device.profile import Profile
     from ..problem.placement import Placement
     from ..problem.problem import Problem
-    from ..solver.relaxation import Progress
+    from ..solver.solver import Progress
 
 __all__ = ["main"]
 

@@ -87,8 +87,8 @@ _STRUCTURES = f"""
     // The threads that may take one of so many chunks, as bits. Where there are few, it is always the same ones: they have the data
     // at hand, and the others can sleep. The first thread leads the program, so that it is never left alone with chunks of others.
     auto called = [](unsigned chunks) -> unsigned long long {{ return chunks < 64 ? (1ull << chunks) - 1 : ~0ull; }};
-    // Wakes two threads of those that sleep; they wake others in turn. A sleeper looks at the sequence once more after it has set its
-    // bit, and with the lock held: whoever has published before either sees the bit, or is seen.
+    // Wakes two threads of those that sleep; they wake others in turn. A sleeper looks at the sequence after it has set its bit, and
+    // with the lock held: whoever publishes something new either sees the bit, or is seen.
     auto wake = [](Shared* s, unsigned long long threads)
     {{
         for (int k = 0; k < 2; ++k)
@@ -188,10 +188,14 @@ _WORK = f"""
             {{
                 const unsigned long long bit = 1ull << thread;
                 s->take_lock(s->lock);
-                __atomic_fetch_or(&s->asleep, bit, __ATOMIC_SEQ_CST);
-                while (__atomic_load_n(&s->sequence, __ATOMIC_SEQ_CST) == published
-                    && !__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST))
+                for (;;)
+                {{
+                    // Before every look: whoever woke this thread has cleared the bit, and may have been late for an earlier sleep.
+                    __atomic_fetch_or(&s->asleep, bit, __ATOMIC_SEQ_CST);
+                    if (__atomic_load_n(&s->sequence, __ATOMIC_SEQ_CST) != published) break;
+                    if (__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST)) break;
                     s->sleep(s->wakes + {BYTES_OF_A_CONDITION} * thread, s->lock, 0xffffffffu, 0);
+                }}
                 __atomic_fetch_and(&s->asleep, ~bit, __ATOMIC_SEQ_CST);
                 s->give_lock(s->lock);
                 rested = clock();

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
+import reprlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -80,8 +82,10 @@ def core_count() -> int:
     """
     wanted = os.environ.get("ESH_THREADS", "")
     if wanted:
-        if not wanted.isdecimal() or int(wanted) < 1:
-            raise DeviceError(f"the environment variable ESH_THREADS must be a whole number >= 1; got {wanted!r}")
+        if not re.fullmatch(r"0*[1-9][0-9]{0,5}", wanted):
+            raise DeviceError(
+                f"the environment variable ESH_THREADS must be a whole number >= 1; got {reprlib.repr(wanted)}"
+            )
         return int(wanted)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     cores = min(cores, _container_cores() or cores)
@@ -116,6 +120,7 @@ class Launcher:
         self._profile = profile
         self._phase = ""
         self._recording: CpuRecording | None = None
+        self._gpu_recordings: list[GpuRecording] = []
         if self._team is not None and profile is not None:
             self._team.timed = True
 
@@ -146,7 +151,9 @@ class Launcher:
             operation.busy = operation.wall = 0
 
     def close(self) -> None:
-        """Give the threads back."""
+        """Give the threads back, and let go of what was recorded: whoever recorded it is held by it."""
+        for recording in self._gpu_recordings:
+            recording.forget()
         if self._team is not None:
             self._team.close()
 
@@ -217,7 +224,9 @@ class Launcher:
         ``run`` must launch kernels and nothing else: what it does beside is done once, or not at all.
         """
         if self._team is None:
-            return GpuRecording(self, run)
+            on_gpu = GpuRecording(self, run)
+            self._gpu_recordings.append(on_gpu)
+            return on_gpu
         self._recording = recording = CpuRecording(self, self._team)
         try:
             run()
@@ -262,6 +271,15 @@ class GpuRecording(Recording):
             self._graph = capture.graph
         launcher.python_launches += 1
         wp.capture_launch(self._graph)
+
+    def forget(self) -> None:
+        """Let go of the launches, which cannot be played any more."""
+        self._run = _nothing
+        self._graph = None
+
+
+def _nothing() -> None:
+    raise RuntimeError("this recording's launcher is closed")
 
 
 class CpuRecording(Recording):

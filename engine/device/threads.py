@@ -25,6 +25,10 @@ __all__ = ["Operation", "Program", "ThreadTeam", "ticks"]
 
 # Chunks for every thread: enough that one which was held up leaves little behind, few enough that taking them costs nothing.
 CHUNKS_PER_THREAD = 4
+# Of every thread [bytes]: kernels keep some hundred kilobytes there, and the host program may have set less.
+STACK_SIZE = 4 << 20
+# The size of stacks is a setting of the whole process.
+_starting = threading.Lock()
 
 
 class Operation(ctypes.Structure):
@@ -167,38 +171,55 @@ class ThreadTeam:
         if not program.count:
             return
         wanted = min(self.count, max(program.operations[k].chunks for k in range(program.count)))
-        while len(self._threads) < wanted - 1:
-            self._start_thread()
+        while len(self._threads) < wanted - 1 and self._start_thread():
+            pass
         arguments = _CarryOut(ctypes.addressof(self._shared), ctypes.addressof(program.operations), program.count)
         self._carry_out(ctypes.byref(self._bounds), ctypes.byref(arguments))
 
     def close(self) -> None:
         """Let the threads go; the team cannot be used again."""
         self._shared.stop = 1
-        if self._threads:
-            take, give, wake = (
-                ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(getattr(self._shared, name))
-                for name in ("take_lock", "give_lock", "wake")
-            )
-            # For those that look for work; whoever has not seen the word yet is on its way to sleep with the lock held.
-            self._shared.sequence += 1
-            take(self._shared.lock)
-            give(self._shared.lock)
-            for number in range(1, len(self._threads) + 1):
-                wake(self._condition(number))
+        try:
+            self._wake_all()
+        finally:
+            # Once more where Ctrl-C came in between: a thread that sleeps on would keep all arrays.
+            self._wake_all()
         for thread in self._threads:
             thread.join()
         self._threads = []
         self._programs = []
 
+    def _wake_all(self) -> None:
+        if not self._threads:
+            return
+        # For those that look for work; whoever has not seen the word yet is on its way to sleep with the lock held.
+        self._shared.sequence += 1
+        take, give, wake = (
+            ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(getattr(self._shared, name))
+            for name in ("take_lock", "give_lock", "wake")
+        )
+        take(self._shared.lock)
+        give(self._shared.lock)
+        for number in range(1, len(self._threads) + 1):
+            wake(self._condition(number))
+
     def _condition(self, thread: int) -> int:
         return self._shared.wakes + kernels_threads.BYTES_OF_A_CONDITION * thread
 
-    def _start_thread(self) -> None:
+    def _start_thread(self) -> bool:
+        """Start another thread; False where the system gives no more, and those that there are do its work."""
         number = len(self._threads) + 1
         thread = threading.Thread(target=self._join_in, args=(number,), name=f"ESH Scatter {number}", daemon=True)
+        with _starting:
+            before = threading.stack_size(STACK_SIZE)
+            try:
+                thread.start()
+            except RuntimeError:
+                return False
+            finally:
+                threading.stack_size(before)
         self._threads.append(thread)
-        thread.start()
+        return True
 
     def _join_in(self, number: int) -> None:
         arguments = _JoinIn(ctypes.addressof(self._shared), number)

@@ -20,6 +20,7 @@ from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from ..space.space import space_for_kernels
 from ..space.target_deposit import deposit_images, mix_images
 from ..transforms.convolution import Convolution
 from . import kernels_field, kernels_splines
@@ -155,8 +156,7 @@ class Field:
         cells = kernels_cells.CellGrid()
         cells.count_x, cells.count_y = counts
         cells.inverse_size = wp.vec2(counts[0] / self.size[0], counts[1] / self.size[1])
-        cells.domain = wp.vec2(*self.size)
-        cells.periodic = int(self.periodic)
+        cells.space = space_for_kernels(self.size, self.periodic)
         self.cells = cells
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:

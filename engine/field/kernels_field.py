@@ -160,26 +160,26 @@ def evaluate_field(
     ends = Ranges()
     for b in range(ROWS):
         row = cy + b - BESIDE
-        if grid.periodic != 0 and row < 0:
+        if grid.space.periodic != 0 and row < 0:
             row += grid.count_y
-            at_y[b] = y + grid.domain[1]
-        elif grid.periodic != 0 and row >= grid.count_y:
+            at_y[b] = y + grid.space.size[1]
+        elif grid.space.periodic != 0 and row >= grid.count_y:
             row -= grid.count_y
-            at_y[b] = y - grid.domain[1]
+            at_y[b] = y - grid.space.size[1]
         rows[b] = row
         if row >= 0 and row < grid.count_y:
             begins[b] = cell_start[row * grid.count_x + wp.max(left, 0)]
             ends[b] = cell_start[row * grid.count_x + wp.min(right, grid.count_x - 1) + 1]
     total += sum_near(x, at_y, begins, ends, row_start, cutoff2, weight, sorted_x, sorted_y)
-    if grid.periodic != 0 and (left < 0 or right >= grid.count_x):
+    if grid.space.periodic != 0 and (left < 0 or right >= grid.count_x):
         # The columns of cells on the other side.
         low = left + grid.count_x
         high = grid.count_x - 1
-        shifted = x + grid.domain[0]
+        shifted = x + grid.space.size[0]
         if left >= 0:
             low = 0
             high = right - grid.count_x
-            shifted = x - grid.domain[0]
+            shifted = x - grid.space.size[0]
         for b in range(ROWS):
             begins[b] = cell_start[rows[b] * grid.count_x + low]
             ends[b] = cell_start[rows[b] * grid.count_x + high + 1]

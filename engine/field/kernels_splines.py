@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_domain import wrap
 from ..space.kernels_mesh import Mesh
+from ..space.kernels_space import wrap
 
 wp.set_module_options({"enable_backward": False})
 

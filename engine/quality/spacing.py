@@ -11,6 +11,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..problem.problem import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
+from ..space.space import space_for_kernels
 from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
 
@@ -53,8 +54,7 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
     counts = [max(1, int(length / side)) for length in bodies.size]
     grid.count_x, grid.count_y = counts
     grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
-    grid.domain = wp.vec2(*bodies.size)
-    grid.periodic = int(domain.periodic)
+    grid.space = space_for_kernels(bodies.size, domain.periodic)
     cells = CellSort(launcher, n, counts[0] * counts[1])
     cells.sort(kernels_spacing.compute_cell_keys, [bodies.pose, grid])
     nearest = launcher.empty(n, float)

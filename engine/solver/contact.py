@@ -8,11 +8,11 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
-from ..problem.problem import Problem
 from ..space import kernels_images
 from ..space.neighbourhood import Neighbourhood
 from . import kernels_contact, kernels_descent
-from .line_rules import line_widths
+from .body_flags import BodyFlags
+from .model import Model
 
 __all__ = ["Contact"]
 
@@ -39,45 +39,44 @@ class Contact:
     """Pushes bodies apart whose footprints overlap, while the relaxation runs and at its end.
 
     Args:
-        problem: What is to be placed.
+        model: What is to be placed.
         launcher: Where to run.
-        unit: Metres per unit of the solver.
-        bodies: As the relaxation's kernels take them.
-        images: Densities, as the relaxation's kernels take them.
+        bodies: As the descent's kernels take them.
+        images: Densities, as the descent's kernels take them.
     """
 
     def __init__(
         self,
-        problem: Problem,
+        model: Model,
         launcher: Launcher,
-        unit: float,
         bodies: kernels_descent.Bodies,
         images: kernels_images.Images,
     ) -> None:
         self.launcher = launcher
         self._bodies = bodies
         self._images = images
-        domain = problem.domain
-        area = problem.body_areas()
-        longest = np.concatenate(
-            [np.full(s.count or 0, 0.0 if s.line is None else s.line.longest) for c in problem.classes for s in c.sizes]
-        )
-        self._problem = problem
-        self._unit = unit
-        radius = self._radii(longest)
-        size = (domain.size[0] / unit, domain.size[1] / unit)
+        self._model = model
+        longest, area = model.body.longest, model.body.area
         # Lines whose length the forces change may be longer for a while.
         half = 0.5 * kernels_descent.LONGEST_LINE * longest
-        self._near = Neighbourhood(launcher, size, domain.periodic, radius / unit, half / unit, area)
-        n = len(area)
+        mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, area)
+        self._near = Neighbourhood(
+            launcher,
+            model.size,
+            model.problem.domain.periodic,
+            self._radii(longest) / model.unit,
+            half / model.unit,
+            mass,
+        )
+        n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)
         self._spare = launcher.zeros(n, wp.vec4)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
-        width = line_widths(self._problem, length)
-        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._problem.body_areas() / math.pi))
-        return radius if self._problem.avoid_overlap else AXIS_RADIUS * radius
+        width = self._model.widths(length)
+        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+        return radius if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""
@@ -89,8 +88,8 @@ class Contact:
     def separate(self, pose: wp.array, bend: wp.array) -> None:
         """Push until nothing overlaps, or no progress is made."""
         # Where lines have no width of their own, it follows from the lengths that they have reached.
-        reached = pose.numpy()[:, 3].astype(np.float64) * self._unit
-        self._near.footprints.radius.assign((self._radii(reached) / self._unit).astype(np.float32))
+        reached = pose.numpy()[:, 3].astype(np.float64) * self._model.unit
+        self._near.footprints.radius.assign((self._radii(reached) / self._model.unit).astype(np.float32))
 
         def run_round() -> None:
             self._near.sort(pose)
@@ -140,8 +139,7 @@ class Contact:
                 self._bodies,
                 bend,
                 self._images,
-                near.grid.domain,
-                near.grid.periodic,
+                near.grid.space,
             ],
             [near.near, pose, displacement],
         )

@@ -13,12 +13,12 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
-from ..problem.interaction import Groups
 from ..problem.problem import Problem
 from ..space.full_pixels import images_for_kernels
 from ..space.kernels_images import Images
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
+from .model import Model
 
 __all__ = ["first_pose", "initial_placement"]
 
@@ -29,41 +29,40 @@ LARGEST_ORDER = 12
 GOLDEN = 0.6180339887498949
 
 
-def first_pose(
-    launcher: Launcher, problem: Problem, groups: Groups, images: Images, size: tuple[float, float]
-) -> wp.array:
+def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
     """Put every group's bodies where its density asks for them, each group spread by itself.
 
     Args:
         launcher: Where to run.
-        problem: What is to be placed; its seed decides on all that is random.
-        groups: The groups of its bodies.
+        model: What is to be placed; its problem's seed decides on all that is random.
         images: The classes' densities on the device.
-        size: Extent of the domain in the unit of ``images``.
 
     Returns:
         Poses (x, y, 0, 0), ``wp.vec4``, shape ``[body_count]``. Every body stands inside the domain, where its density is above zero.
     """
     device = launcher.device
-    count = np.bincount(groups.body_group, minlength=groups.count)
+    problem, group = model.problem, model.body.group
+    count = np.bincount(group, minlength=model.groups.count)
     rng = np.random.default_rng(problem.seed)
     seed = int(rng.integers(1 << 31))
-    shift = (rng.random() + GOLDEN * np.arange(groups.count)) % 1.0
+    shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
     of_bodies = [
-        wp.array(groups.body_group, dtype=wp.int32, device=device),
-        wp.array(_ranks(groups.body_group, count), dtype=wp.int32, device=device),
+        wp.array(group, dtype=wp.int32, device=device),
+        wp.array(_ranks(group, count), dtype=wp.int32, device=device),
+        wp.array(model.body.identity, dtype=wp.int32, device=device),
         wp.array(count, dtype=wp.int32, device=device),
         wp.array(shift, dtype=wp.float64, device=device),
     ]
-    pose = launcher.empty(problem.body_count, wp.vec4)
+    domain = wp.vec2(*model.size)
+    pose = launcher.empty(model.body_count, wp.vec4)
     first = 0
     for k, body_class in enumerate(problem.classes):
-        most = int(count[groups.class_index == k].max())
+        most = int(count[model.groups.class_index == k].max())
         order = min(max(math.ceil(math.log2(math.sqrt(CELLS_PER_BODY * most) + 1.0)), 3), LARGEST_ORDER)
         launcher.launch(
             kernels_start.place_bodies,
             body_class.body_count,
-            [k, *of_bodies, order, _pyramid(launcher, body_class.density_image, order), images, wp.vec2(*size), seed],
+            [k, *of_bodies, order, _pyramid(launcher, body_class.density_image, order), images, domain, seed],
             [pose],
             first=first,
             grain=GRAIN_OF_NEIGHBOURS,
@@ -72,13 +71,13 @@ def first_pose(
     return pose
 
 
-def initial_placement(problem: Problem, groups: Groups) -> np.ndarray:
+def initial_placement(problem: Problem) -> np.ndarray:
     """Return where the bodies of ``problem`` start [m], shape ``[body_count, 2]``, float64, in class, then size order."""
     launcher = Launcher(resolve_device("cpu"))
     try:
-        size = problem.domain.size
-        images = images_for_kernels(launcher, [c.density_image for c in problem.classes], size)
-        return first_pose(launcher, problem, groups, images, size).numpy()[:, :2].astype(np.float64)
+        model = Model(problem)
+        images = images_for_kernels(launcher, [c.density_image for c in problem.classes], model.size)
+        return first_pose(launcher, model, images).numpy()[:, :2] * np.float64(model.unit)
     finally:
         launcher.close()
 

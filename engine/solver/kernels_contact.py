@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_domain import shortest, wrap
 from ..space.kernels_images import Images
 from ..space.kernels_neighbourhood import (
     LANES,
@@ -19,7 +18,8 @@ from ..space.kernels_neighbourhood import (
     may_touch,
     set_sorted,
 )
-from .kernels_descent import Bodies, confine, slide
+from ..space.kernels_space import Space, difference, wrap
+from .kernels_descent import PINNED, Bodies, confine_line, slide
 
 wp.set_module_options({"enable_backward": False})
 
@@ -67,11 +67,11 @@ def push_apart(
         shift = wp.vec2(0.0, 0.0)
         turn = float(0.0)
         pushes = int(0)
-        wrapping = wp.where(grid.periodic != 0, 1, 0)
+        wrapping = wp.where(grid.space.periodic != 0, 1, 0)
         for m in range(grid.level_count):
             distance_most = (reach + grid.reach[m]) * (1.0 + slack)
-            columns = cells_within(own[0], distance_most, grid.domain[0], grid.count_x[m], grid.periodic)
-            rows = cells_within(own[1], distance_most, grid.domain[1], grid.count_y[m], grid.periodic)
+            columns = cells_within(own[0], distance_most, grid.space.size[0], grid.count_x[m], grid.space.periodic)
+            rows = cells_within(own[1], distance_most, grid.space.size[1], grid.count_y[m], grid.space.periodic)
             for unwrapped in range(rows[0], rows[1] + 1):
                 row = wrap(unwrapped, grid.count_y[m])
                 base = grid.first_cell[m] + row * grid.count_x[m]
@@ -89,8 +89,8 @@ def push_apart(
                             own[1],
                             reach,
                             (1.0 + slack) * SAFELY,
-                            grid.domain,
-                            grid.periodic,
+                            grid.space.size,
+                            grid.space.periodic,
                             start,
                             end,
                             near.x,
@@ -103,9 +103,7 @@ def push_apart(
                             j = near.body[s]
                             if j != i:
                                 other = pose[j]
-                                between = shortest(
-                                    wp.vec2(other[0] - own[0], other[1] - own[1]), grid.domain, grid.periodic
-                                )
+                                between = difference(wp.vec2(own[0], own[1]), wp.vec2(other[0], other[1]), grid.space)
                                 touching = radius + footprints.radius[j]
                                 wanted = touching * (1.0 + slack)
                                 if wp.length(between) < half + 0.5 * other[3] + wanted:
@@ -157,8 +155,7 @@ def accept_push(
     bodies: Bodies,
     bend: wp.array(dtype=float),
     images: Images,
-    domain: wp.vec2,
-    periodic: int,
+    space: Space,
     # outputs
     near: Sorted,
     pose: wp.array(dtype=wp.vec4),
@@ -167,17 +164,17 @@ def accept_push(
     """Push bodies as far as they may go, and count that as part of the displacement."""
     i = first + wp.tid()
     push = push_of_body[i]
-    if push[3] == 0.0:
+    if push[3] == 0.0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]
     new = old
     k = bodies.class_index[i]
     if bodies.line[i] < 0:
         p = wp.vec2(old[0], old[1])
-        q = slide(p, p + wp.vec2(push[0], push[1]), k, images, domain, periodic)
+        q = slide(p, p + wp.vec2(push[0], push[1]), k, images, space)
         new = wp.vec4(q[0], q[1], 0.0, 0.0)
     else:
-        new = confine(
+        new = confine_line(
             old,
             wp.vec4(old[0] + push[0], old[1] + push[1], old[2] + push[2], old[3]),
             bodies.first_charge[i],
@@ -186,10 +183,9 @@ def accept_push(
             bend,
             k,
             images,
-            domain,
-            periodic,
+            space,
         )
-    way = shortest(wp.vec2(new[0] - old[0], new[1] - old[1]), domain, periodic)
+    way = difference(wp.vec2(old[0], old[1]), wp.vec2(new[0], new[1]), space)
     displacement[i] = displacement[i] + wp.vec4(way[0], way[1], new[2] - old[2], new[3] - old[3])
     pose[i] = new
     set_sorted(near.place[i], new, footprints.radius[i], near)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_domain import shortest, stay_inside
 from ..space.kernels_images import Images, density_pixel, is_full, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
+from ..space.kernels_space import Space, along_border, confine, difference, overhang
+from .body_flags import BodyFlags
 from .kernels_direction import LENGTHS, add, add_products
 
 wp.set_module_options({"enable_backward": False})
 
+PINNED = wp.constant(int(BodyFlags.PINNED))
 # Times that a line is pushed back from empty pixels before its move is given up.
 PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
@@ -26,11 +28,12 @@ WEIGHING_SHARE = wp.constant(0.5)
 
 @wp.struct
 class Bodies:
-    """What bodies are: class, group and kind of line (-1: a dot) of each, and its charges."""
+    """What bodies are: class, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
 
     class_index: wp.array(dtype=wp.int32)
     group: wp.array(dtype=wp.int32)
     line: wp.array(dtype=wp.int32)
+    flags: wp.array(dtype=wp.int32)
     first_charge: wp.array(dtype=wp.int32)
     place: wp.array(dtype=float)
     charge: wp.array(dtype=float)
@@ -89,16 +92,16 @@ def nearest_vector(
 
 
 @wp.func
-def slide(old: wp.vec2, wanted: wp.vec2, k: int, images: Images, domain: wp.vec2, periodic: int):
+def slide(old: wp.vec2, wanted: wp.vec2, k: int, images: Images, space: Space):
     """Where a dot ends that moves from ``old`` to ``wanted``: it never enters an empty pixel, but slides along its edge."""
-    new = stay_inside(wanted, domain, periodic)
-    if not is_full(new, k, images, domain):
-        along_x = stay_inside(wp.vec2(wanted[0], old[1]), domain, periodic)
-        along_y = stay_inside(wp.vec2(old[0], wanted[1]), domain, periodic)
+    new = confine(wanted, space)
+    if not is_full(new, k, images, space.size):
+        along_x = confine(wp.vec2(wanted[0], old[1]), space)
+        along_y = confine(wp.vec2(old[0], wanted[1]), space)
         new = old
-        if is_full(along_x, k, images, domain):
+        if is_full(along_x, k, images, space.size):
             new = along_x
-        elif is_full(along_y, k, images, domain):
+        elif is_full(along_y, k, images, space.size):
             new = along_y
     return new
 
@@ -112,8 +115,7 @@ def way_back(
     bend: wp.array(dtype=float),
     k: int,
     images: Images,
-    domain: wp.vec2,
-    periodic: int,
+    space: Space,
 ):
     """(x, y, 1) by which a line must move so that its farthest charge outside stands on a full pixel; (0, 0, 0) if all do."""
     # How far charges reach over the edges of an open domain.
@@ -124,25 +126,24 @@ def way_back(
     outside = float(0.0)
     for j in range(begin, end):
         p = charge_at(pose, bodies.place[j], bend[j])
-        inside = stay_inside(p, domain, periodic)
-        if periodic == 0:
-            low = wp.max(low, -p)
-            high = wp.max(high, p - domain)
-        pixel = density_pixel(inside, k, images, domain)
+        over = overhang(p, space)
+        low = wp.max(low, wp.vec2(over[0], over[1]))
+        high = wp.max(high, wp.vec2(over[2], over[3]))
+        pixel = density_pixel(confine(p, space), k, images, space.size)
         if images.pixel[pixel] <= 0.0:
             outside = 1.0
             way = images.way[pixel]
             if wp.length_sq(way) > away:
                 away = wp.length_sq(way)
                 farthest = way
-    over = low - high
-    if wp.length_sq(over) > 0.0:
+    back = low - high
+    if wp.length_sq(back) > 0.0:
         outside = 1.0
-    return wp.vec3(farthest[0] + over[0], farthest[1] + over[1], outside)
+    return wp.vec3(farthest[0] + back[0], farthest[1] + back[1], outside)
 
 
 @wp.func
-def confine(
+def confine_line(
     old: wp.vec4,
     wanted: wp.vec4,
     begin: int,
@@ -151,24 +152,23 @@ def confine(
     bend: wp.array(dtype=float),
     k: int,
     images: Images,
-    domain: wp.vec2,
-    periodic: int,
+    space: Space,
 ):
     """Where a line ends that moves from ``old``, where it stands on full pixels alone, to ``wanted``: on such again."""
     new = wanted
     for _attempt in range(PUSHES):
-        way = way_back(new, begin, end, bodies, bend, k, images, domain, periodic)
+        way = way_back(new, begin, end, bodies, bend, k, images, space)
         if way[2] == 0.0:
             return new
         new = wp.vec4(new[0] + way[0], new[1] + way[1], new[2], new[3])
-    if way_back(new, begin, end, bodies, bend, k, images, domain, periodic)[2] == 0.0:
+    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     # A shift without the turn, then a turn without the shift.
     new = wp.vec4(wanted[0], wanted[1], old[2], old[3])
-    if way_back(new, begin, end, bodies, bend, k, images, domain, periodic)[2] == 0.0:
+    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     new = wp.vec4(old[0], old[1], wanted[2], wanted[3])
-    if way_back(new, begin, end, bodies, bend, k, images, domain, periodic)[2] == 0.0:
+    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     return old
 
@@ -200,7 +200,7 @@ def propose_dots(
     step_length: wp.array(dtype=float),
     step_limit: wp.array(dtype=float),
     mesh: Mesh,
-    domain: wp.vec2,
+    space: Space,
     in_contact: int,
     displacement: wp.array(dtype=wp.vec4),
     # outputs
@@ -210,17 +210,11 @@ def propose_dots(
 ):
     """The move that the force on every dot asks for, and what it changed by since the last step."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0:
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     charge = bodies.first_charge[i]
     at = charge_position[charge]
-    force = field[charge]
-    if mesh.periodic == 0:
-        # What presses a body against the border moves nothing.
-        if (at[0] <= 0.0 and force[0] < 0.0) or (at[0] >= domain[0] and force[0] > 0.0):
-            force = wp.vec2(0.0, force[1])
-        if (at[1] <= 0.0 and force[1] < 0.0) or (at[1] >= domain[1] and force[1] > 0.0):
-            force = wp.vec2(force[0], 0.0)
+    force = along_border(field[charge], at, space)
     node = nearest_node(at, mesh)
     length = step_length[bodies.group[i] * mesh.count_x * mesh.count_y + node]
     limit = step_limit[node]
@@ -248,7 +242,7 @@ def propose_lines(
     step_length: wp.array(dtype=float),
     step_limit: wp.array(dtype=float),
     mesh: Mesh,
-    domain: wp.vec2,
+    space: Space,
     in_contact: int,
     displacement: wp.array(dtype=wp.vec4),
     # outputs
@@ -260,7 +254,7 @@ def propose_lines(
     """The shift, turn and stretch that the forces on every line and its wishes ask for, and what they changed by."""
     i = first + wp.tid()
     kind = bodies.line[i]
-    if kind < 0:
+    if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     start = pose[i]
     begin = bodies.first_charge[i]
@@ -293,7 +287,7 @@ def propose_lines(
     shift = shift / total
     half = 0.5 * start[3]
     desired_length = lines.length[
-        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], domain)
+        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
     ]
     wish = nearest_vector(
         centre,
@@ -301,7 +295,7 @@ def propose_lines(
         lines.direction_start[kind],
         lines.direction_height[kind],
         lines.direction_width[kind],
-        domain,
+        space.size,
     )
     weight = wp.length(wish)
     turn = lines.turn_by_force[kind] * turn / (inertia * wp.max(half, 0.05 * desired_length))
@@ -359,7 +353,7 @@ def move_dots(
     step_limit: wp.array(dtype=float),
     mesh: Mesh,
     images: Images,
-    domain: wp.vec2,
+    space: Space,
     move: wp.array(dtype=wp.vec4),
     change: wp.array(dtype=wp.vec4),
     # outputs
@@ -369,13 +363,13 @@ def move_dots(
 ):
     """Move every dot in the direction that :func:`decide_direction` found; it never enters empty pixels."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0:
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = wp.vec2(pose[i][0], pose[i][1])
     d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
     wanted = old + limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(old, mesh)])
-    new = slide(old, wanted, bodies.class_index[i], images, domain, mesh.periodic)
-    way = shortest(new - old, domain, mesh.periodic)
+    new = slide(old, wanted, bodies.class_index[i], images, space)
+    way = difference(old, new, space)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
     displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
     charge_position[bodies.first_charge[i]] = new
@@ -390,7 +384,7 @@ def move_lines(
     step_limit: wp.array(dtype=float),
     mesh: Mesh,
     images: Images,
-    domain: wp.vec2,
+    space: Space,
     move: wp.array(dtype=wp.vec4),
     change: wp.array(dtype=wp.vec4),
     # outputs
@@ -401,7 +395,7 @@ def move_lines(
     """Move every line in the direction that :func:`decide_direction` found; its charges never enter empty pixels."""
     i = first + wp.tid()
     kind = bodies.line[i]
-    if kind < 0:
+    if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]
     k = bodies.class_index[i]
@@ -412,20 +406,17 @@ def move_lines(
     shift = limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(centre, mesh)])
     turn = wp.clamp(d[2], -LARGEST_TURN, LARGEST_TURN)
     desired_length = lines.length[
-        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], domain)
+        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
     ]
     length = wp.clamp(old[3] + d[3], SHORTEST_LINE * desired_length, LONGEST_LINE * desired_length)
     wanted = wp.vec4(old[0] + shift[0], old[1] + shift[1], old[2] + turn, length)
-    line = confine(old, wanted, begin, end, bodies, bend, k, images, domain, mesh.periodic)
-    if (
-        lines.straightness[kind] >= 0.0
-        and way_back(line, begin, end, bodies, bend, k, images, domain, mesh.periodic)[2] != 0.0
-    ):
+    line = confine_line(old, wanted, begin, end, bodies, bend, k, images, space)
+    if lines.straightness[kind] >= 0.0 and way_back(line, begin, end, bodies, bend, k, images, space)[2] != 0.0:
         # The old pose with a new bend: straight, a line always fits where it stood.
         for j in range(begin, end):
             bend[j] = 0.0
-    new_centre = stay_inside(wp.vec2(line[0], line[1]), domain, mesh.periodic)
-    way = shortest(new_centre - centre, domain, mesh.periodic)
+    new_centre = confine(wp.vec2(line[0], line[1]), space)
+    way = difference(centre, new_centre, space)
     pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
     displacement[i] = wp.vec4(way[0], way[1], line[2] - old[2], line[3] - old[3])
 
@@ -436,14 +427,13 @@ def place_charges(
     pose: wp.array(dtype=wp.vec4),
     bodies: Bodies,
     bend: wp.array(dtype=float),
-    domain: wp.vec2,
-    periodic: int,
+    space: Space,
     # outputs
     charge_position: wp.array(dtype=wp.vec2),
 ):
     i = first + wp.tid()
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        charge_position[j] = stay_inside(charge_at(pose[i], bodies.place[j], bend[j]), domain, periodic)
+        charge_position[j] = confine(charge_at(pose[i], bodies.place[j], bend[j]), space)
 
 
 @wp.kernel

@@ -113,6 +113,7 @@ def place_bodies(
     class_index: int,
     group: wp.array(dtype=wp.int32),
     rank: wp.array(dtype=wp.int32),
+    identity: wp.array(dtype=wp.int32),
     group_count: wp.array(dtype=wp.int32),
     group_shift: wp.array(dtype=wp.float64),
     order: int,
@@ -126,7 +127,7 @@ def place_bodies(
     """Put the bodies of one class at even steps of the running sum of its density along the curve, at random within their cells."""
     i = first + wp.tid()
     g = group[i]
-    state = wp.rand_init(seed, i)
+    state = wp.rand_init(seed, identity[i])
     # Half a step of jitter: enough to hide the curve, little enough to stay even.
     along = group_shift[g] + wp.float64(0.5 * wp.randf(state))
     step = (wp.float64(rank[i]) + along - wp.floor(along)) / wp.float64(group_count[g])

@@ -7,11 +7,12 @@ import math
 import numpy as np
 import warp as wp
 
+from ..device.launcher import Launcher
 from ..problem.direction_field import direction_field
-from ..problem.problem import Problem
 from . import kernels_descent
+from .model import Model
 
-__all__ = ["LineRules", "line_widths"]
+__all__ = ["LineRules"]
 
 # Lines start at this share of their desired length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
@@ -21,52 +22,33 @@ class LineRules:
     """Rules for the kernels; every size with a line is one kind.
 
     Args:
-        problem: What is to be placed.
-        unit: Metres per unit of the solver.
-        device: Where the arrays are to be.
+        model: What is to be placed.
+        launcher: Where the arrays are to be.
 
     Attributes:
-        body_line: Kind of every body, -1 for dots, shape ``[body_count]``, int32.
-        bends: Whether a body may bend, shape ``[body_count]``.
         kind_count: Number of kinds.
         lines: The rules as kernels take them.
         line_count: Number of bodies of every kind, on the device.
         pressed: 1 for kinds whose length the forces change, on the device.
     """
 
-    def __init__(self, problem: Problem, unit: float, device: wp.Device) -> None:
-        kinds = [(c, size) for c in problem.classes for size in c.sizes if size.line is not None]
-        self.kind_count = len(kinds)
-        numbers = iter(range(len(kinds)))
-        self.body_line = np.concatenate(
-            [
-                np.full(size.count or 0, next(numbers) if size.line is not None else -1, dtype=np.int32)
-                for c in problem.classes
-                for size in c.sizes
-            ]
-        )
-        self.bends = np.concatenate(
-            [
-                np.full(size.count or 0, size.line is not None and size.line.straightness is not None)
-                for c in problem.classes
-                for size in c.sizes
-            ]
-        )
-        self._unit = unit
-        self._size = problem.domain.size
-        self._seed = problem.seed
-        rules = [size.line for _, size in kinds if size.line is not None]
+    def __init__(self, model: Model, launcher: Launcher) -> None:
+        self._model = model
+        device = launcher.device
+        problem = model.problem
+        rules = [kind.line for kind in model.kinds]
+        self.kind_count = len(rules)
         self._directions = [
             direction_field(
-                line.direction,
-                c.density_image,
-                *line.tensor_scales,
+                kind.line.direction,
+                kind.body_class.density_image,
+                *kind.line.tensor_scales,
                 pixel_size=(
-                    problem.domain.size[0] / c.density_image.shape[1],
-                    problem.domain.size[1] / c.density_image.shape[0],
+                    problem.domain.size[0] / kind.body_class.density_image.shape[1],
+                    problem.domain.size[1] / kind.body_class.density_image.shape[0],
                 ),
             ).double_angle_vectors()
-            for (c, _), line in zip(kinds, rules, strict=True)
+            for kind in model.kinds
         ]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
 
@@ -82,10 +64,10 @@ class LineRules:
         lines.length_factor = numbers_of([1.0] * len(rules))
         lines.direction, *shape = _joined(self._directions, wp.vec2, device)
         lines.direction_start, lines.direction_height, lines.direction_width = shape
-        lines.length, *shape = _joined([length / unit for length in self._lengths], float, device)
+        lines.length, *shape = _joined([length / model.unit for length in self._lengths], float, device)
         lines.length_start, lines.length_height, lines.length_width = shape
         self.lines = lines
-        count = np.bincount(self.body_line + 1, minlength=len(kinds) + 1)[1:]
+        count = np.bincount(model.body.kind + 1, minlength=self.kind_count + 1)[1:]
         self.line_count = numbers_of(count.astype(float).tolist())
         # A line whose length the forces do not change reaches it by itself.
         self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
@@ -93,46 +75,19 @@ class LineRules:
     def first_angle_and_length(self, position: np.ndarray) -> np.ndarray:
         """Angle [rad] and length of every body at the start, shape ``[body_count, 2]``, for positions in the solver's unit."""
         result = np.zeros((len(position), 2))
-        rng = np.random.default_rng([self._seed, 3])
+        model = self._model
+        size = model.problem.domain.size
+        rng = np.random.default_rng([model.problem.seed, 3])
         for kind in range(self.kind_count):
-            own = np.flatnonzero(self.body_line == kind)
-            metres = position[own].astype(np.float64) * self._unit
+            own = np.flatnonzero(model.body.kind == kind)
+            metres = position[own].astype(np.float64) * model.unit
             angle = rng.uniform(0.0, math.pi, len(own))
-            wish = _at(self._directions[kind], metres, self._size)
+            wish = _at(self._directions[kind], metres, size)
             led = (wish**2).sum(axis=1) > 0.0
             angle[led] = 0.5 * np.arctan2(wish[led, 1], wish[led, 0])
             result[own, 0] = angle
-            result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, self._size) / self._unit
+            result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, size) / model.unit
         return result
-
-
-def line_widths(problem: Problem, length: np.ndarray) -> np.ndarray:
-    """Thickness of every body [m], shape ``[n]``, 0 for dots.
-
-    Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
-    image.
-
-    Args:
-        problem: What was placed.
-        length: Length of every body's axis [m], shape ``[n]``.
-    """
-    area = problem.body_areas()
-    width = np.zeros(len(area))
-    first = 0
-    for body_class in problem.classes:
-        for size in body_class.sizes:
-            own = slice(first, first + (size.count or 0))
-            first = own.stop
-            if size.line is None:
-                continue
-            mean = float(length[own].mean())
-            # length * width + pi width² / 4 = area
-            width[own] = (
-                2.0 / math.pi * (np.sqrt(mean**2 + math.pi * area[own]) - mean)
-                if size.line.width is None
-                else size.line.width
-            )
-    return width
 
 
 def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp.array, wp.array, wp.array, wp.array]:

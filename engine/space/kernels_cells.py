@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import warp as wp
 
+from .kernels_space import Space
+
 wp.set_module_options({"enable_backward": False})
 
 
 @wp.struct
 class CellGrid:
-    """Cells of the near field: ``count`` along x and y, their inverse size, the domain, and whether it wraps."""
+    """Cells over a space: ``count`` along x and y, and their inverse size."""
 
     count_x: wp.int32
     count_y: wp.int32
     inverse_size: wp.vec2
-    domain: wp.vec2
-    periodic: wp.int32
+    space: Space
 
 
 @wp.func

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_domain import wrap
+from .kernels_space import wrap
 
 wp.set_module_options({"enable_backward": False})
 

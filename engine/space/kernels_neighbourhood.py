@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_domain import shortest, wrap
+from .kernels_space import Space, difference, wrap
 
 wp.set_module_options({"enable_backward": False})
 
@@ -26,8 +26,7 @@ class ContactGrid:
     count_x: wp.array(dtype=wp.int32)
     count_y: wp.array(dtype=wp.int32)
     first_cell: wp.array(dtype=wp.int32)
-    domain: wp.vec2
-    periodic: wp.int32
+    space: Space
 
 
 @wp.struct
@@ -81,8 +80,8 @@ def contact_keys(
 ):
     i = first + wp.tid()
     m = footprints.level[i]
-    x = wp.clamp(int(pose[i][0] / grid.domain[0] * float(grid.count_x[m])), 0, grid.count_x[m] - 1)
-    y = wp.clamp(int(pose[i][1] / grid.domain[1] * float(grid.count_y[m])), 0, grid.count_y[m] - 1)
+    x = wp.clamp(int(pose[i][0] / grid.space.size[0] * float(grid.count_x[m])), 0, grid.count_x[m] - 1)
+    y = wp.clamp(int(pose[i][1] / grid.space.size[1] * float(grid.count_y[m])), 0, grid.count_y[m] - 1)
     key[i] = grid.first_cell[m] + y * grid.count_x[m] + x
     order[i] = i
 
@@ -231,11 +230,11 @@ def count_overlaps(
     axis = near.half_axis[near.place[i]]
     half = 0.5 * own[3]
     count = int(0)
-    wrapping = wp.where(grid.periodic != 0, 1, 0)
+    wrapping = wp.where(grid.space.periodic != 0, 1, 0)
     for m in range(grid.level_count):
         distance_most = half + radius + grid.reach[m]
-        columns = cells_within(own[0], distance_most, grid.domain[0], grid.count_x[m], grid.periodic)
-        rows = cells_within(own[1], distance_most, grid.domain[1], grid.count_y[m], grid.periodic)
+        columns = cells_within(own[0], distance_most, grid.space.size[0], grid.count_x[m], grid.space.periodic)
+        rows = cells_within(own[1], distance_most, grid.space.size[1], grid.count_y[m], grid.space.periodic)
         for unwrapped in range(rows[0], rows[1] + 1):
             row = wrap(unwrapped, grid.count_y[m])
             base = grid.first_cell[m] + row * grid.count_x[m]
@@ -252,8 +251,8 @@ def count_overlaps(
                         own[1],
                         half + radius,
                         touch * SAFELY,
-                        grid.domain,
-                        grid.periodic,
+                        grid.space.size,
+                        grid.space.periodic,
                         start,
                         end,
                         near.x,
@@ -266,9 +265,7 @@ def count_overlaps(
                         j = near.body[s]
                         if j != i:
                             other = pose[j]
-                            between = shortest(
-                                wp.vec2(other[0] - own[0], other[1] - own[1]), grid.domain, grid.periodic
-                            )
+                            between = difference(wp.vec2(own[0], own[1]), wp.vec2(other[0], other[1]), grid.space)
                             touching = (radius + footprints.radius[j]) * touch
                             if wp.length(between) < half + 0.5 * other[3] + touching:
                                 other_axis = near.half_axis[s]

@@ -14,6 +14,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from . import kernels_neighbourhood
 from .cell_sort import CellSort
+from .space import space_for_kernels
 
 __all__ = ["Neighbourhood"]
 
@@ -32,7 +33,7 @@ class Neighbourhood:
         periodic: Whether it wraps.
         radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
         half_length: Half the longest axis that it may have, shape ``[n]``.
-        mass: Of every body, shape ``[n]``.
+        mass: Of every body, shape ``[n]``; infinite for one that others cannot push.
     """
 
     def __init__(
@@ -62,13 +63,12 @@ class Neighbourhood:
         grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
         grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
         grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
-        grid.domain = wp.vec2(*size)
-        grid.periodic = int(periodic)
+        grid.space = space_for_kernels(size, periodic)
         self.grid = grid
         footprints = kernels_neighbourhood.Footprints()
         footprints.level = wp.array(level, dtype=wp.int32, device=device)
         footprints.radius = wp.array(radius, dtype=float, device=device)
-        footprints.mass = wp.array(mass / mass.mean(), dtype=float, device=device)
+        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))

@@ -71,7 +71,7 @@ def test_lines_are_evened_out_too(optimizers, launcher, name):
 def test_a_pull_on_lines_is_the_engines_own_move(optimizers, launcher):
     problem = optimizers.scenes(384, 0)["lines"]
     system, own = (optimizers.Lines(problem, launcher) for _ in range(2))
-    own.relaxation.contact = None
+    own.descent.contact = None
     expected = next(optimizers.engine(own, own.start)) - own.start
     move, weight = system.pull(system.start)
     assert np.abs(expected).max() > 0.1

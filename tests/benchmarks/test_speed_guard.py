@@ -16,7 +16,9 @@ from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.field.kernels_field import CELLS_PER_CUTOFF
 from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
 from esh.engine.solve import solve
-from esh.engine.solver.relaxation import Relaxation
+from esh.engine.solver.descent import Descent
+from esh.engine.solver.model import Model
+from esh.engine.solver.solver import Solver
 
 # An evaluation for 20,000 bodies beside a direct float32 sum over 8,192; its noise is said at the test.
 MEASURED_RATIO = 0.66
@@ -35,13 +37,13 @@ def operations(count, groups):
     """Additions and multiplications, roughly, of one evaluation of the forces: transforms, splines and pairs."""
     launcher = Launcher(resolve_device("cpu"))
     try:
-        relaxation = Relaxation(problem_of(count, groups), launcher)
-        field = relaxation.field
+        descent = Descent(Model(problem_of(count, groups)), launcher)
+        field = descent.field
         rows, columns = field.layout.padded
         transforms = groups * 5 * rows * columns * np.log2(rows * columns)
         mixing = groups**2 * field.layout.node_count * 2
         splines = count * (16 * 4 + 2 * 16 * 8)
-        cell = (relaxation.size[0] / field.cells.count_x) * (relaxation.size[1] / field.cells.count_y)
+        cell = (descent.model.size[0] / field.cells.count_x) * (descent.model.size[1] / field.cells.count_y)
         pairs = (2 * CELLS_PER_CUTOFF + 1) ** 2 * cell * count * 21
         return (transforms + mixing + splines + pairs) / count
     finally:
@@ -77,11 +79,11 @@ class CountingLauncher(Launcher):
 def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches, elements):
     launcher = CountingLauncher(resolve_device("cpu"))
     try:
-        relaxation = Relaxation(problem_of(count, groups), launcher)
-        position = np.random.default_rng(0).random((relaxation.body_count, 2)) * relaxation.size
+        descent = Descent(Model(problem_of(count, groups)), launcher)
+        position = np.random.default_rng(0).random((descent.model.body_count, 2)) * descent.model.size
         points = wp.array(position.astype(np.float32), dtype=wp.vec2, device="cpu")
         launcher.launches, launcher.elements = 0, 0
-        relaxation.field.evaluate(points, relaxation.field_at_charge)
+        descent.field.evaluate(points, descent.field_at_charge)
         print(f"{launcher.launches} launches, {launcher.elements / count:.2f} elements per body")
         assert 0 < launcher.launches <= launches
         assert 0 < launcher.elements / count <= 1.1 * elements
@@ -93,14 +95,10 @@ def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches,
 def test_a_step_costs_python_one_launch_however_many_kernels_it_has(lines):
     line = Line(1.0, "none") if lines else None
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 0.5, 2000, line=line)])], avoid_overlap=True)
-    launcher = Launcher(resolve_device("cpu"))
-    try:
-        relaxation = Relaxation(problem, launcher)
-        before = launcher.python_launches
-        relaxation.run(6, None)
-        assert launcher.python_launches - before == 6
-    finally:
-        launcher.close()
+    with Solver(problem, device="cpu") as solver:
+        before = solver.launcher.python_launches
+        solver.step(6)
+        assert solver.launcher.python_launches - before == 6
 
 
 def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():
@@ -117,8 +115,8 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
 
     launcher = Launcher(resolve_device("cpu"))
     try:
-        relaxation = Relaxation(problem_of(20_000, 1), launcher)
-        position = (np.random.default_rng(0).random((20_000, 2)) * relaxation.size).astype(np.float32)
+        descent = Descent(Model(problem_of(20_000, 1)), launcher)
+        position = (np.random.default_rng(0).random((20_000, 2)) * descent.model.size).astype(np.float32)
         points = wp.array(position, dtype=wp.vec2, device="cpu")
         sums = DirectSummation(problem_of(8192, 1), launcher, double=False)
         at = np.random.default_rng(0).random((8192, 2)) * sums.size
@@ -130,7 +128,7 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
             return (time.process_time() - start) / repeat
 
         ours, direct = [], []
-        evaluation = launcher.record(lambda: relaxation.field.evaluate(points, relaxation.field_at_charge))
+        evaluation = launcher.record(lambda: descent.field.evaluate(points, descent.field_at_charge))
         evaluation.play()
         sums.repulsion(at)
         for _ in range(9):

@@ -17,7 +17,7 @@ import pytest
 from esh.engine.cli import command_line
 from PIL import Image
 
-RECIPES = Path(__file__).parents[2] / "demo_scenes" / "recipes"
+RECIPES = Path(__file__).parents[3] / "demo_scenes" / "recipes"
 COMMAND = [sys.executable, "-m", "esh.engine.cli.command_line"]
 
 SMALL = """

@@ -146,6 +146,92 @@ def test_two_runs_at_once_in_one_process_are_like_each_alone(monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
+# A thread is woken late, in the middle of an operation, and wakes others that sleep since its start: one of these wakes up to find
+# nothing new. A wake-up that is lost then hangs the run, or leaves a thread asleep for ever.
+LATE_WAKERS = """
+import os, threading, time
+import numpy as np
+import warp as wp
+from esh.engine.device.launcher import Launcher, resolve_device
+
+@wp.func_native("volatile int x = 0; for (int k = 0; k < n; ++k) x = x + k; return x;")
+def burn(n: int) -> int: ...
+
+@wp.kernel(enable_backward=False)
+def work(first: int, rounds: wp.array(dtype=wp.int32), result: wp.array(dtype=wp.int32)):
+    i = first + wp.tid()
+    result[i] = burn(rounds[i])
+
+launcher = Launcher(resolve_device("cpu"))
+result = wp.zeros(3, dtype=wp.int32, device="cpu")
+
+def launch(milliseconds):
+    rounds = wp.array((np.array(milliseconds) * per_millisecond).astype(np.int32), dtype=wp.int32, device="cpu")
+    launcher.launch(work, len(milliseconds), [rounds], [result], grain=1)
+
+per_millisecond = 10_000
+launch([1.0])
+start = time.perf_counter()
+launch([100.0])
+per_millisecond *= 0.1 / (time.perf_counter() - start)
+
+def program():
+    for _ in range(4):
+        launch([6.0])
+        launch([2.0, 30.0, 0.01])
+
+recording = launcher.record(program)
+recording.play()
+cores = sorted(os.sched_getaffinity(0))
+for thread in threading.enumerate():
+    others = thread is not threading.main_thread()
+    os.sched_setaffinity(thread.native_id, {cores[-1] if others else cores[0]})
+for _ in range(25):
+    recording.play()
+launcher.close()
+print("ended", threading.active_count())
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="threads cannot be bound to processors here")
+def test_no_wake_up_is_lost_where_threads_are_woken_late(tmp_path):
+    script = tmp_path / "late_wakers.py"
+    script.write_text(LATE_WAKERS, encoding="utf-8")
+    environment = {**os.environ, "ESH_THREADS": "3"}
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, cwd=tmp_path, env=environment
+    )
+    assert done.stdout.strip() == "ended 1", done.stderr[-2000:]
+
+
+def test_a_run_goes_on_with_the_threads_that_the_system_gives(monkeypatch):
+    real = threading.Thread.start
+
+    def start(thread):
+        if thread.name.endswith(" 2"):
+            raise RuntimeError("can't start new thread")
+        real(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with launcher_of(5, monkeypatch) as launcher:
+        done = wp.zeros(100, dtype=wp.int32, device="cpu")
+        for _ in range(3):
+            launcher.launch(add_one, 100, [], [done], grain=1)
+        assert done.numpy().tolist() == [3] * 100
+    assert threading.active_count() == 1
+
+
+def test_threads_have_stacks_of_their_own_size(monkeypatch):
+    before = threading.stack_size(256 << 10)
+    try:
+        monkeypatch.setenv("ESH_THREADS", "3")
+        placement = solve(Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 20_000)])]), max_steps=3)
+        assert np.isfinite(placement.position).all()
+        assert threading.stack_size() == 256 << 10
+    finally:
+        threading.stack_size(before)
+
+
 def test_busy_programs_slow_a_run_down_in_proportion():
     """Beside as many busy programs as there are processors its share is a half: twice the time, where nothing else is lost."""
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 20_000)])])
@@ -197,7 +283,7 @@ def test_a_run_leaves_a_processor_to_others_where_there_are_four(monkeypatch):
     assert core_count() == 2
 
 
-@pytest.mark.parametrize("value", ["0", "-1", "two", "1.5"])
+@pytest.mark.parametrize("value", ["0", "-1", "two", "1.5", " 8", "9" * 5000, "٣"])
 def test_a_wrong_number_of_threads_is_answered_with_a_sentence(value, monkeypatch):
     monkeypatch.setenv("ESH_THREADS", value)
     with pytest.raises(DeviceError, match="ESH_THREADS must be a whole number"):

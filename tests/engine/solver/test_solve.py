@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from esh.engine.errors import DeviceError, ProblemError
-from esh.engine.problem.interaction import group_bodies
 from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.spacing import HEXAGONAL_SPACING
@@ -63,7 +62,7 @@ def test_a_generated_picture_is_followed():
     image = picture()
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 4096)], image)])
     placement = solve(problem)
-    start = replace(placement, position=initial_placement(problem, group_bodies(problem)))
+    start = replace(placement, position=initial_placement(problem))
     reached, before = errors(placement, slice(None), image), errors(start, slice(None), image)
     assert reached[0] < 0.6 * before[0]
     assert reached[1] < 0.5 * before[1]

@@ -1,0 +1,246 @@
+"""The descent: what a step of the relaxation launches.
+
+The bodies descend the energy 1/2 sum M[g, h] <rho_g - u_g, K (rho_h - u_h)>. Where the density is low the energy is flat, so
+what the forces ask for is measured in the inverse of the local curvature, 2 pi sum_h M[g, h] u_h; and what the last step changed
+of it tells of the slow modes (memoryless BFGS; of the optimisers tried the one that needs the fewest evaluations of the forces,
+half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..field.field import Field, FieldTarget
+from ..problem.problem import Problem
+from ..space.full_pixels import images_for_kernels
+from ..space.space import space_for_kernels
+from ..space.survey import survey
+from ..space.target_deposit import mix_images
+from . import kernels_descent, kernels_direction
+from .contact import Contact
+from .initial_placement import first_pose
+from .line_rules import LineRules
+from .model import Model
+from .state import State
+
+__all__ = ["STEP_LIMIT", "Descent"]
+
+# No body moves further in a step than this share of the local spacing.
+STEP_LIMIT = 0.5
+# Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite.
+SMALLEST_DENSITY = 2e-3
+
+
+class Descent:
+    """Takes steps of a model's state.
+
+    Args:
+        model: What is to be placed.
+        launcher: Where to run.
+
+    Attributes:
+        state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
+        field: The forces.
+        step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
+        step_limit: How far a body may move in a step, at every node.
+        contact: What keeps footprints apart, or None.
+        step: A whole step, recorded.
+    """
+
+    def __init__(self, model: Model, launcher: Launcher) -> None:
+        self.model = model
+        self.launcher = launcher
+        problem = model.problem
+        device = launcher.device
+        self._space = space_for_kernels(model.size, problem.domain.periodic)
+        self.rules = LineRules(model, launcher)
+        self.bodies = _bodies_for_kernels(model, device)
+        self.has_dots = bool((model.body.kind < 0).any())
+        images = [problem.classes[c].density_image for c in model.groups.class_index]
+        self.field = Field(
+            launcher,
+            size=model.size,
+            periodic=problem.domain.periodic,
+            interaction=model.groups.matrix,
+            targets=[FieldTarget(image, charge) for image, charge in zip(images, model.group_charge, strict=True)],
+            spacing=_typical_spacing(problem) / model.unit,
+            charge=model.charge.charge,
+            charge_group=model.body.group[model.charge.body],
+        )
+        self._prepare_steps()
+        self.images = images_for_kernels(launcher, [c.density_image for c in problem.classes], model.size)
+        self.state = self._first_state()
+        n = model.body_count
+        self._change = launcher.zeros(n, wp.vec4)
+        self.charge_position = launcher.empty(model.charge_count, wp.vec2)
+        self.field_at_charge = launcher.zeros(model.charge_count, wp.vec2)
+        kinds = kernels_direction.LENGTHS + self.rules.kind_count
+        slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
+        # Those of no two threads in a line of the cache.
+        room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
+        self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
+        self._totals = launcher.zeros(kinds, wp.int64)
+        # See kernels_direction.decide_direction.
+        self.direction = launcher.zeros(4, float)
+        self.contact: Contact | None = None
+        if problem.avoid_overlap or self.rules.kind_count:
+            self.contact = Contact(model, launcher, self.bodies, self.images)
+        self.place_charges()
+        self.step = launcher.record(self.take_step)
+
+    def residual(self) -> float:
+        """RMS of the moves that the forces asked for in the last step, over the local spacing."""
+        return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+
+    def _first_state(self) -> State:
+        model, launcher = self.model, self.launcher
+        pose = first_pose(launcher, model, self.images)
+        if self.rules.kind_count:
+            values = pose.numpy()
+            values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
+            pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
+        n = model.body_count
+        return State(
+            pose=pose,
+            bend=launcher.zeros(model.charge_count, float),
+            displacement=launcher.zeros(n, wp.vec4),
+            move=launcher.zeros(n, wp.vec4),
+            length_factor=self.rules.lines.length_factor,
+            steps=np.zeros(1, np.int32),
+        )
+
+    def _prepare_steps(self) -> None:
+        field = self.field
+        layout = field.layout
+        device = self.launcher.device
+        # A group that nothing attracts keeps a finite step.
+        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-12)
+        self.step_length = self.launcher.empty(self.model.groups.count * layout.node_count, float)
+        self.launcher.launch(
+            kernels_descent.find_step_lengths,
+            self.model.groups.count * layout.node_count,
+            [
+                field.attraction,
+                layout.node_count,
+                1.0 / layout.node_area,
+                wp.array(least, dtype=float, device=device),
+            ],
+            [self.step_length],
+        )
+        count = np.zeros((1, len(field.images)))
+        for c in self.model.problem.classes:
+            count[0, [image is c.density_image for image in field.images].index(True)] += c.body_count
+        number = mix_images(self.launcher, field.deposited, count, layout.node_count)
+        self.step_limit = self.launcher.empty(layout.node_count, float)
+        self.launcher.launch(
+            kernels_descent.find_step_limits,
+            layout.node_count,
+            [
+                number,
+                1.0 / layout.node_area,
+                SMALLEST_DENSITY * self.model.body_count / self.model.charge_count,
+                STEP_LIMIT,
+            ],
+            [self.step_limit],
+        )
+
+    def take_step(self) -> None:
+        """Launch a whole step."""
+        self.field.evaluate(self.charge_position, self.field_at_charge)
+        with self.launcher.phase("update"):
+            self.propose()
+            self.decide()
+            self.move()
+        if self.contact is not None:
+            with self.launcher.phase("contact"):
+                self.contact.push(self.state.pose, self.state.bend, self.state.displacement)
+            with self.launcher.phase("update"):
+                self.place_charges()
+
+    def propose(self) -> None:
+        """What the forces ask for, and the sums over all bodies that the direction depends on."""
+        field = [self.step_length, self.step_limit, self.field.mesh, self._space, int(self.contact is not None)]
+        charges = [self.charge_position, self.field_at_charge, self.bodies]
+        moves = [self.state.move, self._change]
+        if self.has_dots:
+            self.launcher.launch(
+                kernels_descent.propose_dots,
+                self.model.body_count,
+                [*charges, *field, self.state.displacement],
+                [*moves, self._sums],
+                per_thread=True,
+            )
+        if self.rules.kind_count:
+            self.launcher.launch(
+                kernels_descent.propose_lines,
+                self.model.body_count,
+                [self.state.pose, *charges, self.rules.lines, *field, self.state.displacement],
+                [*moves, self.state.bend, self._sums],
+                grain=GRAIN_OF_NEIGHBOURS,
+                per_thread=True,
+            )
+
+    def decide(self) -> None:
+        """In which direction all of them move; see :func:`.kernels_direction.decide_direction`."""
+        kinds, slots = self._totals.shape[0], self._sums.shape[2]
+        at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
+        self.launcher.launch(kernels_direction.add_up, kinds * slots // at_once, [at_once], [self._sums, self._totals])
+        self.launcher.launch(
+            kernels_direction.decide_direction,
+            1,
+            [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
+            [self._totals, self.direction, self.rules.lines.length_factor],
+        )
+
+    def move(self) -> None:
+        """Move them."""
+        where = [self.step_limit, self.field.mesh, self.images, self._space, self.state.move, self._change]
+        if self.has_dots:
+            self.launcher.launch(
+                kernels_descent.move_dots,
+                self.model.body_count,
+                [self.direction, self.bodies, *where],
+                [self.state.pose, self.state.displacement, self.charge_position],
+            )
+        if self.rules.kind_count:
+            self.launcher.launch(
+                kernels_descent.move_lines,
+                self.model.body_count,
+                [self.direction, self.bodies, self.rules.lines, *where],
+                [self.state.pose, self.state.bend, self.state.displacement],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+
+    def place_charges(self) -> None:
+        """Put the charges of all bodies where these are; those of dots follow at once where there is no contact."""
+        self.launcher.launch(
+            kernels_descent.place_charges,
+            self.model.body_count,
+            [self.state.pose, self.bodies, self.state.bend, self._space],
+            [self.charge_position],
+        )
+
+
+def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
+    table, charge = model.body, model.charge
+    bodies = kernels_descent.Bodies()
+    bodies.class_index = wp.array(table.class_index, dtype=wp.int32, device=device)
+    bodies.group = wp.array(table.group, dtype=wp.int32, device=device)
+    bodies.line = wp.array(table.kind, dtype=wp.int32, device=device)
+    bodies.flags = wp.array(table.flags, dtype=wp.int32, device=device)
+    bodies.first_charge = wp.array(charge.first, dtype=wp.int32, device=device)
+    bodies.place = wp.array(charge.place, dtype=float, device=device)
+    bodies.charge = wp.array(charge.charge, dtype=float, device=device)
+    return bodies
+
+
+def _typical_spacing(problem: Problem) -> float:
+    """Spacing [m] of charges at the number density that the average body sees."""
+    number = survey(problem)
+    cell_area = problem.domain.area / number.size
+    spacing = math.sqrt(cell_area * number.sum() / (number**2).sum())
+    return spacing * math.sqrt(problem.body_count / problem.charge_count)

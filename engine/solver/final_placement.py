@@ -1,0 +1,80 @@
+"""Where the bodies end: a state, in metres."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..problem.placement import Placement
+from ..problem.report import NO_REPORT
+from ..space.density import settle_on_full_pixels
+from .body_flags import BodyFlags
+from .model import Model
+from .state import State
+
+__all__ = ["placement_of", "position_in_metres"]
+
+
+def placement_of(model: Model, state: State) -> Placement:
+    """The bodies of a state, less the ghosts; the report is still to be measured."""
+    body = model.body
+    position = _settled(model, position_in_metres(model, state))
+    angle, length, width = np.zeros((3, len(position)))
+    if model.kinds:
+        pose = state.pose.numpy().astype(np.float64)
+        # A line has no front: angles within half a turn.
+        turned = np.mod(pose[:, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
+        angle = np.where(body.kind < 0, 0.0, turned)
+        length = pose[:, 3] * model.unit
+        width = model.widths(length)
+    bends = _bends(model, state, position)
+    shown = (body.flags & BodyFlags.GHOST) == 0
+    return Placement(
+        model.problem,
+        position[shown],
+        body.class_index[shown],
+        body.size_index[shown],
+        angle[shown],
+        length[shown],
+        width[shown],
+        NO_REPORT,
+        None if bends is None else bends[shown],
+    )
+
+
+def position_in_metres(model: Model, state: State) -> np.ndarray:
+    """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain."""
+    position = np.multiply(state.pose.numpy()[:, :2], model.unit, dtype=np.float64)
+    return np.minimum(position, model.problem.domain.size, out=position)
+
+
+def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:
+    """Places of the charges on bodies that may bend; see :class:`Placement`."""
+    most = max((kind.line.charges for kind in model.kinds if kind.line.straightness is not None), default=0)
+    if most == 0:
+        return None
+    first, body = model.charge.first, model.charge.body
+    pose = state.pose.numpy()[body]
+    along = 0.5 * pose[:, 3] * model.charge.place.astype(np.float32)
+    across = state.bend.numpy()
+    angle = pose[:, 2]
+    offset = np.stack(
+        [along * np.cos(angle) - across * np.sin(angle), along * np.sin(angle) + across * np.cos(angle)], axis=1
+    )
+    bends = np.full((len(position), most, 2), np.nan)
+    may_bend = model.may_bend[body]
+    order = np.arange(len(body)) - first[body]
+    bends[body[may_bend], order[may_bend]] = position[body[may_bend]] + offset[may_bend] * model.unit
+    return bends
+
+
+def _settled(model: Model, position: np.ndarray) -> np.ndarray:
+    """Undo what rounding to float32 did to bodies on the very edge of a full pixel."""
+    problem = model.problem
+    for k, body_class in enumerate(problem.classes):
+        if (body_class.density_image > 0.0).all():
+            continue
+        own = model.body.class_index == k
+        position[own] = settle_on_full_pixels(body_class.density_image, position[own], problem.domain.size)
+    return position

@@ -1,0 +1,140 @@
+"""What a problem compiles to, once, before anything is placed: flat tables of its bodies and charges, and their groups.
+
+Everything that runs over bodies reads these tables; only here are classes and sizes gone through.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..problem.body_charges import BodyCharges, charges_of
+from ..problem.interaction import Groups, group_bodies
+from ..problem.problem import BodyClass, Line, Problem
+
+__all__ = ["BodyTable", "LineKind", "Model"]
+
+
+@dataclass(frozen=True, eq=False)
+class LineKind:
+    """A size whose bodies are lines: its class and what they are to do."""
+
+    body_class: BodyClass
+    line: Line
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTable:
+    """All bodies in class, then size order; every array has shape ``[n]`` and dtype int32, unless said otherwise.
+
+    Attributes:
+        class_index: Its class.
+        size_index: Its size among those of its class.
+        group: Its group; see :mod:`~esh.engine.problem.interaction`.
+        kind: Its kind of line, -1 for a dot.
+        area: Its footprint [m²], float64.
+        longest: Longest axis that is asked of it [m], float64; 0 for a dot.
+        flags: See :class:`~.body_flags.BodyFlags`.
+        identity: What is random about it follows from this number; its index, unless it is part of a larger whole.
+    """
+
+    class_index: np.ndarray
+    size_index: np.ndarray
+    group: np.ndarray
+    kind: np.ndarray
+    area: np.ndarray
+    longest: np.ndarray
+    flags: np.ndarray
+    identity: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of bodies."""
+        return len(self.class_index)
+
+
+class Model:
+    """A compiled problem.
+
+    Args:
+        problem: What is to be placed.
+        flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
+
+    Attributes:
+        problem: The problem.
+        body: Its bodies.
+        charge: Their charges.
+        groups: Their groups, and how these see each other.
+        kinds: The kinds of lines among them.
+        unit: Metres per unit of length of the solver, in which charges have a mean number density of 1.
+        size: Extent of the domain in units.
+    """
+
+    def __init__(self, problem: Problem, flags: np.ndarray | None = None) -> None:
+        self.problem = problem
+        sizes = [(c, size) for c in problem.classes for size in c.sizes]
+        counts = [size.count or 0 for _, size in sizes]
+        is_line = [size.line is not None for _, size in sizes]
+        self.kinds = tuple(LineKind(c, size.line) for c, size in sizes if size.line is not None)
+        kind = np.where(is_line, np.cumsum(is_line) - 1, -1)
+        longest = np.array([0.0 if size.line is None else size.line.longest for _, size in sizes])
+        self.groups: Groups = group_bodies(problem)
+        class_index, size_index = problem.body_indices()
+        n = len(class_index)
+        self.body = BodyTable(
+            class_index=class_index.astype(np.int32),
+            size_index=size_index.astype(np.int32),
+            group=self.groups.body_group,
+            kind=np.repeat(kind, counts).astype(np.int32),
+            area=problem.body_areas(),
+            longest=np.repeat(longest, counts),
+            flags=np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32),
+            identity=np.arange(n, dtype=np.int32),
+        )
+        self.charge: BodyCharges = charges_of(problem)
+        self.unit = math.sqrt(problem.domain.area / len(self.charge.charge))
+        self.size = (problem.domain.size[0] / self.unit, problem.domain.size[1] / self.unit)
+
+    @property
+    def body_count(self) -> int:
+        """Number of bodies, ghosts among them."""
+        return self.body.count
+
+    @property
+    def charge_count(self) -> int:
+        """Number of charges."""
+        return len(self.charge.charge)
+
+    @property
+    def may_bend(self) -> np.ndarray:
+        """Whether a body may bend, shape ``[n]``."""
+        bends = np.array([kind.line.straightness is not None for kind in self.kinds] + [False])
+        return bends[self.body.kind]
+
+    @property
+    def group_charge(self) -> np.ndarray:
+        """Sum of the charges of every group, shape ``[group_count]``."""
+        return np.bincount(self.body.group[self.charge.body], weights=self.charge.charge, minlength=self.groups.count)
+
+    def widths(self, length: np.ndarray) -> np.ndarray:
+        """Thickness of every body [m], shape ``[n]``, 0 for dots.
+
+        Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
+        image.
+
+        Args:
+            length: Length of every body's axis [m], shape ``[n]``.
+        """
+        width = np.zeros(self.body_count)
+        for number, kind in enumerate(self.kinds):
+            own = np.flatnonzero(self.body.kind == number)
+            mean = float(length[own].mean())
+            # length * width + pi width² / 4 = area
+            width[own] = (
+                2.0 / math.pi * (np.sqrt(mean**2 + math.pi * self.body.area[own]) - mean)
+                if kind.line.width is None
+                else kind.line.width
+            )
+        return width

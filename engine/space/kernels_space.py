@@ -1,0 +1,78 @@
+"""What kernels know of the space that bodies are in: its edges, or how it wraps.
+
+Only these functions know that it is a rectangle. Another space provides the same ones.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class Space:
+    """A rectangle from (0, 0) to ``size``, and whether it wraps."""
+
+    size: wp.vec2
+    periodic: wp.int32
+
+
+@wp.func
+def confine(position: wp.vec2, space: Space):
+    """``position`` wrapped into a periodic space, or moved to the edge of an open one."""
+    x = position[0]
+    y = position[1]
+    if space.periodic != 0:
+        x = x - wp.floor(x / space.size[0]) * space.size[0]
+        y = y - wp.floor(y / space.size[1]) * space.size[1]
+        # Rounding may have ended on the far edge itself.
+        if x >= space.size[0]:
+            x = 0.0
+        if y >= space.size[1]:
+            y = 0.0
+    return wp.vec2(wp.clamp(x, 0.0, space.size[0]), wp.clamp(y, 0.0, space.size[1]))
+
+
+@wp.func
+def difference(start: wp.vec2, end: wp.vec2, space: Space):
+    """The way from ``start`` to ``end``, the short way round a periodic space."""
+    way = end - start
+    if space.periodic != 0:
+        return wp.vec2(
+            way[0] - space.size[0] * wp.round(way[0] / space.size[0]),
+            way[1] - space.size[1] * wp.round(way[1] / space.size[1]),
+        )
+    return way
+
+
+@wp.func
+def overhang(position: wp.vec2, space: Space):
+    """How far ``position`` lies before the lower edges of an open space (x, y), and behind the upper ones (z, w); below 0 inside."""
+    if space.periodic != 0:
+        return wp.vec4(0.0, 0.0, 0.0, 0.0)
+    return wp.vec4(-position[0], -position[1], position[0] - space.size[0], position[1] - space.size[1])
+
+
+@wp.func
+def along_border(force: wp.vec2, position: wp.vec2, space: Space):
+    """``force`` without what presses against the border of an open space that ``position`` lies on: it moves nothing."""
+    if space.periodic != 0:
+        return force
+    x = force[0]
+    y = force[1]
+    if (position[0] <= 0.0 and x < 0.0) or (position[0] >= space.size[0] and x > 0.0):
+        x = 0.0
+    if (position[1] <= 0.0 and y < 0.0) or (position[1] >= space.size[1] and y > 0.0):
+        y = 0.0
+    return wp.vec2(x, y)
+
+
+@wp.func
+def wrap(i: int, count: int):
+    """``i`` modulo ``count``, for ``i`` at most one period outside."""
+    if i < 0:
+        return i + count
+    if i >= count:
+        return i - count
+    return i

@@ -1,0 +1,127 @@
+"""Solver: step by step like solve(), states that are kept, saved and gone on from, bodies that stay or do not count."""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size
+from esh.engine.solve import solve
+from esh.engine.solver.body_flags import BodyFlags
+from esh.engine.solver.model import Model
+from esh.engine.solver.solver import Solver
+from esh.engine.solver.state import State
+
+
+def problem_of(kind, boundary="open"):
+    ramp = np.linspace(0.2, 1.0, 32)[None, :]
+    line = Line(2.0, "density", straightness=0.2 if kind == "bends" else None) if kind in ("lines", "bends") else None
+    classes = [
+        BodyClass("a", [Size("s", 0.4, 300, line=line), Size("l", 1.5, 60)], ramp),
+        BodyClass("b", [Size("any", (0.3, 1.0), 200)]),
+    ]
+    return Problem(Domain((30.0, 20.0), boundary), classes, Balance(0.5), avoid_overlap=kind == "contact", seed=3)
+
+
+@pytest.mark.parametrize("kind", ["dots", "lines", "bends", "contact"])
+def test_stepping_by_hand_is_what_solve_does(kind):
+    problem = problem_of(kind)
+    whole = solve(problem, device="cpu", max_steps=12)
+    with Solver(problem, device="cpu") as solver:
+        for _ in range(12):
+            residual = solver.step()
+        assert 0.0 < residual < 1.0 and solver.state.steps.tolist() == [12]
+        solver.separate()
+        placement = solver.placement()
+    for name in ("position", "angle", "length", "width", "class_index", "size_index"):
+        np.testing.assert_array_equal(getattr(placement, name), getattr(whole, name), err_msg=name)
+
+
+@pytest.mark.parametrize("kind", ["dots", "lines", "bends", "contact"])
+def test_a_state_that_was_saved_goes_on_as_if_nothing_had_been(kind, tmp_path):
+    problem = problem_of(kind, "periodic")
+    with Solver(problem, device="cpu") as solver:
+        solver.step(5)
+        solver.state.save(tmp_path / "state.npz")
+        kept = solver.state.copy()
+        solver.step(4)
+        expected = solver.placement().position
+    for state in (State.load(tmp_path / "state.npz"), kept):
+        with Solver(problem, device="cpu", state=state) as solver:
+            assert solver.state.steps.tolist() == [5]
+            solver.step(4)
+            np.testing.assert_array_equal(solver.placement().position, expected)
+    assert kept.steps.tolist() == [5]
+
+
+def test_a_state_of_another_problem_is_refused():
+    with Solver(problem_of("dots"), device="cpu") as solver:
+        state = solver.state.copy()
+    other = Problem(Domain((30.0, 20.0)), [BodyClass("a", [Size("s", 0.4, 7)])])
+    with pytest.raises(ValueError, match="`pose` must have shape"):
+        Solver(other, device="cpu", state=state)
+
+
+@pytest.mark.parametrize("kind", ["dots", "lines", "contact"])
+def test_pinned_bodies_stay_and_others_make_room(kind):
+    problem = problem_of(kind)
+    flags = np.zeros(problem.body_count, np.int32)
+    pinned = np.random.default_rng(0).random(len(flags)) < 0.2
+    flags[pinned] = BodyFlags.PINNED
+    with Solver(problem, device="cpu", flags=flags) as solver:
+        start = solver.state.pose.numpy().copy()
+        solver.step(30)
+        solver.separate()
+        end = solver.state.pose.numpy()
+        np.testing.assert_array_equal(end[pinned], start[pinned])
+        assert np.isfinite(end).all()
+        assert (np.abs(end[~pinned] - start[~pinned]).max(axis=1) > 0.0).mean() > 0.95
+        held = solver.placement()
+    if kind == "dots":
+        # The others do not come nearer to them than to each other by much: they act.
+        from scipy.spatial import cKDTree
+
+        nearest = cKDTree(held.position[~pinned]).query(held.position[pinned])[0]
+        assert np.quantile(nearest, 0.1) > 0.2
+
+
+def test_ghosts_act_and_are_not_part_of_the_placement():
+    problem = problem_of("bends")
+    flags = np.zeros(problem.body_count, np.int32)
+    flags[::7] = BodyFlags.GHOST
+    with Solver(problem, device="cpu", flags=flags) as solver:
+        solver.step(8)
+        placement = solver.placement()
+    whole = solve(problem, device="cpu", max_steps=8)
+    shown = flags == 0
+    assert len(placement.position) == shown.sum()
+    np.testing.assert_array_equal(placement.position, whole.position[shown])
+    assert placement.bends is not None and len(placement.bends) == shown.sum()
+
+
+def test_a_model_is_the_problem_as_flat_tables():
+    problem = problem_of("lines")
+    model = Model(problem)
+    body = model.body
+    assert model.body_count == problem.body_count == 560
+    assert np.bincount(body.class_index).tolist() == [360, 200]
+    assert (body.kind[:300] == 0).all() and (body.kind[300:] == -1).all()
+    assert (body.longest[:300] == 2.0).all() and not body.longest[300:].any()
+    assert model.charge_count == 300 * model.kinds[0].line.charges + 260
+    np.testing.assert_allclose(body.area, problem.body_areas())
+    assert model.group_charge.sum() == pytest.approx(model.charge_count)
+    # Charges have a mean number density of 1.
+    assert model.size[0] * model.size[1] == pytest.approx(model.charge_count)
+    assert body.identity.tolist() == list(range(560)) and not body.flags.any()
+
+
+def test_a_closed_solver_is_let_go_at_once():
+    with Solver(problem_of("contact"), device="cpu") as solver:
+        solver.step()
+        seen = weakref.ref(solver.descent)
+    gc.disable()
+    try:
+        del solver
+        assert seen() is None, "a circle of references holds the solver's arrays until the collector comes by"
+    finally:
+        gc.enable()
