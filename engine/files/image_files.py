@@ -161,6 +161,8 @@ def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
             # A photograph is the right way up as it is seen, not as it is stored.
             upright = ImageOps.exif_transpose(image)
             return _shallow(upright)
+        except InputFileError:
+            raise
         except Exception as error:
             raise InputFileError(f"{path} {_damage(error)}") from None
 
@@ -216,7 +218,10 @@ def _deep_png(path: Path, image: Image.Image) -> tuple[np.ndarray, np.ndarray | 
         channels = np.asarray(image, dtype=np.uint16)[..., None]
         transparent = image.info.get("transparency")
     else:
-        import png
+        try:
+            import png
+        except ImportError:
+            raise InputFileError(f"{path} needs the Python module pypng to be read: pip install pypng") from None
 
         with warnings.catch_warnings():
             # What it complains of are notes beside the picture: Pillow was content with them.
