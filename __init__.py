@@ -1,43 +1,151 @@
 """ESH Scatter: place objects by electrostatic sampling, for Blender, for scripts and for pipelines.
 
 Blender loads this package as an extension (:func:`register`, :func:`unregister`); pip installs it as ``esh``. Importing it
-imports neither Blender nor Warp: every public name is fetched where it is used first.
+imports neither Blender, Warp nor NumPy: every public name is fetched where it is used first. What a script needs is here, under
+``esh`` itself; nothing below it is part of the interface.
 """
 
 from __future__ import annotations
 
 import importlib
+from typing import TYPE_CHECKING
 
 from .engine.version import __version__
 
-# Public name -> module that holds it.
-_PUBLIC = {
+# For type checkers and editors, which cannot follow the table below; a test holds the two and `__all__` together.
+if TYPE_CHECKING:
+    from .engine.device.profile import Profile
+    from .engine.drawing.halftone import render_halftone, write_halftone_png, write_halftone_svg
+    from .engine.drawing.plan import draw_plan
+    from .engine.errors import DeviceError, EshError, InputFileError, ProblemError
+    from .engine.files.image_files import read_color, read_density
+    from .engine.files.placement_files import write_placement
+    from .engine.files.recipe import read_recipe
+    from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
+    from .engine.problem.placement import Placement
+    from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+    from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.solve import solve
+    from .engine.solver.body_flags import BodyFlags
+    from .engine.solver.solver import Progress, Solver
+    from .engine.solver.state import State
+    from .engine.surface.footprint import Footprint
+    from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
+    from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
+    from .esh_scatter.footprint import measure_footprint
+
+__all__ = [
+    "__version__",
+    "AttributeDensity",
+    "Balance",
+    "BodyClass",
+    "BodyFlags",
+    "ClassReport",
+    "Density",
+    "DeviceError",
+    "Domain",
+    "EshError",
+    "Footprint",
+    "ImageDensity",
+    "Ink",
+    "InkModel",
+    "InputFileError",
+    "Line",
+    "Placement",
+    "Problem",
+    "ProblemError",
+    "Profile",
+    "Progress",
+    "Report",
+    "ScatterClass",
+    "ScatterJob",
+    "ScatterResult",
+    "ScatterSize",
+    "Size",
+    "SizeReport",
+    "Solver",
+    "State",
+    "Unsharp",
+    "VertexGroupDensity",
+    "draw_plan",
+    "halftone_problem",
+    "ink_colors",
+    "measure_footprint",
+    "read_color",
+    "read_density",
+    "read_recipe",
+    "render_halftone",
+    "scatter",
+    "separate",
+    "solve",
+    "write_halftone_png",
+    "write_halftone_svg",
+    "write_placement",
+    "register",
+    "unregister",
+]
+
+# Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
+_MODULES = {
+    "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
     "BodyClass": ".engine.problem.problem",
+    "BodyFlags": ".engine.solver.body_flags",
+    "ClassReport": ".engine.problem.report",
+    "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
     "Domain": ".engine.problem.problem",
     "EshError": ".engine.errors",
+    "Footprint": ".engine.surface.footprint",
+    "ImageDensity": ".esh_scatter.densities",
+    "Ink": ".engine.problem.color_separation",
+    "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
     "Line": ".engine.problem.problem",
     "Placement": ".engine.problem.placement",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
+    "Profile": ".engine.device.profile",
     "Progress": ".engine.solver.solver",
     "Report": ".engine.problem.report",
+    "ScatterClass": ".esh_scatter.api",
+    "ScatterJob": ".esh_scatter.api",
+    "ScatterResult": ".esh_scatter.api",
+    "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
+    "SizeReport": ".engine.problem.report",
+    "Solver": ".engine.solver.solver",
+    "State": ".engine.solver.state",
     "Unsharp": ".engine.problem.problem",
+    "VertexGroupDensity": ".esh_scatter.densities",
+    "draw_plan": ".engine.drawing.plan",
+    "halftone_problem": ".engine.problem.color_separation",
+    "ink_colors": ".engine.problem.color_separation",
+    "measure_footprint": ".esh_scatter.footprint",
+    "read_color": ".engine.files.image_files",
+    "read_density": ".engine.files.image_files",
     "read_recipe": ".engine.files.recipe",
+    "render_halftone": ".engine.drawing.halftone",
     "scatter": ".esh_scatter.api",
+    "separate": ".engine.problem.color_separation",
     "solve": ".engine.solve",
+    "write_halftone_png": ".engine.drawing.halftone",
+    "write_halftone_svg": ".engine.drawing.halftone",
+    "write_placement": ".engine.files.placement_files",
 }
 
-__all__ = ["__version__", "register", "unregister", *_PUBLIC]
+
+# Hidden from type checkers: to them a name that is misspelt is one that does not exist.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        if name in _MODULES:
+            return getattr(importlib.import_module(_MODULES[name], __name__), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def __getattr__(name: str) -> object:
-    if name in _PUBLIC:
-        return getattr(importlib.import_module(_PUBLIC[name], __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def register() -> None:

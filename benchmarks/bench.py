@@ -1,4 +1,4 @@
-"""All timings in one run, as Markdown tables: ours, direct summation, fmm2dpy, finufft, Blender's own Poisson disks.
+"""All timings in one run, as Markdown tables: ours, direct summation, fmm2dpy, finufft, pocketfft, Blender's own Poisson disks.
 
     python benchmarks/bench.py --output output/bench.md [--device cuda:0] [--bodies 10000 100000] [--fmm .venv-fmm/bin/python]
 
@@ -231,6 +231,8 @@ def main() -> None:
         + "\n".join(force_evaluations(entries, launcher, large, options.repeat, options.fmm)),
     ]
     if not device.is_cuda:
+        counts = ["--bodies", *map(str, options.bodies)]
+        sections.append("## Transforms\n\n" + table_of("transforms.py", "--repeat", str(options.repeat), *counts))
         bodies = [str(count) for count in ([200] if options.quick else [200, *options.bodies]) if count <= 100_000]
         phases = table_of(
             "cores.py", "--bodies", *bodies, "--repeat", str(options.repeat), "--kinds", "dots", "--phases"

@@ -19,12 +19,11 @@ import time
 from pathlib import Path
 
 import bpy
+import esh
 import materials
 import numpy as np
 import terrain as land
 import trees
-from esh.engine.drawing.plan import draw_plan
-from esh.esh_scatter.api import ImageDensity, ScatterClass, ScatterResult, ScatterSize, scatter
 from scene_parts import add_camera, collection, mesh_object, save, save_textures, set_render
 
 __all__ = ["build", "main", "test_final"]
@@ -126,7 +125,7 @@ def add_undergrowth(scene: bpy.types.Scene, terrain: land.Terrain) -> None:
             group.objects.link(item)
 
 
-def build(output: Path, max_steps: int = 100) -> tuple[ScatterResult, land.Terrain, dict[str, np.ndarray]]:
+def build(output: Path, max_steps: int = 100) -> tuple[esh.ScatterResult, land.Terrain, dict[str, np.ndarray]]:
     """Build the whole scene in an empty file.
 
     Args:
@@ -154,18 +153,18 @@ def build(output: Path, max_steps: int = 100) -> tuple[ScatterResult, land.Terra
     images = save_textures({f"forest-{kind}": texture for kind, texture in textures.items()}, output)
     sources = model_trees(scene)
     classes = [
-        ScatterClass(
+        esh.ScatterClass(
             kind,
             [
-                ScatterSize(size, count, sources[kind, size], area=footprint(radius))
+                esh.ScatterSize(size, count, sources[kind, size], area=footprint(radius))
                 for size, (count, _, radius) in sizes.items()
             ],
-            density=ImageDensity(images[f"forest-{kind}"]),
+            density=esh.ImageDensity(images[f"forest-{kind}"]),
             color=COLORS[kind],
         )
         for kind, sizes in TREES.items()
     ]
-    result = scatter(
+    result = esh.scatter(
         ground, classes, seed=SEED, max_steps=max_steps, align_to_normal=0.1, scale_jitter=0.12, name="Forest"
     )
     for layer in scene.view_layers[0].layer_collection.children:
@@ -208,7 +207,7 @@ def placed_trees(result: bpy.types.Object) -> dict[tuple[str, str], tuple[np.nda
 
 
 def test_final(
-    result: ScatterResult, terrain: land.Terrain, textures: dict[str, np.ndarray], blend: Path
+    result: esh.ScatterResult, terrain: land.Terrain, textures: dict[str, np.ndarray], blend: Path
 ) -> dict[str, float]:
     """Check the finished forest; the scene is read back from ``blend``, so nothing counts that was not saved.
 
@@ -309,7 +308,7 @@ def main(arguments: list[str] | None = None) -> None:
     result, terrain, textures = build(options.output, options.max_steps)
     print(result.report, flush=True)
     tell("built")
-    draw_plan(result.placement, options.output / "forest-plan.png", colors=list(COLORS.values()))
+    esh.draw_plan(result.placement, options.output / "forest-plan.png", colors=list(COLORS.values()))
     scene = bpy.context.scene
     set_render(scene, options.width, round(options.width * 9 / 16), options.samples, SEED)
     scene.view_settings.exposure = 0.95

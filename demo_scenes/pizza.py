@@ -21,12 +21,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import esh
 import numpy as np
 import pizza_base as base
 import pizza_materials as materials
 import toppings
-from esh.esh_scatter.api import ImageDensity, Line, ScatterClass, ScatterResult, ScatterSize, scatter
-from esh.esh_scatter.footprint import measure_footprint
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 from pizza_textures import MENU, PIXELS, Pizza, draw
 from scene_parts import add_camera, collection, mesh_object, save, save_textures, set_render
@@ -75,7 +74,7 @@ class Serving:
     pizza: Pizza
     place: tuple[float, float]
     densities: dict[str, np.ndarray]
-    result: ScatterResult
+    result: esh.ScatterResult
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def model_ingredients(scene: bpy.types.Scene) -> dict[tuple[str, str], Ingredien
                 continue
             shapes = []
             for item, piece in zip(items, pieces, strict=True):
-                outline = measure_footprint(item, bpy.context, item.name)
+                outline = esh.measure_footprint(item, key=item.name)
                 c, s = math.cos(outline.angle), math.sin(outline.angle)
                 shapes.append(capsule_around((piece.vertex[:, :2] - outline.center) @ [[c, -s], [s, c]]))
             axis, width = (max(values) for values in zip(*shapes, strict=True))
@@ -192,11 +191,11 @@ def serve(
         for size, count in zip(SIZES[kind], topping.counts, strict=True):
             own = ingredients[kind, size]
             # Stiff: pieces are turned along the direction, but never drawn out.
-            line = own.axis and Line(own.axis, direction, width=own.width, stretch_weights=(0.0, 0.1))
-            sizes.append(ScatterSize(size, count, own.source, area=own.area, line=line or False))
-        density = ImageDensity(images[f"pizza-{number + 1}-{kind}"])
-        classes.append(ScatterClass(kind, sizes, density=density, color=COLORS[kind]))
-    result = scatter(
+            line = own.axis and esh.Line(own.axis, direction, width=own.width, stretch_weights=(0.0, 0.1))
+            sizes.append(esh.ScatterSize(size, count, own.source, area=own.area, line=line or False))
+        density = esh.ImageDensity(images[f"pizza-{number + 1}-{kind}"])
+        classes.append(esh.ScatterClass(kind, sizes, density=density, color=COLORS[kind]))
+    result = esh.scatter(
         parts["Bed"],
         classes,
         seed=SEED + number,

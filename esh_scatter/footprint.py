@@ -12,14 +12,22 @@ from .target import read_triangles, world_matrix
 __all__ = ["measure_footprint"]
 
 
-def measure_footprint(item: bpy.types.Object, context: bpy.types.Context, key: str) -> Footprint:
+def measure_footprint(
+    item: bpy.types.Object, context: bpy.types.Context | None = None, key: str = "`area`"
+) -> Footprint:
     """Measure the footprint of an object as it stands, with its rotation and scale.
 
     Modifiers count where Blender evaluates the object, that is, in the view layer.
 
+    Args:
+        item: A mesh, or whatever Blender makes one of.
+        context: Whose view layer; None is Blender's own.
+        key: How sentences name what was asked for.
+
     Raises:
         ProblemError: It has no faces, or all of them stand upright.
     """
+    context = context or bpy.context
     name = f'object "{item.name}"'
     evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
     try:

@@ -10,6 +10,7 @@ import importlib.metadata
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -133,7 +134,7 @@ def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
         path.relative_to(ROOT).as_posix()
         for folder in ("engine", "esh_scatter")
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
+        if path.is_file() and not {"__pycache__", "fonts"} & set(path.parts)
     }
     wheels = {wheel.removeprefix("./") for wheel in manifest["wheels"]}
     assert names == {"blender_manifest.toml", "__init__.py", "LICENSE", *sources, *wheels}
@@ -167,15 +168,15 @@ def test_the_installed_extension_scatters_with_its_own_wheels(installed: dict, r
         f"""
 addon_utils.enable({MODULE!r})
 from bl_ext.user_default import esh_scatter as esh
-from bl_ext.user_default.esh_scatter.esh_scatter.api import ScatterClass, ScatterSize
 
 bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, size=10)
 ground = bpy.context.object
 bpy.ops.mesh.primitive_cone_add(radius1=0.1, depth=0.5)
 tree = bpy.context.object
 classes = [
-    ScatterClass("pine", [ScatterSize("large", 20, tree, 0.5), ScatterSize("small", 60, tree, 0.1)], density=1.0),
-    ScatterClass("beech", [ScatterSize("only", 30, tree, 0.2)], density=1.0),
+    esh.ScatterClass(
+        "pine", [esh.ScatterSize("large", 20, tree, 0.5), esh.ScatterSize("small", 60, tree, 0.1)], density=1.0),
+    esh.ScatterClass("beech", [esh.ScatterSize("only", 30, tree, 0.2)], density=1.0),
 ]
 result = esh.scatter(ground, classes, seed=3, device="cpu", max_steps=20)
 scattered = result.object.evaluated_get(bpy.context.evaluated_depsgraph_get())
@@ -196,6 +197,30 @@ answer(points=len(heights), height=max(map(abs, heights)), instances=instances,
     assert seen["points"] == seen["instances"] == 110
     assert seen["height"] < 1e-5
     assert seen["warnings"] == {}
+
+
+def test_the_script_of_the_readme_runs_in_the_installed_extension(
+    installed: dict, run_in_blender: Callable[[str], dict]
+):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (script,) = (s for s in re.findall(r"^```python\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL) if "bpy" in s)
+    # One line differs: the comment beside it says what it is here.
+    script, lines = re.subn(r"(?m)^import esh  # .*: (from bl_ext\..* import esh_scatter as esh)$", r"\1", script)
+    assert lines == 1
+    seen = run_in_blender(
+        f"""
+addon_utils.enable({MODULE!r})
+{script}
+answer(placed=[size.placed for entry in result.report.classes for size in entry.sizes], module=esh.__name__,
+       absent=find_spec("esh") is None, saved=os.path.getsize("scattered.blend"),
+       missing=[name for name in esh.__all__
+                if getattr(esh, name, None) is None])
+"""
+    )
+    assert seen["placed"] == [150, 300]
+    assert seen["module"] == MODULE and seen["absent"]
+    assert seen["saved"] > 10_000
+    assert seen["missing"] == []
 
 
 def test_disabling_leaves_nothing_and_enabling_again_works(installed: dict, run_in_blender: Callable[[str], dict]):

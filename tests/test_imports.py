@@ -65,6 +65,29 @@ def test_solving_imports_nothing_that_the_extension_does_not_bundle():
     assert run_python(code).splitlines()[-1] == "5"
 
 
+def test_dir_lists_the_public_names():
+    code = "import esh; print(sorted(esh.__all__) == dir(esh), 'ScatterClass' in dir(esh), len(esh.__all__))"
+    assert run_python(code).startswith("True True ")
+
+
+def test_a_name_that_is_not_public_is_an_attribute_error():
+    assert run_python("import esh; print(hasattr(esh, 'Scaterclass'), hasattr(esh, '__path__'))") == "False True"
+
+
+def test_type_checkers_see_exactly_what_is_fetched():
+    tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
+    for_types = next(n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
+    seen = {alias.name: "." + node.module for node in for_types.body for alias in node.names}
+    written = {
+        node.targets[0].id: ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
+    assert seen == written["_MODULES"]
+    assert sorted(written["__all__"]) == sorted([*seen, "__version__", "register", "unregister"])
+    assert (ROOT / "py.typed").is_file()
+
+
 def test_every_public_name_can_be_fetched():
     pytest.importorskip("bpy")
     code = "import bpy, esh; print([name for name in esh.__all__ if getattr(esh, name, None) is None])"

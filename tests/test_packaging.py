@@ -70,6 +70,22 @@ def test_every_package_is_listed_for_pip():
     assert set(PYPROJECT["tool"]["setuptools"]["packages"]) == packages
 
 
+def test_files_that_are_no_modules_are_shipped_by_pip():
+    shipped = {
+        path
+        for package, patterns in PYPROJECT["tool"]["setuptools"]["package-data"].items()
+        for pattern in patterns
+        for path in ROOT.joinpath(*package.split(".")[1:]).glob(pattern)
+    }
+    there = {
+        path
+        for top in ("engine", "esh_scatter")
+        for path in (ROOT / top).rglob("*")
+        if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
+    }
+    assert shipped == there | {ROOT / "py.typed"}
+
+
 def test_bundled_wheels_satisfy_the_requirements_of_pip():
     required = {r.name: r.specifier for r in map(Requirement, PYPROJECT["project"]["dependencies"])}
     bundled = {
@@ -100,6 +116,10 @@ def test_what_is_staged_is_what_the_manifest_lets_in(build_extension: ModuleType
         pattern.removeprefix("!/") for pattern in MANIFEST["build"]["paths_exclude_pattern"] if pattern[0] == "!"
     }
     assert allowed == set(build_extension.PACKAGE_CONTENT)
+    refused = {
+        pattern.strip("/") for pattern in MANIFEST["build"]["paths_exclude_pattern"] if re.match(r"/\w", pattern)
+    }
+    assert refused == set(build_extension.LEFT_OUT)
 
 
 def test_an_unknown_platform_is_refused_in_one_sentence(build_extension: ModuleType, monkeypatch, capsys):

@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
 PAGES = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += sorted((ROOT / "demo_scenes").rglob("README.md"))
 TEXT = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PAGES}
 WORDS = "\n".join(TEXT.values())
 
@@ -199,9 +200,10 @@ def test_a_table_ends_at_an_empty_line(page: str):
 
 
 def test_every_page_and_picture_of_the_documentation_is_shown_somewhere():
-    for path in (ROOT / "docs").iterdir():
+    docs = ROOT / "docs"
+    for path in docs.rglob("*"):
         if path.suffix in {".png", ".jpg"}:
-            assert f"({path.name})" in TEXT["docs/gallery.md"], f"docs/{path.name} is in no gallery"
+            assert f"({path.relative_to(docs).as_posix()})" in TEXT["docs/gallery.md"], f"{path.name} is in no gallery"
         elif path.suffix == ".md" and path.name != "index.md":
             assert f"\n{path.stem}\n" in TEXT["docs/index.md"], f"docs/{path.name} is in no table of contents"
             assert f"({path.name})" in TEXT["docs/index.md"]

@@ -24,6 +24,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 MANIFEST = "blender_manifest.toml"
 PACKAGE_CONTENT = ("__init__.py", "LICENSE", "engine", "esh_scatter")
+# Folders within it that stay out, as the manifest says, too: plans are drawn outside of Blender only.
+LEFT_OUT = ("engine/drawing/fonts",)
 
 # Platform of the manifest -> how the platform tags of its wheels begin and end.
 WHEEL_TAGS = {
@@ -129,6 +131,8 @@ def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
                 shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy2(source, stage / name)
+        for name in LEFT_OUT:
+            shutil.rmtree(stage / name, ignore_errors=True)
         for wheel in wheels:
             staged = stage / wheel
             staged.parent.mkdir(exist_ok=True)

@@ -109,7 +109,10 @@ class ThreadTeam:
         # Threads may look at a program's table for a moment after its end, so that none is freed before they are gone.
         self._programs: list[Program] = []
         self._single: Program | None = None
-        self._carry_out = _native(kernels_threads.carry_out)
+        # Looked up here: a thread that starts must not load a module beside others.
+        self._carry_out, self._join_in = (
+            _native(kernel) for kernel in (kernels_threads.carry_out, kernels_threads.join_in)
+        )
         self._bounds = _bounds()
 
     @property
@@ -209,7 +212,7 @@ class ThreadTeam:
     def _start_thread(self) -> bool:
         """Start another thread; False where the system gives no more, and those that there are do its work."""
         number = len(self._threads) + 1
-        thread = threading.Thread(target=self._join_in, args=(number,), name=f"ESH Scatter {number}", daemon=True)
+        thread = threading.Thread(target=self._work, args=(number,), name=f"ESH Scatter {number}", daemon=True)
         with _starting:
             before = threading.stack_size(STACK_SIZE)
             try:
@@ -221,9 +224,9 @@ class ThreadTeam:
         self._threads.append(thread)
         return True
 
-    def _join_in(self, number: int) -> None:
+    def _work(self, number: int) -> None:
         arguments = _JoinIn(ctypes.addressof(self._shared), number)
-        _native(kernels_threads.join_in)(ctypes.byref(self._bounds), ctypes.byref(arguments))
+        self._join_in(ctypes.byref(self._bounds), ctypes.byref(arguments))
 
 
 def _aligned_memory(size: int) -> tuple[object, int]:

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
+from esh.engine.drawing import plan as plan_module
 from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
 from esh.engine.problem.problem import Line
 from PIL import Image
@@ -192,6 +193,24 @@ def test_any_domain_and_any_footprint_can_be_drawn(size, tmp_path):
     draw_plan(placement, tmp_path / "plan.png")
     with Image.open(tmp_path / "plan.png") as picture:
         assert max(picture.size) < 4000
+
+
+def glyph(text: str) -> bytes:
+    return bytes(plan_module._font(22, text).getmask(text))
+
+
+def test_letters_beyond_ascii_are_drawn_as_letters():
+    unknown = glyph("\ue000")
+    for letter in "äñšŁΩЖא":
+        assert glyph(letter) != unknown
+    assert (plan_module.FONT.parent / "LICENSE_DEJAVU").is_file()
+
+
+def test_a_plan_needs_no_font_of_ours(tmp_path, monkeypatch):
+    monkeypatch.setattr(plan_module, "FONT", tmp_path / "absent.ttf")
+    placement = place(Domain((1.0, 1.0)), [BodyClass("Bärlauch", [Size("groß", 0.1, 1)])], [[0.5, 0.5]])
+    draw_plan(placement, tmp_path / "plan.png")
+    assert (tmp_path / "plan.png").stat().st_size > 1000
 
 
 def test_a_plan_that_cannot_be_written(tmp_path):
