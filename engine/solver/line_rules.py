@@ -1,4 +1,7 @@
-"""What the lines of a problem are to do (section 6): directions, lengths and weights, one set per size that is a line."""
+"""What the lines of a problem are to do: directions, lengths and weights, one set per size that is a line.
+
+Section 6 of the paper (Schmaltz, Gwosdek and Weickert 2012).
+"""
 
 from __future__ import annotations
 
