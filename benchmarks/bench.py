@@ -221,32 +221,44 @@ def main() -> None:
     options.output.parent.mkdir(parents=True, exist_ok=True)
     entries = timings(device.alias, options.bodies, options.repeat, options.output.with_suffix(".json"))
     direct = DIRECT_BODIES_QUICK if options.quick else DIRECT_BODIES
-    sections = [
+    repeat = ["--repeat", str(options.repeat)]
+    counts = ["--bodies", *map(str, options.bodies)]
+    written = Sections(options.output)
+    written.add(
         f"# Benchmark\n\n{device.name} ({device.alias}), {processor()}, {cores} cores used, {platform.machine()}; "
-        f"medians of {options.repeat}.",
-        "## Quality\n\n" + "\n".join(quality_table(device.alias)),
-        "## Whole runs\n\n" + "\n".join(whole_runs(entries, options.bodies, device.is_cuda)),
-        "## Against direct summation\n\n" + "\n".join(against_direct(launcher, direct, options.repeat)),
-        "## One evaluation of the forces\n\n"
-        + "\n".join(force_evaluations(entries, launcher, large, options.repeat, options.fmm)),
-    ]
+        f"medians of {options.repeat}."
+    )
+    written.add("## Quality\n\n" + "\n".join(quality_table(device.alias)))
+    written.add("## Whole runs\n\n" + "\n".join(whole_runs(entries, options.bodies, device.is_cuda)))
+    written.add("## Against direct summation\n\n" + "\n".join(against_direct(launcher, direct, options.repeat)))
+    forces = force_evaluations(entries, launcher, large, options.repeat, options.fmm)
+    written.add("## One evaluation of the forces\n\n" + "\n".join(forces))
     if not device.is_cuda:
-        counts = ["--bodies", *map(str, options.bodies)]
-        sections.append("## Transforms\n\n" + table_of("transforms.py", "--repeat", str(options.repeat), *counts))
-        bodies = [str(count) for count in ([200] if options.quick else [200, *options.bodies]) if count <= 100_000]
-        phases = table_of(
-            "cores.py", "--bodies", *bodies, "--repeat", str(options.repeat), "--kinds", "dots", "--phases"
-        )
-        sections.append("## Processors\n\n" + phases)
+        written.add("## Transforms\n\n" + table_of("transforms.py", *repeat, *counts))
+        few = [str(count) for count in ([200] if options.quick else [200, *options.bodies]) if count <= 100_000]
+        phases = table_of("cores.py", "--bodies", *few, *repeat, "--kinds", "dots", "--phases")
+        written.add("## Processors\n\n" + phases)
         if not options.quick:
-            sections.append("## Beside others\n\n" + table_of("cores.py", "--disturbed"))
+            written.add("## Beside others\n\n" + table_of("cores.py", "--disturbed"))
     if importlib.util.find_spec("bpy") is not None:
-        repeat = ["--repeat", str(options.repeat), "--bodies"]
         few = [str(count) for count in options.bodies if count <= 100_000] or ["10000"]
-        sections.append("## Blender's own distribution\n\n" + table_of("blender_poisson.py", *repeat, *few))
-        sections.append("## Blender's side\n\n" + table_of("blender_overhead.py", *repeat, *map(str, large)))
-    options.output.write_text("\n\n".join(sections) + "\n", encoding="utf-8")
-    print("\n\n".join(sections))
+        written.add("## Blender's own distribution\n\n" + table_of("blender_poisson.py", *repeat, "--bodies", *few))
+        all_of_them = table_of("blender_overhead.py", *repeat, "--bodies", *map(str, large))
+        written.add("## Blender's side\n\n" + all_of_them)
+
+
+class Sections:
+    """What is printed and written, section by section: a long run that ends early leaves what it has."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        path.write_text("", encoding="utf-8")
+
+    def add(self, text: str) -> None:
+        """Print a section, and append it to the file."""
+        print(text + "\n", flush=True)
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(text + "\n\n")
 
 
 def processor() -> str:

@@ -124,7 +124,7 @@ def seconds_of_phases(profile: cProfile.Profile) -> dict[str, float]:
     spent = {
         (Path(file).stem, name): cumulative
         for (file, _, name), (_, _, _, cumulative, _) in stats.stats.items()
-        if Path(file).parent.name == "esh_scatter"
+        if Path(file).parent.name in ("esh_scatter", "surface")
     }
     phases = {phase: sum(spent[function] for function in functions) for phase, functions in PHASES.items()}
     return {**phases, "the rest": stats.total_tt - sum(phases.values()), "**together**": stats.total_tt}
