@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import os
 import shutil
 import sys
@@ -33,6 +34,15 @@ class RootAsPlainFolder:
 def pytest_configure(config: pytest.Config) -> None:
     """Let a checkout lie in a folder of any name, such as ``esh-scatter``."""
     config.pluginmanager.register(RootAsPlainFolder())
+
+
+# The same inputs in every run of continuous integration: what fails there, fails again.
+if "CI" in os.environ:
+    with contextlib.suppress(ImportError):  # only some of the tests need it
+        import hypothesis
+
+        hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
+        hypothesis.settings.load_profile("repeatable")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

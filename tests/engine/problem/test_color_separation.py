@@ -160,7 +160,8 @@ def test_an_ink_of_half_a_dot_is_in_or_out_but_never_a_failure(parts, more):
     image[0] = 0.0
     image[1, : min(len(ink), 4), 0] = 1.0 - ink[:4]
     cyan = float((1.0 - image[1, :, 0]).sum())
-    problem = halftone_problem(image, "CMYK", area=2.0 * cyan * (1.0 + more) if 2.0 * cyan < 8.0 else 8.0)
+    # Black covers 4 m²: half a dot of 8 m² is the most that it can print.
+    problem = halftone_problem(image, "CMYK", area=min(2.0 * cyan * (1.0 + more), 8.0))
     assert [c.name for c in problem.classes][-1] == "K"
     assert all(c.body_count >= 1 for c in problem.classes)
 
