@@ -100,6 +100,8 @@ def run_in_blender(bare_python: Path, tmp_path_factory: pytest.TempPathFactory) 
     folder = tmp_path_factory.mktemp("blender")
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     environment["BLENDER_USER_RESOURCES"] = str(folder)
+    # What Blender 4.5 takes relative paths from.
+    environment["PWD"] = str(folder)
 
     def run(script: str) -> dict:
         command = [bare_python, "-c", ENABLE + script]
