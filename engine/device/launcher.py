@@ -16,7 +16,7 @@ import reprlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -241,12 +241,11 @@ class Launcher:
         )
 
 
-class Recording:
+class Recording(Protocol):
     """Launches that can be played again; see :meth:`Launcher.record`."""
 
     def play(self) -> None:
         """Carry them all out, in their order."""
-        raise NotImplementedError
 
 
 class GpuRecording(Recording):
