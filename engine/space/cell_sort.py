@@ -54,7 +54,7 @@ class CellSort:
             self._shift += 1
         self._buckets = ((cell_count - 1) >> self._shift) + 1
         self._counted = launcher.empty((self._parts, self._buckets), wp.int32)
-        self._bucket_start = wp.array([0, count], dtype=wp.int32)
+        self._bucket_start = wp.array([0, count], dtype=wp.int32, device=launcher.device)
         self._bucket_key, self._bucket_item = self._key, self.order
         if self._parts > 1:
             self._bucket_start = launcher.empty(self._buckets + 1, wp.int32)
