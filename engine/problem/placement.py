@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .body_footprints import footprints_of
+
 if TYPE_CHECKING:
     from .problem import Problem
     from .report import Report
@@ -23,7 +25,8 @@ class Placement:
         position: Body positions [m], shape ``[n, 2]``, float64, inside the domain.
         class_index: Index into ``problem.classes``, shape ``[n]``, int32.
         size_index: Index into the class's sizes, shape ``[n]``, int32.
-        angle: Direction of the body's long axis [rad], counter-clockwise from x, shape ``[n]``, float64; 0 for dots.
+        angle: How the body's outline is turned [rad], counter-clockwise, -pi to pi, shape ``[n]``, float64. Of a line without one it
+            is the direction of the axis from x, within half a turn; 0 for other bodies without outlines.
         length: Length of a line body's axis [m], from its first to its last charge, shape ``[n]``, float64; 0 for dots.
         width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
         report: What was reached.
@@ -50,3 +53,13 @@ class Placement:
     def area(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[n]``, float64."""
         return self.problem.body_areas()
+
+    @property
+    def variant(self) -> np.ndarray:
+        """Which of the outlines of its size every body has, shape ``[n]``, int32; 0 where there are none."""
+        return footprints_of(self.problem).variant
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Factor on the outline of every body, shape ``[n]``, float64; 1 where there is none."""
+        return footprints_of(self.problem).scale

@@ -19,8 +19,12 @@ from ..errors import ProblemError
 from . import validation
 from .apportionment import apportion
 from .density_correction import correct_density
+from .footprint import DrawnFootprints, Footprint, Footprints, checked_footprints
 from .image_filters import unsharp_mask
 from .validation import Boundary, show
+
+# Outlines of one size whose areas differ by no more than this factor count as alike: one group is enough for them.
+ALIKE = 2.0
 
 __all__ = ["Balance", "BodyClass", "Domain", "Line", "Problem", "Size", "Unsharp"]
 
@@ -32,17 +36,23 @@ class Domain:
     Args:
         size: Extent along x and y [m].
         boundary: ``"open"`` (bodies stay inside, nothing lies beyond) or ``"periodic"`` (the result can be tiled).
+        inset: Whether footprints lie inside an open domain as a whole, and not only their positions; it takes
+            ``avoid_overlap`` of the problem, whose contact sees the edges as walls.
 
     Raises:
-        ProblemError: A size that is not positive and finite, or an unknown boundary.
+        ProblemError: A size that is not positive and finite, an unknown boundary, or an inset of a periodic domain.
     """
 
     size: tuple[float, float]
     boundary: Boundary = "open"
+    inset: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", validation.check_domain_size(self.size))
         object.__setattr__(self, "boundary", validation.check_boundary(self.boundary))
+        object.__setattr__(self, "inset", validation.check_switch(self.inset, "`domain.inset`"))
+        if self.inset and self.periodic:
+            raise ProblemError("`domain.inset` must be false where the `boundary` is periodic, which has no edges")
 
     @property
     def area(self) -> float:
@@ -175,29 +185,35 @@ class Size:
 
     Args:
         name: Unique within its class.
-        area: Footprint of one body [m²], its charge; or a range of them, smallest first, from which every body gets its own.
+        area: Ground that one body takes [m²], its charge; or a range of them, smallest first, from which every body gets its own.
+            None takes the areas of the outlines in ``footprint``.
         count: Number of bodies; placed exactly. None where the class has the count and this size a share.
         share: Share of the class's charge that these bodies carry, above 0; the shares of a class sum to 1.
         distribution: How a range is filled: ``"linear"`` (evenly stepped), ``"uniform"`` (drawn, by the problem's seed), or one
             area per body.
         line: Makes the bodies long; None leaves them dots.
+        footprint: Outlines of the bodies: a :class:`~.footprint.Footprint`, several variants of which every body has one, or
+            :class:`~.footprint.Footprints`, which say more. Where the area is a range they are scaled to it. None: discs of the area,
+            and capsules around the axes of lines.
 
     Raises:
         ProblemError: A value that is none, both a count and a share, or a list of areas that does not fit count or range.
     """
 
     name: str
-    area: float | tuple[float, float]
+    area: float | tuple[float, float] | None = None
     count: int | None = None
     share: float | None = None
     distribution: str | np.ndarray | Sequence[float] = "linear"
     line: Line | None = None
+    footprint: Footprint | Sequence[Footprint] | Footprints | None = None
 
     def __post_init__(self) -> None:
         name = validation.check_name(self.name, "`name` of a size")
         where = f'of size "{name}"'
         object.__setattr__(self, "name", name)
-        object.__setattr__(self, "area", validation.check_area_or_range(self.area, f"`area` {where}"))
+        if self.area is not None or self.footprint is None:
+            object.__setattr__(self, "area", validation.check_area_or_range(self.area, f"`area` {where}"))
         distribution = validation.check_distribution(self.distribution, f"`distribution` {where}")
         object.__setattr__(self, "distribution", distribution)
         if self.count is not None:
@@ -210,6 +226,9 @@ class Size:
             raise ProblemError(f"`line` {where} must be a Line, or None; got {show(self.line)}")
         if isinstance(distribution, np.ndarray):
             self._check_listed_areas(distribution, f"`distribution` {where}")
+        if self.footprint is not None:
+            checked = checked_footprints(self.footprint, where, self.count, self.line is not None)
+            object.__setattr__(self, "footprint", checked)
 
     def _check_listed_areas(self, areas: np.ndarray, key: str) -> None:
         if not isinstance(self.area, tuple):
@@ -224,26 +243,50 @@ class Size:
 
     @property
     def is_range(self) -> bool:
-        """Whether every body has an area of its own."""
+        """Whether areas differ so much that the large ones are to be even among themselves."""
+        if self.area is None:
+            low, high = self._footprints.area_span
+            return high > ALIKE * low
         return isinstance(self.area, tuple)
+
+    @property
+    def area_span(self) -> tuple[float, float]:
+        """Smallest and largest area that a body may have [m²]."""
+        if self.area is None:
+            return self._footprints.area_span
+        return self.area if isinstance(self.area, tuple) else (self.area, self.area)
+
+    @property
+    def _footprints(self) -> Footprints:
+        assert isinstance(self.footprint, Footprints)
+        return self.footprint
 
     @property
     def mean_area(self) -> float:
         """Mean footprint [m²] that the distribution aims at."""
         if isinstance(self.distribution, np.ndarray):
             return float(self.distribution.mean())
-        return float(np.mean(self.area))
+        return self._footprints.mean_area if self.area is None else float(np.mean(self.area))
 
     def areas(self, seed: Sequence[int]) -> np.ndarray:
         """Footprint of every body [m²], shape ``[count]``, float64; ``seed`` draws those of a uniform range."""
         count = self.count or 0
         if isinstance(self.distribution, np.ndarray):
             return self.distribution.copy()
+        if self.area is None:
+            drawn = self.footprints([seed[0], 4, *seed[2:]])
+            outline_area = np.array([outline.area for outline in self._footprints.outlines])
+            return outline_area[drawn.variant] * drawn.scale**2
         if not isinstance(self.area, tuple):
             return np.full(count, self.area)
         if self.distribution == "linear":
             return np.linspace(*self.area, count) if count > 1 else np.full(count, self.mean_area)
         return np.random.default_rng(seed).uniform(*self.area, count)
+
+    def footprints(self, seed: Sequence[int]) -> DrawnFootprints:
+        """Which outline every body has, how large and how turned; ``seed`` draws what is not given."""
+        areas = self.areas([seed[0], 2, *seed[2:]]) if isinstance(self.area, tuple) else None
+        return self._footprints.draw(self.count or 0, seed, areas, self.line is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -431,7 +474,7 @@ class Problem:
                     raise ProblemError(
                         f'`balance.size_emphasis` must be one number, because areas of class "{c.name}" are a range; got a list'
                     )
-                ranks = len({size.area for size in c.sizes})
+                ranks = len({size.mean_area for size in c.sizes})
                 if ranks - 1 > len(emphasis):
                     raise ProblemError(
                         f'`balance.size_emphasis` must have a value for each of the {ranks - 1} larger sizes of class "{c.name}"; '

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
@@ -14,7 +15,7 @@ from ..space.survey import survey
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .overlaps import count_overlaps
+from .overlaps import overlaps_of
 from .spacing import smallest_distance
 
 __all__ = ["measure"]
@@ -42,16 +43,16 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
-    if covered > 1.0:
+    overlaps = overlaps_of(placement, launcher)
+    cover = cover_of(problem) if problem.avoid_overlap else None
+    if cover is not None and overlaps.count:
+        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
+    if cover is not None and cover.warning is not None and overlaps.count:
+        notes.append(cover.warning)
+    elif covered > 1.0:
         notes.append(
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
-        )
-    overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
-    if problem.avoid_overlap and overlaps:
-        notes.append(
-            f"{overlaps} pairs of footprints still overlap: the space where they may be cannot hold them all; lower the counts or "
-            "the areas"
         )
     return Report(
         steps=0,
@@ -60,7 +61,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         device=str(launcher.device.alias),
         coverage_error=whole,
         smallest_spacing=smallest_distance(bodies, _number_density(bodies, problem)),
-        overlaps=overlaps,
+        overlaps=overlaps.count,
+        deepest_overlap=overlaps.deepest,
+        deepest_pair=overlaps.pair,
+        deepest_place=overlaps.place,
         covered=covered,
         classes=tuple(
             ClassReport(

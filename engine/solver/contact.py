@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -13,6 +14,7 @@ from ..space.neighbourhood import Neighbourhood
 from . import kernels_contact, kernels_descent
 from .body_flags import BodyFlags
 from .model import Model
+from .separation import Separation
 
 __all__ = ["Contact"]
 
@@ -75,7 +77,12 @@ class Contact:
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
         width = self._model.widths(length)
-        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+        if not self._model.problem.avoid_overlap:
+            area = self._model.body.area
+        else:
+            # While bodies find their places an outline is a disc of its area.
+            area = self._model.footprints.areas(length, width, apart=True)
+        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi))
         return radius if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
@@ -85,30 +92,17 @@ class Contact:
         for _ in range(ROUNDS_PER_STEP):
             self._round(pose, bend, displacement)
 
-    def separate(self, pose: wp.array, bend: wp.array) -> None:
-        """Push until nothing overlaps, or no progress is made."""
-        # Where lines have no width of their own, it follows from the lengths that they have reached.
-        reached = pose.numpy()[:, 3].astype(np.float64) * self._model.unit
-        self._near.footprints.radius.assign((self._radii(reached) / self._model.unit).astype(np.float32))
+    def separate(self, pose: wp.array, turn: wp.array, bend: wp.array, go_on: Callable[[], bool] | None = None) -> bool:
+        """Part all outlines, where the space can hold them; returns whether none overlap any more.
 
-        def run_round() -> None:
-            self._near.sort(pose)
-            self._round(pose, bend, self._spare)
-
-        one_round = self.launcher.record(run_round)
-        counting = self.launcher.record(lambda: self._near.count_overlaps(pose, 0.0))
-        fewest, since = math.inf, 0
-        for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
-            for _ in range(ROUNDS_AT_ONCE):
-                one_round.play()
-            counting.play()
-            left = self._near.counted_overlaps()
-            if left == 0:
-                return
-            since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
-            fewest = min(fewest, left) if since == 0 else fewest
-            if since >= ROUNDS_WITHOUT_PROGRESS:
-                return
+        Args:
+            pose: As the state has it.
+            turn: As the state has it.
+            bend: As the state has it.
+            go_on: Called now and then; returning False ends it.
+        """
+        parting = Separation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
+        return parting.run(go_on)
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..problem.body_charges import BodyCharges, charges_of
+from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.problem import BodyClass, Line, Problem
 
@@ -66,6 +67,7 @@ class Model:
         problem: The problem.
         body: Its bodies.
         charge: Their charges.
+        footprints: Their outlines.
         groups: Their groups, and how these see each other.
         kinds: The kinds of lines among them.
         unit: Metres per unit of length of the solver, in which charges have a mean number density of 1.
@@ -94,6 +96,7 @@ class Model:
             identity=np.arange(n, dtype=np.int32),
         )
         self.charge: BodyCharges = charges_of(problem)
+        self.footprints: BodyFootprints = footprints_of(problem)
         self.unit = math.sqrt(problem.domain.area / len(self.charge.charge))
         self.size = (problem.domain.size[0] / self.unit, problem.domain.size[1] / self.unit)
 

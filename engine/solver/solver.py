@@ -145,7 +145,7 @@ class Solver:
         contact = self.descent.contact
         if contact is not None and self.model.problem.avoid_overlap:
             with self.launcher.phase("contact"):
-                contact.separate(self.state.pose, self.state.bend)
+                contact.separate(self.state.pose, self.state.turn, self.state.bend)
             self.descent.place_charges()
 
     def placement(self) -> Placement:
