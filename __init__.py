@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from .engine.files.placement_files import write_placement
     from .engine.files.recipe import read_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
+    from .engine.problem.cover import Cover, cover_of
+    from .engine.problem.footprint import Footprint, Footprints
     from .engine.problem.placement import Placement
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Progress, Solver
     from .engine.solver.state import State
-    from .engine.surface.footprint import Footprint
+    from .engine.surface.footprint import Outline
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.footprint import measure_footprint
@@ -41,16 +43,19 @@ __all__ = [
     "BodyClass",
     "BodyFlags",
     "ClassReport",
+    "Cover",
     "Density",
     "DeviceError",
     "Domain",
     "EshError",
     "Footprint",
+    "Footprints",
     "ImageDensity",
     "Ink",
     "InkModel",
     "InputFileError",
     "Line",
+    "Outline",
     "Placement",
     "Problem",
     "ProblemError",
@@ -67,6 +72,7 @@ __all__ = [
     "State",
     "Unsharp",
     "VertexGroupDensity",
+    "cover_of",
     "draw_plan",
     "halftone_problem",
     "ink_colors",
@@ -92,16 +98,19 @@ _MODULES = {
     "BodyClass": ".engine.problem.problem",
     "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
+    "Cover": ".engine.problem.cover",
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
     "Domain": ".engine.problem.problem",
     "EshError": ".engine.errors",
-    "Footprint": ".engine.surface.footprint",
+    "Footprint": ".engine.problem.footprint",
+    "Footprints": ".engine.problem.footprint",
     "ImageDensity": ".esh_scatter.densities",
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
     "Line": ".engine.problem.problem",
+    "Outline": ".engine.surface.footprint",
     "Placement": ".engine.problem.placement",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
@@ -118,6 +127,7 @@ _MODULES = {
     "State": ".engine.solver.state",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
+    "cover_of": ".engine.problem.cover",
     "draw_plan": ".engine.drawing.plan",
     "halftone_problem": ".engine.problem.color_separation",
     "ink_colors": ".engine.problem.color_separation",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+
+import numpy as np
 
 from .device.profile import Profile
 from .problem.placement import Placement
@@ -14,6 +17,9 @@ from .quality.measurement import measure
 from .solver.solver import Progress, Solver
 
 __all__ = ["solve"]
+
+# Seconds after which whoever watches is asked again while outlines are being parted.
+MOMENT = 0.1
 
 
 def solve(
@@ -30,13 +36,13 @@ def solve(
         problem: What to place where.
         device: ``"auto"`` (an NVIDIA GPU where there is one), ``"cpu"`` or ``"cuda:0"``.
         max_steps: Steps of the relaxation at most, >= 1.
-        progress: Called after every step with a :class:`Progress`; returning False stops the run, which then returns what
-            is there, with ``report.converged`` False.
+        progress: Called after every step with a :class:`Progress`, and with the last one again while outlines are being parted for
+            longer than a moment; returning False stops the run, which then returns what is there, with ``report.converged`` False.
         profile: Gets the seconds that every phase takes.
 
     Returns:
-        The placement, with exact counts and its report. ``report.converged`` is True when the forces have little left to ask for: an
-        RMS move below 0.005 of the local spacing.
+        The placement, with exact counts and its report. ``report.converged`` is True when the forces have little left to ask for, an
+        RMS move below 0.005 of the local spacing, and no outlines overlap where they are to keep apart.
 
     Raises:
         ProblemError: The problem does not fit into memory, or ``max_steps`` is below 1.
@@ -45,10 +51,39 @@ def solve(
     start_time = time.perf_counter()
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
-        steps, converged = solver.run(max_steps, progress)
-        solver.separate()
+        watched = _Watched(progress)
+        steps, converged = solver.run(max_steps, None if progress is None else watched)
+        parted = solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):
             placement = solver.placement()
             report = measure(placement, solver.launcher)
+        finite = bool(np.isfinite(placement.position).all() and np.isfinite(placement.angle).all())
+        converged = converged and finite and (parted or not report.overlaps)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
+
+
+class _Watched:
+    """A progress callback, and what it was told last."""
+
+    def __init__(self, progress: Callable[[Progress], bool | None] | None) -> None:
+        self._progress = progress
+        self._last: Progress | None = None
+        self._time = math.inf
+        self._stopped = False
+
+    def __call__(self, state: Progress) -> bool | None:
+        assert self._progress is not None
+        self._last = state
+        answer = self._progress(state)
+        self._stopped = answer is False
+        self._time = time.perf_counter()
+        return answer
+
+    def go_on(self) -> bool:
+        """Ask again, if it is a while since it was asked; whoever has stopped the run once does not want to wait for contact."""
+        if self._stopped or self._last is None:
+            return not self._stopped
+        if time.perf_counter() - self._time > MOMENT:
+            self(self._last)
+        return not self._stopped

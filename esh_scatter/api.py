@@ -32,7 +32,7 @@ from ..engine.problem.validation import (
 from ..engine.solve import solve
 from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
-from ..engine.surface.footprint import Footprint
+from ..engine.surface.footprint import Outline
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
@@ -120,7 +120,7 @@ class _Shape:
     """What a size's bodies and their instances have to do with each other."""
 
     # Per variant: the outline, or None where nothing had to be measured.
-    outlines: tuple[Footprint | None, ...]
+    outlines: tuple[Outline | None, ...]
     area: float | tuple[float, float]
     line: Line | None
 
@@ -482,7 +482,7 @@ def _shape(
     area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
     if size.line is not None and not isinstance(size.line, (bool, Line)):
         raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
-    outlines: tuple[Footprint | None, ...] = (None,) * len(members)
+    outlines: tuple[Outline | None, ...] = (None,) * len(members)
     if area is None or isinstance(area, tuple) or size.line is not False:
         try:
             outlines = tuple(measure_footprint(member, context, f"`area` of {key}") for member in members)
@@ -499,7 +499,7 @@ def _shape(
     return _Shape(outlines, area, line)
 
 
-def _line_around(outlines: list[Footprint], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
+def _line_around(outlines: list[Outline], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
     """A stiff capsule as long and as wide as the largest of the outlines, scaled to the largest area of a range."""
     scale = 1.0
     if isinstance(area, tuple):

@@ -184,7 +184,11 @@ def _solve(options: argparse.Namespace) -> int:
     problem = read_recipe(options.recipe, seed=options.seed)
     _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
     from ..device.profile import Profile
+    from ..problem.cover import cover_of
 
+    warning = cover_of(problem).warning if problem.avoid_overlap and not options.quiet else None
+    if warning is not None:
+        print(f"esh-scatter: {options.recipe}: {warning}", file=sys.stderr, flush=True)
     profile = Profile() if options.profile else None
     placement = _run(problem, options, profile)
     writers = {path: placement_writer(path, placement) for path in options.output}

@@ -6,6 +6,7 @@
     [domain]
     size = [40.0, 30.0]            # metres, x and y
     boundary = "open"              # default; or "periodic"
+    inset = false                  # default; true: footprints lie inside as a whole
     [balance]
     class_separation = 0.5         # default
     size_emphasis = 2.0            # default; or a list, one for each larger size
@@ -23,6 +24,11 @@
     area = 3.0                     # footprint, m²; or a range [0.5, 2.0]
     count = 120                    # or share = 0.25 where the class has the count
     distribution = "linear"        # default, of a range; or "uniform", or a list of areas
+    footprint = { rectangle = [2.0, 0.3] }   # outline; or { polygon = [[x, y], ...] }, { disc = radius } or
+                                   # { capsule = [length, width] }, or a list of such; default: a disc of the area
+    turn = "free"                  # default, of a footprint: as it fits; or "random", or radians
+    scale_jitter = 0.0             # default: bodies are scaled by a factor within 1 ± this
+    room = 1.0                     # default: factor on the footprint for keeping apart; or gap = 0.1, in metres
     [class.size.line]              # only for long bodies
     length = 2.0                   # metres; or an image beside the recipe, black = length_range[0], white = length_range[1]
     direction = "density"          # default; "none", radians, or an image beside the recipe
@@ -56,9 +62,11 @@ from ..errors import InputFileError, ProblemError
 from ..problem import validation
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
+from ..problem.footprint import Footprints
 from ..problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 from ..problem.validation import show
 from .image_files import read_color, read_density
+from .recipe_footprints import FOOTPRINT_KEYS, check_footprint, footprints_from
 
 __all__ = ["read_recipe", "recipe_colors", "recipe_densities"]
 
@@ -91,9 +99,11 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
     avoid_overlap = recipe.take("avoid_overlap", validation.check_switch, False)
 
     table = recipe.table("domain")
-    table.check_keys("size", "boundary")
+    table.check_keys("size", "boundary", "inset")
     size = table.take("size", validation.check_domain_size)
-    domain = Domain(size, table.take("boundary", validation.check_boundary, "open"))
+    boundary = table.take("boundary", validation.check_boundary, "open")
+    inset = table.take("inset", validation.check_switch, False)
+    domain = table.build(lambda: Domain(size, boundary, inset))
 
     table = recipe.table("balance", optional=True)
     table.check_keys("class_separation", "size_emphasis", "non_overlap")
@@ -190,7 +200,7 @@ def _read_class(table: _Table) -> BodyClass:
 
 def _read_size(table: _Table, of_shares: bool) -> Size:
     table.name_it("size")
-    table.check_keys("name", "area", "count", "share", "distribution", "line")
+    table.check_keys("name", "area", "count", "share", "distribution", "line", "footprint", *FOOTPRINT_KEYS)
     name = table.take("name", validation.check_name)
     if of_shares and "count" in table.entries:
         raise table.error(
@@ -199,13 +209,26 @@ def _read_size(table: _Table, of_shares: bool) -> Size:
     return table.build(
         lambda: Size(
             name=name,
-            area=table.take("area", validation.check_area_or_range),
+            area=table.take_optional("area", validation.check_area_or_range)
+            if "footprint" in table.entries
+            else table.take("area", validation.check_area_or_range),
             count=None if of_shares or "share" in table.entries else table.take("count", validation.check_count),
             share=table.take_optional("share", validation.check_share),
             distribution=table.take("distribution", validation.check_distribution, "linear"),
             line=_read_line(table.table("line")) if "line" in table.entries else None,
+            footprint=_read_footprints(table),
         )
     )
+
+
+def _read_footprints(table: _Table) -> Footprints | None:
+    """Return the outlines of a size, None where it has none."""
+    settings = {name: table.entries[name] for name in FOOTPRINT_KEYS if name in table.entries}
+    if "footprint" in table.entries:
+        return footprints_from(table.take("footprint", check_footprint), settings)
+    for name in settings:
+        raise table.error(name, "is only for a size with a `footprint`")
+    return None
 
 
 def _read_line(table: _Table) -> Line:

@@ -8,18 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
-from .problem import BodyClass, Problem
+from .packing import elongation_of, in_cells, packable
+from .problem import Problem
 
-__all__ = ["Cover", "cover_of", "packable_cover"]
+__all__ = ["Cover", "cover_of"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
-# Share of the ground that fits without overlap, from what contact reaches in up to a minute: round bodies, and long ones that may turn
-# or that may not, by how much longer than wide they are.
-ROUND = 0.82
-LONGEST_FREE = 0.78
-FIXED_PER_ELONGATION = 0.2
-LEAST_FIXED = 0.25
 # What is asked for beyond what fits in a region counts from this share of it on: bodies can move a little to where there is room.
 CROWDED = 1.15
 # Bodies that a region has at least: fewer are no region.
@@ -67,35 +62,14 @@ def cover_of(problem: Problem) -> Cover:
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
     shape = _cells(problem, float(area.mean()))
-    shares = [_in_cells(c.density_image, shape) for c in problem.classes]
-    free = np.clip(np.max([_in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)
+    shares = [in_cells(c.density_image, shape) for c in problem.classes]
+    free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)
     cell = problem.domain.area / (shape[0] * shape[1])
     asked = np.sum([total * share / share.sum() for total, share in zip(of_class, shares, strict=True)], axis=0)
     covered = float(area.sum() / max(free.sum() * cell, 1e-300))
     too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
     crowded = float(asked[too_much].sum() / asked.sum())
     return Cover(covered, fits, crowded)
-
-
-def packable_cover(body_class: BodyClass) -> float:
-    """Share of the ground that bodies of a class can cover without overlap, about; the class may still lack its counts."""
-    fits = []
-    for size in body_class.sizes:
-        elongation, free = 1.0, True
-        footprints = size.footprint
-        if footprints is not None:
-            outlines = footprints.outlines  # type: ignore[union-attr]
-            elongation = float(np.mean([_elongation(outline.area, outline.width) for outline in outlines]))
-            free = footprints.turn == "free" if isinstance(footprints.turn, str) else False  # type: ignore[union-attr]
-            # What is kept free around the outlines covers nothing.
-            around = np.mean([_with_gap(o.area, footprints.room, footprints.gap) / o.area for o in outlines])  # type: ignore[union-attr]
-            fits.append(_fraction(elongation, free or size.line is not None) / max(float(around), 1e-9))
-            continue
-        if size.line is not None:
-            elongation = _elongation(size.mean_area, size.line.width or size.mean_area / size.line.longest)
-        fits.append(_fraction(elongation, True))
-    weights = np.array([size.share or 1.0 for size in body_class.sizes])
-    return min(1.0, float(np.average(fits, weights=weights)))
 
 
 def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
@@ -115,30 +89,13 @@ def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
 
 def _fits(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
     """Mean over the ground that bodies take."""
-    elongation = np.array([_elongation(outline.area, outline.width) for outline in footprints.shapes] + [1.0])
-    of_body = np.where(footprints.shape == CAPSULE, 1.0, elongation[footprints.shape])
+    elongation = np.array([elongation_of(outline) for outline in footprints.shapes] + [1.0])
+    of_body = elongation[footprints.shape]
     # Lines lie side by side.
     free = footprints.free | (footprints.shape == CAPSULE)
     pairs, which = np.unique(np.stack([of_body, free.astype(np.float64)]), axis=1, return_inverse=True)
-    fraction = np.array([_fraction(float(e), bool(f)) for e, f in pairs.T])
+    fraction = np.array([packable(float(e), bool(f)) for e, f in pairs.T])
     return float(np.average(fraction[which.ravel()], weights=area))
-
-
-def _elongation(area: float, width: float) -> float:
-    """Length over width of the rectangle that has this area and width."""
-    return max(1.0, area / width**2)
-
-
-def _fraction(elongation: float, free: bool) -> float:
-    if free:
-        return min(ROUND, LONGEST_FREE + (ROUND - LONGEST_FREE) / elongation)
-    return max(LEAST_FIXED, ROUND / (1.0 + FIXED_PER_ELONGATION * (elongation - 1.0) ** 0.5))
-
-
-def _with_gap(area: float, room: float, gap: float) -> float:
-    """Area of an outline with its room; with a gap, as if it were round."""
-    radius = math.sqrt(area / math.pi) * room + 0.5 * gap
-    return math.pi * radius**2
 
 
 def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:
@@ -147,18 +104,3 @@ def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:
     smallest = math.sqrt(BODIES_PER_CELL * mean_area)
     cell = max(max(width, height) / CELLS, smallest)
     return max(1, int(height / cell)), max(1, int(width / cell))
-
-
-def _in_cells(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Mean of an image over every cell of a coarse grid, float64, shape ``[rows, columns]``."""
-    down, across = (_overlaps(of, cells) for of, cells in zip(image.shape, shape, strict=True))
-    return (down.astype(np.float32) @ image).astype(np.float64) @ across.T
-
-
-def _overlaps(pixels: int, cells: int) -> np.ndarray:
-    """Share of every cell that lies on every pixel, shape ``[cells, pixels]``."""
-    edges = np.arange(cells + 1) * (pixels / cells)
-    column = np.arange(pixels)
-    low = np.maximum(edges[:-1, None], column)
-    high = np.minimum(edges[1:, None], column + 1.0)
-    return np.maximum(high - low, 0.0) * (cells / pixels)

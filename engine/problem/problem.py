@@ -10,6 +10,7 @@ Halftoning, 2012.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -21,6 +22,7 @@ from .apportionment import apportion
 from .density_correction import correct_density
 from .footprint import DrawnFootprints, Footprint, Footprints, checked_footprints
 from .image_filters import unsharp_mask
+from .packing import packable_share, scale_to_fit
 from .validation import Boundary, show
 
 # Outlines of one size whose areas differ by no more than this factor count as alike: one group is enough for them.
@@ -257,6 +259,19 @@ class Size:
         return self.area if isinstance(self.area, tuple) else (self.area, self.area)
 
     @property
+    def widest(self) -> float:
+        """Smallest width of the widest body that there may be [m]."""
+        if self.footprint is not None:
+            given = self._footprints
+            scale = float(np.max(1.0 if given.scale is None else given.scale)) * (1.0 + given.scale_jitter)
+            if given.scale is None and isinstance(self.area, tuple):
+                scale *= max(math.sqrt(self.area[1] / outline.area) for outline in given.outlines)
+            return max(outline.width for outline in given.outlines) * scale * given.room + given.gap
+        if self.line is not None:
+            return self.line.width or 0.0
+        return 2.0 * math.sqrt(self.area_span[1] / math.pi)
+
+    @property
     def _footprints(self) -> Footprints:
         assert isinstance(self.footprint, Footprints)
         return self.footprint
@@ -299,7 +314,8 @@ class BodyClass:
         density: Image of shape ``[height, width]``, values >= 0, any scale, any real or boolean dtype; or a number > 0
             for a uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy.
         count: Number of bodies in all sizes, which then have shares instead of counts (a single size has all of it); or
-            ``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground.
+            ``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground; where
+            the problem avoids overlap, no more than can lie there so.
         density_correction: Raise densities above 0.907 so that overlapping discs cover what is asked for (section 3 of the paper);
             the density is then a covered share, 0..1.
         unsharp: Unsharp masking of the density, before everything else.
@@ -395,14 +411,23 @@ class BodyClass:
             replace(size, count=number, share=None) for size, number in zip(self.sizes, counts.tolist(), strict=True)
         )
 
-    def resolved(self, domain_area: float) -> BodyClass:
-        """Return this class with a whole count for every size, in a domain of this area [m²]."""
+    def resolved(self, domain_area: float, *, apart: bool = False, share: float = 1.0) -> BodyClass:
+        """Return this class with a whole count for every size.
+
+        Args:
+            domain_area: Area of the domain [m²].
+            apart: Whether bodies may not overlap: then ``"cover"`` means no more of the ground than they can cover so.
+            share: Of what ``"cover"`` means, so many.
+        """
         if self.count is None:
             return self
+        image = self.density_image
         if isinstance(self.count, int):
             sizes = self._with_counts(self.count)
         else:
-            ink = float(self.density_image.mean(dtype=np.float64)) * domain_area
+            if apart:
+                image = np.minimum(image, np.float32(packable_share(self.sizes)))
+            ink = share * float(image.mean(dtype=np.float64)) * domain_area
             number = sum(ink * (size.share or 0.0) / size.mean_area for size in self.sizes)
             if number < 0.5:
                 raise ProblemError(
@@ -410,7 +435,7 @@ class BodyClass:
                 )
             sizes = self._with_counts(max(round(number), 1))
         result = object.__new__(BodyClass)
-        result.__dict__.update(self.__dict__, sizes=sizes, count=None)
+        result.__dict__.update(self.__dict__, sizes=sizes, count=None, _density_image=image)
         return result
 
     @property
@@ -455,11 +480,22 @@ class Problem:
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
-        object.__setattr__(self, "classes", tuple(c.resolved(self.domain.area) for c in classes))
         object.__setattr__(self, "seed", validation.check_seed(self.seed))
         object.__setattr__(self, "avoid_overlap", validation.check_switch(self.avoid_overlap, "`avoid_overlap`"))
+        object.__setattr__(self, "classes", self._resolved(classes))
         self._check_balance()
         self._check_lines()
+        self._check_footprints()
+
+    def _resolved(self, classes: Sequence[BodyClass]) -> tuple[BodyClass, ...]:
+        """Classes with counts; those that are to cover the ground share what of it can be covered, where they keep apart."""
+        share = 1.0
+        covering = [c for c in classes if c.count == "cover"]
+        if self.avoid_overlap and covering:
+            fits = [packable_share(c.sizes) for c in covering]
+            images = [np.minimum(c.density_image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
+            share = scale_to_fit(images, max(fits))
+        return tuple(c.resolved(self.domain.area, apart=self.avoid_overlap, share=share) for c in classes)
 
     def _check_balance(self) -> None:
         matrix = self.balance.non_overlap
@@ -489,6 +525,29 @@ class Problem:
                     raise ProblemError(
                         f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
                         f"got {size.line.longest:g}"
+                    )
+
+    def _check_footprints(self) -> None:
+        """Refuse what contact can do nothing about: bodies wider than a period or than the walls are apart."""
+        domain = self.domain
+        if domain.inset and not self.avoid_overlap:
+            raise ProblemError(
+                "`domain.inset` must be false without `avoid_overlap`: it is contact that keeps footprints inside"
+            )
+        if not self.avoid_overlap or not (domain.periodic or domain.inset):
+            return
+        most = min(domain.size)
+        why = (
+            "of the periodic domain, or they overlap themselves"
+            if domain.periodic
+            else "of the domain that they are to lie in"
+        )
+        for c in self.classes:
+            for size in c.sizes:
+                if size.widest > most * (1.0 + 1e-9):
+                    raise ProblemError(
+                        f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the shorter side {why}, '
+                        f"{most:g} m; got {size.widest:.4g}"
                     )
 
     @property

@@ -9,7 +9,6 @@ wp.set_module_options({"enable_backward": False})
 ZERO = wp.constant(wp.float64(0.0))
 ONE = wp.constant(wp.float64(1.0))
 HALF = wp.constant(wp.float64(0.5))
-FAR = wp.constant(wp.float64(1.0e300))
 
 
 @wp.struct
@@ -46,11 +45,11 @@ def inside_of_faces(
     corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, d: wp.vec2d, enough: wp.float64
 ):
     """Smallest of how far B, at offset ``d``, reaches inside the faces of A; ``enough`` or less ends the search."""
-    least = wp.float64(FAR)
+    least = wp.float64(1.0e300)
     for e in range(a, a_end):
         if least > enough:
             v = corner[e]
-            deepest = wp.float64(FAR)
+            deepest = wp.float64(1.0e300)
             for q in range(b, b_end):
                 w = corner[q]
                 deepest = wp.min(deepest, v[2] * (w[0] + d[0] - v[0]) + v[3] * (w[1] + d[1] - v[1]))
@@ -61,7 +60,7 @@ def inside_of_faces(
 @wp.func
 def squared_distance_of_corners(corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, d: wp.vec2d):
     """From A's edges to the corners of B, at offset ``d``."""
-    least = wp.float64(FAR)
+    least = wp.float64(1.0e300)
     for e in range(a, a_end):
         following = e + 1
         if following == a_end:
@@ -73,7 +72,7 @@ def squared_distance_of_corners(corner: wp.array(dtype=wp.vec4d), a: int, a_end:
         for q in range(b, b_end):
             w = corner[q]
             p = wp.vec2d(w[0] + d[0] - v[0], w[1] + d[1] - v[1])
-            share = wp.float64(ZERO)
+            share = wp.float64(0.0)
             if square > ZERO:
                 share = wp.clamp(wp.dot(p, along) / square, ZERO, ONE)
             gap = p - along * share
@@ -89,7 +88,7 @@ def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
     b = shapes.first_corner[j]
     b_end = shapes.first_corner[j + 1]
     r = shapes.rounding[i] + shapes.rounding[j]
-    least = wp.float64(FAR)
+    least = wp.float64(1.0e300)
     if a_end - a > 1:
         least = wp.min(least, inside_of_faces(shapes.corner, a, a_end, b, b_end, d, -r))
     if b_end - b > 1 and least > -r:
@@ -134,7 +133,7 @@ def find_overlaps(
     i = first + wp.tid()
     own = shapes.position[i]
     count = int(0)
-    worst = wp.float64(ZERO)
+    worst = wp.float64(0.0)
     worst_partner = int(-1)
     for m in range(lattice.reach.shape[0]):
         within = shapes.reach[i] + lattice.reach[m]
@@ -173,7 +172,7 @@ def find_overlaps(
                             )
                         touching = shapes.reach[i] + shapes.reach[j]
                         if wp.dot(d, d) < touching * touching:
-                            depth = wp.float64(ZERO)
+                            depth = wp.float64(0.0)
                             for image_y in range(-images[1], images[1] + 1):
                                 for image_x in range(-images[0], images[0] + 1):
                                     if j != i or image_x != 0 or image_y != 0:

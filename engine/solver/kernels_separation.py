@@ -24,7 +24,6 @@ from .kernels_descent import Bodies, confine_line, slide
 
 wp.set_module_options({"enable_backward": False})
 
-FAR = wp.constant(1.0e30)
 TINY = wp.constant(1.0e-9)
 # The face that a contact lies on changes to one of the other body only where that is clearly farther out: it must not flicker.
 CLEARLY = wp.constant(1.0e-4)
@@ -111,7 +110,8 @@ def begin_list(
     place[i] = wp.vec4(p[0], p[1], own[2], 0.0)
     built[i] = place[i]
     if i == 0:
-        moved_far[0] = 0
+        for thread in range(moved_far.shape[0]):
+            moved_far[thread] = 0
 
 
 @wp.kernel
@@ -139,7 +139,7 @@ def turn_corners(
 @wp.func
 def support(corner: wp.array(dtype=wp.vec4), start: int, count: int, n: wp.vec2):
     """The corner that lies least far along ``n``, and how far that is."""
-    lowest = float(FAR)
+    lowest = float(1.0e30)
     k = int(0)
     for q in range(count):
         v = corner[start + q]
@@ -164,7 +164,7 @@ def separation_along_faces(
 
     The corner is walked round with the face. Faces after one that it lies ``enough`` beyond are not looked at.
     """
-    best = float(-FAR)
+    best = float(-1.0e30)
     face = int(0)
     nearest = int(0)
     k = int(0)
@@ -280,7 +280,7 @@ def nearest_on_edges(
     d: wp.vec2,
 ):
     """Of A's edges and the corners of B, at offset ``d``: squared distance of the nearest two, the edge's point and the corner."""
-    best = float(FAR)
+    best = float(1.0e30)
     on_a = wp.vec2(0.0, 0.0)
     on_b = wp.vec2(0.0, 0.0)
     edges = a_count
@@ -315,11 +315,11 @@ def nearest_on_edges(
 @wp.func
 def beyond_face(corner: wp.array(dtype=wp.vec4), a: int, a_count: int, b: int, b_count: int, d: wp.vec2, face: int):
     """How far B lies beyond one face: of A, or, counted from :data:`FACES_OF_ONE` on, how far A lies beyond one of B's."""
-    result = float(-FAR)
+    result = float(-1.0e30)
     if face < FACES_OF_ONE:
         if face < a_count:
             v = corner[a + face]
-            lowest, k = support(corner, b, b_count, wp.vec2(v[2], v[3]))
+            lowest, _k = support(corner, b, b_count, wp.vec2(v[2], v[3]))
             result = v[2] * (d[0] - v[0]) + v[3] * (d[1] - v[1]) + lowest
     elif face - FACES_OF_ONE < b_count:
         v = corner[b + face - FACES_OF_ONE]
@@ -336,9 +336,9 @@ def apart(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float):
     b = outlines.first_corner[j]
     b_count = outlines.first_corner[j + 1] - b
     r = outlines.rounding[i] + outlines.rounding[j]
-    best = float(-FAR)
+    best = float(-1.0e30)
     if a_count > 1:
-        best, face, k = separation_along_faces(outlines.corner, a, a_count, b, b_count, d, enough + r)
+        best, _face, _k = separation_along_faces(outlines.corner, a, a_count, b, b_count, d, enough + r)
     if b_count > 1 and best < enough + r:
         other, _face, _k = separation_along_faces(outlines.corner, b, b_count, a, a_count, -d, enough + r)
         best = wp.max(best, other)
@@ -382,13 +382,13 @@ def touch(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float, hint: i
         distance = length - r
         at = wp.vec2(v[0], v[1]) + n * (0.5 * (ra + length - rb))
     else:
-        known = float(-FAR)
+        known = float(-1.0e30)
         if hint > 0:
             known = beyond_face(corner, a, a_count, b, b_count, d, hint - 1)
         if known >= enough + r:
             distance = known - r
         else:
-            best = float(-FAR)
+            best = float(-1.0e30)
             face = int(0)
             nearest = int(0)
             of_b = int(0)
@@ -650,6 +650,7 @@ def wall_contact(i: int, side: int, p: wp.vec2, outlines: Outlines, size: wp.vec
 @wp.kernel
 def move_apart(
     first: int,
+    thread: int,
     outlines: Outlines,
     pairs: Pairs,
     second_start: wp.array(dtype=wp.int32),
@@ -667,7 +668,10 @@ def move_apart(
     last_move: wp.array(dtype=wp.vec4),
     moved_far: wp.array(dtype=wp.int32),
 ):
-    """Move every body as its contacts, its momentum and the pull to where it came from ask for."""
+    """Move every body as its contacts, its momentum and the pull to where it came from ask for.
+
+    Every thread counts those in ``moved_far`` that are farther than their skins from where pairs were listed.
+    """
     i = first + wp.tid()
     lightness = outlines.lightness[i]
     if lightness == 0.0:
@@ -759,7 +763,7 @@ def move_apart(
     gone_y = own[1] + way[1] - built[i][1]
     gone = wp.sqrt(gone_x * gone_x + gone_y * gone_y) + wp.abs(angle - built[i][2]) * outlines.reach[i]
     if not (gone <= outlines.skin[i]):
-        moved_far[0] = 1
+        wp.atomic_add(moved_far, thread, 1)
 
 
 @wp.kernel

@@ -32,6 +32,8 @@ TOLERANCE = 1e-3
 SLACK = 2e-3
 # A pair is listed from this distance on, in roots of the bodies' areas.
 SKIN = 0.08
+# Share of the bodies that may be beyond their skins before pairs are listed anew.
+STRAY_SHARE = 2e-3
 # Momentum at first, how much nearer to 1 it comes after so many rounds, and how far; and that of a second try.
 FIRST_MOMENTUM = 0.9
 RISE = 0.7
@@ -40,9 +42,10 @@ LARGEST_MOMENTUM = 0.985
 HOT_MOMENTUM = 0.98
 DAMPING = 0.9
 COASTING = 0.5
-# Share of the way back to its start that a body is pulled in a round, and rounds until the pull has faded.
+# Share of the way back to its start that a body is pulled in a round, and rounds until the pull has faded, of loose and of crowded
+# bodies.
 PULL = 0.01
-ROUNDS_OF_PULL = 300
+ROUNDS_OF_PULL = (100, 300)
 # Rounds at most, between two looks at what is left, and without progress before it is given up; progress is to have at most this
 # share of the squared overlaps left.
 MOST_ROUNDS = 2500
@@ -60,15 +63,16 @@ ROUNDS_PER_SWAP = 50
 MOST_SWAPS = 20
 HOT_SWAPS = 60
 CANDIDATES = 60
-PLACES_TO_TRY = 250_000
+PLACES_TO_TRY = 500_000
 STUCK_SHARE = 0.2
 FIRST_KEEP = 1.0
 KEEP = 0.8
 # Bodies trade places whose areas differ by up to this factor.
 ALIKE = 1.15
-# Cover from which on places are traded before the first round: of bodies that may turn, and of those that may not.
-CROWDED_FREE = 0.66
-CROWDED_FIXED = 0.45
+# Passes end when a smaller share of the bodies trades places.
+LEAST_SWAPS = 1e-3
+# Cover from which on bodies count as crowded.
+CROWDED = 0.66
 # Pairs of a body at most: footprints many times larger than the space would have n² of them.
 MOST_PAIRS_PER_BODY = 200
 LEAST_PAIRS_PER_BODY = 32
@@ -290,7 +294,7 @@ class Separation:
         self._home = wp.clone(self._place)
         self._built = wp.clone(self._place)
         self._last_move = launcher.zeros(n, wp.vec4)
-        self._moved_far = wp.zeros(1, dtype=wp.int32, device=launcher.device)
+        self._moved_far = launcher.zeros(launcher.thread_count, wp.int32)
         self._settings = wp.zeros(5, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
@@ -321,18 +325,17 @@ class Separation:
         """One try; None where it was stopped."""
         self._last_move.zero_()
         self._rebuild()
-        if (
-            self._swappable
-            and 0.0 < self._covered <= 1.0
-            and self._covered > (CROWDED_FIXED if self._fixed else CROWDED_FREE)
-        ):
+        if self._swappable and self._fixed and self._covered <= 1.0:
+            # The more that fit where they are, the less they need to move.
             for number in range(FIRST_SWAPS):
                 self._find()
-                if not self._swap(number, 1.0, FIRST_KEEP):
+                swapped = self._swap(number, 1.0, FIRST_KEEP)
+                if swapped < LEAST_SWAPS * self._count:
                     break
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = ROUNDS_OF_THE_HOPELESS if self._covered > 1.0 else MOST_ROUNDS
         swaps = HOT_SWAPS if hot else MOST_SWAPS
+        pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED)]
         least, since, swapped, clean = math.inf, 0, 0, 0
         best, best_place = math.inf, None
         for number in range(most + 1):
@@ -340,11 +343,16 @@ class Separation:
                 momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
             if number % ROUNDS_AT_ONCE == 0:
                 # What the pull presses together is a little deep, so it ends with the last overlap that counts.
-                pull = 0.0 if hot or clean else PULL * max(0.0, 1.0 - number / ROUNDS_OF_PULL)
+                pull = 0.0 if hot or clean else PULL * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
             self._find()
             if number % ROUNDS_AT_ONCE == 0:
                 deep, touching, squares = self._left()
+                if deep == 0 and self._strayed:
+                    # Only a list without strays tells that nothing overlaps.
+                    self._rebuild()
+                    self._find()
+                    deep, touching, squares = self._left()
                 if touching == 0:
                     return True
                 clean = clean + ROUNDS_AT_ONCE if deep == 0 else 0
@@ -436,14 +444,20 @@ class Separation:
             ],
             [self._place, self._last_move, self._moved_far],
             grain=GRAIN_OF_NEIGHBOURS,
+            per_thread=True,
         )
 
     def _find(self) -> None:
         """What contacts there are, with the pairs listed anew where that is due."""
-        if self._moved_far.numpy()[0]:
+        if self._strayed > STRAY_SHARE * self._count:
             self._rebuild()
         assert self._one_round is not None
         self._one_round[0].play()
+
+    @property
+    def _strayed(self) -> int:
+        """Bodies that are farther than their skins from where they were when pairs were listed."""
+        return int(self._moved_far.numpy().sum())
 
     def _move(self) -> None:
         assert self._one_round is not None

@@ -140,13 +140,20 @@ class Solver:
                 return step, True
         return max_steps, residual < SETTLED
 
-    def separate(self) -> None:
-        """Push footprints that still overlap apart, where they are to keep apart at all."""
+    def separate(self, go_on: Callable[[], bool] | None = None) -> bool:
+        """Part outlines that still overlap, where they are to keep apart at all; returns whether none do any more.
+
+        Args:
+            go_on: Called now and then; returning False ends it.
+        """
         contact = self.descent.contact
-        if contact is not None and self.model.problem.avoid_overlap:
-            with self.launcher.phase("contact"):
-                contact.separate(self.state.pose, self.state.turn, self.state.bend)
-            self.descent.place_charges()
+        if contact is None or not self.model.problem.avoid_overlap:
+            return True
+        state = self.state
+        with self.launcher.phase("contact"):
+            parted = contact.separate(state.pose, state.turn, state.bend, go_on)
+        self.descent.place_charges()
+        return parted
 
     def placement(self) -> Placement:
         """The bodies where they are now; its report is empty."""
