@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..problem.packing import elongation_of
 from ..space import kernels_images
 from ..space.neighbourhood import Neighbourhood
 from . import kernels_contact, kernels_descent
@@ -18,14 +19,8 @@ from .separation import Separation
 
 __all__ = ["Contact"]
 
-# Rounds of pushing after every step of the relaxation, and at its end, where a run of so many without progress is the last.
+# Rounds of pushing after every step of the relaxation.
 ROUNDS_PER_STEP = 4
-LAST_ROUNDS = 2000
-ROUNDS_WITHOUT_PROGRESS = 200
-# Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
-# fewer than before once only so many are left.
-PROGRESS = 0.97
-FEW_OVERLAPS = 100
 # Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
 DAMPING = 0.9
 SLACK = 1e-3
@@ -33,8 +28,12 @@ SLACK = 1e-3
 AXIS_RADIUS = 0.25
 # Bodies that the CPU looks after with one reading of a kernel's many arguments.
 BODIES_AT_ONCE = 32
-# Rounds between two looks at the number of overlaps that are left.
-ROUNDS_AT_ONCE = 10
+# Bodies are long from this length over their width on; and forces have a word again from this cover on, so many times at most, and as
+# many as that has of all bodies.
+LONG = 2.0
+CROWDED = 0.4
+MOST_SETTLING = 3
+BODIES_TO_SETTLE = 60_000
 
 
 class Contact:
@@ -92,7 +91,32 @@ class Contact:
         for _ in range(ROUNDS_PER_STEP):
             self._round(pose, bend, displacement)
 
-    def separate(self, pose: wp.array, turn: wp.array, bend: wp.array, go_on: Callable[[], bool] | None = None) -> bool:
+    @property
+    def rounds_of_settling(self) -> int:
+        """How often the forces have a word again once outlines are parted.
+
+        Long bodies that turn as they fit gather in sheaves, and what is even before contact is less so after it.
+        """
+        model = self._model
+        footprints = model.footprints
+        length = np.zeros(model.body_count)
+        area = footprints.areas(length, length, apart=True)
+        long = np.array([elongation_of(outline) > LONG for outline in footprints.shapes] + [False])
+        turning = float(area[footprints.free & long[footprints.shape]].sum())
+        covered = float(area.sum()) / model.problem.domain.area
+        if turning < 0.1 * float(area.sum()) or not CROWDED < covered < 1.0:
+            return 0
+        return min(MOST_SETTLING, BODIES_TO_SETTLE // model.body_count)
+
+    def separate(
+        self,
+        pose: wp.array,
+        turn: wp.array,
+        bend: wp.array,
+        go_on: Callable[[], bool] | None = None,
+        *,
+        again: bool = False,
+    ) -> bool:
         """Part all outlines, where the space can hold them; returns whether none overlap any more.
 
         Args:
@@ -100,9 +124,10 @@ class Contact:
             turn: As the state has it.
             bend: As the state has it.
             go_on: Called now and then; returning False ends it.
+            again: Whether they were parted before, and have moved little since.
         """
         parting = Separation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
-        return parting.run(go_on)
+        return parting.run(go_on, again=again)
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near

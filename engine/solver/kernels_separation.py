@@ -329,10 +329,9 @@ def beyond_face(corner: wp.array(dtype=wp.vec4), a: int, a_count: int, b: int, b
 
 
 @wp.func
-def apart(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float):
-    """A lower bound of the distance of two outlines that are not both discs, exact where they overlap; beyond ``enough``, any."""
-    a = outlines.first_corner[i]
-    a_count = outlines.first_corner[i + 1] - a
+def apart(i: int, a: int, j: int, d: wp.vec2, outlines: Outlines, enough: float):
+    """A lower bound of the distance of two outlines, exact where they overlap; beyond ``enough``, any. ``a`` is i's first corner."""
+    a_count = outlines.first_corner[i + 1] - outlines.first_corner[i]
     b = outlines.first_corner[j]
     b_count = outlines.first_corner[j + 1] - b
     r = outlines.rounding[i] + outlines.rounding[j]
@@ -529,7 +528,7 @@ def find_pairs(
                                             count += 1
                                         else:
                                             skins = outlines.skin[i] + outlines.skin[j]
-                                            if apart(i, j, d, outlines, skins) < skins:
+                                            if apart(i, outlines.first_corner[i], j, d, outlines, skins) < skins:
                                                 pairs.second[base_slot + count] = j
                                                 pairs.note[base_slot + count] = note_of(
                                                     int(wp.round((d[0] - raw[0]) / grid.space.size[0])),
@@ -617,7 +616,7 @@ def find_pushes(
 
 
 @wp.func
-def wall_contact(i: int, side: int, p: wp.vec2, outlines: Outlines, size: wp.vec2):
+def wall_contact(i: int, corners: int, side: int, p: wp.vec2, outlines: Outlines, size: wp.vec2):
     """How far a body stands out over an edge of the domain, the direction back inside, and the lever of the contact."""
     n = wp.vec2(1.0, 0.0)
     inside = p[0]
@@ -630,15 +629,14 @@ def wall_contact(i: int, side: int, p: wp.vec2, outlines: Outlines, size: wp.vec
     elif side == 3:
         n = wp.vec2(0.0, -1.0)
         inside = size[1] - p[1]
-    begin = outlines.first_corner[i]
-    count = outlines.first_corner[i + 1] - begin
-    lowest, _k = support(outlines.corner, begin, count, n)
+    count = outlines.first_corner[i + 1] - outlines.first_corner[i]
+    lowest, _k = support(outlines.corner, corners, count, n)
     depth = outlines.rounding[i] - inside - lowest
     band = BAND * outlines.reach[i]
     weights = float(0.0)
     lever = float(0.0)
     for q in range(count):
-        v = outlines.corner[begin + q]
+        v = outlines.corner[corners + q]
         above = n[0] * v[0] + n[1] * v[1] - lowest
         if above < band:
             weight = (band - above) * (band - above)
@@ -705,7 +703,7 @@ def move_apart(
     if inset != 0:
         slack = 0.5 * settings[SLACK] * outlines.width[i]
         for side in range(4):
-            depth, n, lever = wall_contact(i, side, p, outlines, space.size)
+            depth, n, lever = wall_contact(i, outlines.first_corner[i], side, p, outlines, space.size)
             if depth > -slack:
                 strength = (depth + slack) / (lightness + lever * lever * ease)
                 sx += n[0] * strength * lightness
@@ -804,7 +802,7 @@ def measure_overlaps(
     if inset != 0:
         p = wp.vec2(place[i][0], place[i][1])
         for side in range(4):
-            depth, _n, _lever = wall_contact(i, side, p, outlines, space.size)
+            depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, p, outlines, space.size)
             depth = depth / outlines.width[i]
             if depth > 0.0:
                 overlaps += 1
@@ -819,6 +817,7 @@ def measure_overlaps(
 @wp.func
 def cost_of_place(
     i: int,
+    corners: int,
     without: int,
     at: wp.vec2,
     most: float,
@@ -830,12 +829,15 @@ def cost_of_place(
     images: wp.vec2i,
     inset: int,
 ):
-    """Squared overlaps that body i would have elsewhere with all others but one; ``most`` or more where they are more."""
+    """Squared overlaps that body i would have at a place with all others but one; ``most`` or more where they are more.
+
+    ``corners`` is the first of its corners: as it is turned, or as it might be.
+    """
     total = float(0.0)
     reach = outlines.reach[i]
     if inset != 0:
         for side in range(4):
-            depth, _n, _lever = wall_contact(i, side, at, outlines, grid.space.size)
+            depth, _n, _lever = wall_contact(i, corners, side, at, outlines, grid.space.size)
             depth = wp.max(depth, 0.0) / outlines.width[i]
             total += WALL_COST * depth * depth
     wrapping = wp.where(grid.space.periodic != 0, 1, 0)
@@ -881,7 +883,7 @@ def cost_of_place(
                                         short[1] + float(y) * grid.space.size[1],
                                     )
                                     if wp.length_sq(d) < within * within:
-                                        depth = -apart(i, j, d, outlines, 0.0)
+                                        depth = -apart(i, corners, j, d, outlines, 0.0)
                                         if depth > 0.0:
                                             depth = depth / wp.min(outlines.width[i], outlines.width[j])
                                             total += depth * depth
@@ -931,13 +933,176 @@ def propose_swaps(
                 most = keep * before - best
                 there_in = confine(there, grid.space)
                 own_in = confine(own, grid.space)
-                after = cost_of_place(i, j, there_in, most, place, outlines, near, cell_start, grid, images, inset)
+                after = cost_of_place(
+                    i,
+                    outlines.first_corner[i],
+                    j,
+                    there_in,
+                    most,
+                    place,
+                    outlines,
+                    near,
+                    cell_start,
+                    grid,
+                    images,
+                    inset,
+                )
                 if after < most:
                     after += cost_of_place(
-                        j, i, own_in, most - after, place, outlines, near, cell_start, grid, images, inset
+                        j,
+                        outlines.first_corner[j],
+                        i,
+                        own_in,
+                        most - after,
+                        place,
+                        outlines,
+                        near,
+                        cell_start,
+                        grid,
+                        images,
+                        inset,
                     )
                     if after < most:
                         best = keep * before - after
                         chosen = j
     partner[q] = chosen
     gain[q] = best
+
+
+@wp.kernel
+def find_costs(
+    first: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    near: Sorted,
+    cell_start: wp.array(dtype=wp.int32),
+    grid: ContactGrid,
+    images: wp.vec2i,
+    inset: int,
+    # outputs
+    cost: wp.array(dtype=float),
+):
+    """Squared overlaps of every body."""
+    i = first + wp.tid()
+    at = wp.vec2(place[i][0], place[i][1])
+    cost[i] = cost_of_place(
+        i, outlines.first_corner[i], i, at, 1.0e30, place, outlines, near, cell_start, grid, images, inset
+    )
+
+
+@wp.kernel
+def propose_turns(
+    first: int,
+    trials: int,
+    room_for_corners: int,
+    most_corners: int,
+    keep: float,
+    seed: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    near: Sorted,
+    cell_start: wp.array(dtype=wp.int32),
+    grid: ContactGrid,
+    images: wp.vec2i,
+    inset: int,
+    cost: wp.array(dtype=float),
+    # outputs
+    corner: wp.array(dtype=wp.vec4),
+    angle: wp.array(dtype=float),
+    gain: wp.array(dtype=float),
+):
+    """The turn with which a body that overlaps others overlaps them least, and by how much its squared overlaps fall.
+
+    Corners of trials lie behind those of the bodies, from ``room_for_corners`` on, ``most_corners`` for each body.
+    """
+    i = first + wp.tid()
+    best = float(0.0)
+    chosen = place[i][2]
+    if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
+        count = outlines.first_corner[i + 1] - outlines.first_corner[i]
+        at = wp.vec2(place[i][0], place[i][1])
+        corners = room_for_corners + i * most_corners
+        factor = outlines.factor[i]
+        start = outlines.shape_start[outlines.shape[i]]
+        state = wp.rand_init(seed, i)
+        for _trial in range(trials):
+            trial = wp.randf(state, 0.0, 2.0 * wp.pi)
+            c = wp.cos(trial)
+            s = wp.sin(trial)
+            for k in range(count):
+                v = outlines.shape_corner[start + k]
+                corner[corners + k] = wp.vec4(
+                    factor * (c * v[0] - s * v[1]),
+                    factor * (s * v[0] + c * v[1]),
+                    c * v[2] - s * v[3],
+                    s * v[2] + c * v[3],
+                )
+            # As much may be left at most.
+            most = keep * cost[i] - best
+            after = cost_of_place(i, corners, i, at, most, place, outlines, near, cell_start, grid, images, inset)
+            if after < most:
+                best = keep * cost[i] - after
+                chosen = trial
+    angle[i] = chosen
+    gain[i] = best
+
+
+@wp.kernel
+def accept_turns(
+    first: int,
+    angle: wp.array(dtype=float),
+    gain: wp.array(dtype=float),
+    outlines: Outlines,
+    near: Sorted,
+    cell_start: wp.array(dtype=wp.int32),
+    grid: ContactGrid,
+    position: wp.array(dtype=wp.vec4),
+    # outputs
+    place: wp.array(dtype=wp.vec4),
+    turned: wp.array(dtype=wp.int32),
+):
+    """Turn those that gain more than all others within reach: of two that may touch only one turns at a time."""
+    i = first + wp.tid()
+    own = position[i]
+    reach = outlines.reach[i]
+    best = int(1)
+    if gain[i] <= 0.0:
+        best = 0
+    wrapping = wp.where(grid.space.periodic != 0, 1, 0)
+    for m in range(grid.level_count):
+        distance_most = reach + grid.reach[m]
+        columns = cells_within(own[0], distance_most, grid.space.size[0], grid.count_x[m], grid.space.periodic)
+        rows = cells_within(own[1], distance_most, grid.space.size[1], grid.count_y[m], grid.space.periodic)
+        for unwrapped in range(rows[0], rows[1] + 1):
+            row = wrap(unwrapped, grid.count_y[m])
+            base = grid.first_cell[m] + row * grid.count_x[m]
+            for period in range(1 - wrapping, 2 + wrapping):
+                cells = cells_of_period(columns, period, grid.count_x[m])
+                begin = int(0)
+                end = int(0)
+                if cells[0] <= cells[1] and best != 0:
+                    begin = cell_start[base + cells[0]]
+                    end = cell_start[base + cells[1] + 1]
+                for start in range(begin, end, LANES):
+                    found = may_touch(
+                        own[0],
+                        own[1],
+                        reach,
+                        SAFELY,
+                        grid.space.size,
+                        grid.space.periodic,
+                        start,
+                        end,
+                        near.x,
+                        near.y,
+                        near.reach,
+                    )
+                    while found != 0 and best != 0:
+                        s = start + lowest_bit(found)
+                        found = found & (found - 1)
+                        j = near.body[s]
+                        if gain[j] > gain[i] or (gain[j] == gain[i] and j < i):
+                            best = 0
+    turned[i] = best
+    if best != 0:
+        place[i] = wp.vec4(own[0], own[1], angle[i], own[3])

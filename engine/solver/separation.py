@@ -66,6 +66,12 @@ CANDIDATES = 60
 PLACES_TO_TRY = 500_000
 STUCK_SHARE = 0.2
 FIRST_KEEP = 1.0
+# Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
+# body's squared overlaps.
+FIRST_TURNS = 30
+TRIALS = 24
+TURNS_TO_TRY = 300_000
+KEEP_TURNS = 0.9
 KEEP = 0.8
 # Bodies trade places whose areas differ by up to this factor.
 ALIKE = 1.15
@@ -219,6 +225,7 @@ class Separation:
             tables, order, skin=skin, lightness=lightness, ease=ease, length=length / unit, offset=offset
         )
         self._covered = float(tables.area.sum() / domain.area)
+        self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         self._prepare_bins(tables, is_round, pinned)
         self._make_arrays(given, angle)
@@ -257,7 +264,10 @@ class Separation:
             setattr(outlines, name, numbers(values))
         outlines.shape_start = whole(tables.start)
         outlines.shape_corner = wp.array(tables.corners.astype(np.float32), dtype=wp.vec4, device=device)
-        outlines.corner = self.launcher.empty(int(first[-1]), wp.vec4)
+        # Behind them there is room for trials of how bodies may be turned.
+        self._corner_count = int(first[-1])
+        self._trial_corners = int(corners[(others["ease"] > 0.0)[order]].max(initial=0))
+        outlines.corner = self.launcher.empty(self._corner_count + len(order) * self._trial_corners, wp.vec4)
         return outlines
 
     def _prepare_bins(self, tables: FootprintTables, is_round: np.ndarray, pinned: np.ndarray) -> None:
@@ -303,12 +313,14 @@ class Separation:
         pairs.count = launcher.zeros(n, wp.int32)
         self._pairs = pairs
 
-    def run(self, go_on: Callable[[], bool] | None = None) -> bool:
+    def run(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part the outlines; returns whether none overlap by more than the tolerance.
 
         Args:
             go_on: Called now and then; returning False ends it.
+            again: Whether bodies have been parted before, and stand and lie nearly as well as they can.
         """
+        self._again = again
         parted = self._try(go_on, hot=False)
         if parted is False and self._fixed and self._covered <= 1.0 and self._swappable:
             self._place.assign(self._start)
@@ -325,13 +337,15 @@ class Separation:
         """One try; None where it was stopped."""
         self._last_move.zero_()
         self._rebuild()
-        if self._swappable and self._fixed and self._covered <= 1.0:
+        if self._swappable and self._fixed and self._covered <= 1.0 and not self._again:
             # The more that fit where they are, the less they need to move.
             for number in range(FIRST_SWAPS):
                 self._find()
                 swapped = self._swap(number, 1.0, FIRST_KEEP)
                 if swapped < LEAST_SWAPS * self._count:
                     break
+        if not hot and self._covered <= 1.0 and self._free and not self._again:
+            self._turn_first()
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = ROUNDS_OF_THE_HOPELESS if self._covered > 1.0 else MOST_ROUNDS
         swaps = HOT_SWAPS if hot else MOST_SWAPS
@@ -539,6 +553,52 @@ class Separation:
         if len(one):
             self._rebuild()
         return len(one)
+
+    def _turn_first(self) -> None:
+        """Turn bodies that may turn, where they are, so that they overlap less."""
+        launcher, n, near = self.launcher, self._count, self._near
+        angle, gain, cost = (launcher.zeros(n, float) for _ in range(3))
+        turned = launcher.zeros(n, wp.int32)
+        near.sort(self._place)
+        search = [self._outlines, near.near, near.cell_start, near.grid]
+        most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
+        for number in range(most):
+            launcher.launch(
+                kernels_separation.find_costs,
+                n,
+                [self._place, *search, self._image_range, self._inset],
+                [cost],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            launcher.launch(
+                kernels_separation.propose_turns,
+                n,
+                [
+                    TRIALS,
+                    self._corner_count,
+                    self._trial_corners,
+                    KEEP_TURNS,
+                    (self._model.problem.seed * 7919 + (1 << 20) + number) % (1 << 31),
+                    self._place,
+                    *search,
+                    self._image_range,
+                    self._inset,
+                    cost,
+                ],
+                [self._outlines.corner, angle, gain],
+                grain=8,
+            )
+            launcher.launch(
+                kernels_separation.accept_turns,
+                n,
+                [angle, gain, *search, self._place],
+                [self._place, turned],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            self._turn_corners()
+            if int(turned.numpy().sum()) < LEAST_SWAPS * n:
+                break
+        self._rebuild()
 
     def _compatible(self, one: np.ndarray, other: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Which couples do not disturb each other: the best ones first, none of whose cells another one's body leaves or enters."""

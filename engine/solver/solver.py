@@ -25,6 +25,8 @@ __all__ = ["Progress", "Solver"]
 TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than a hundredth of their spacing.
 SETTLED = 5e-3
+# Steps after which outlines that were parted are parted again.
+STEPS_OF_SETTLING = 3
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
 STEPS_UNWATCHED = 10
 
@@ -152,7 +154,16 @@ class Solver:
         state = self.state
         with self.launcher.phase("contact"):
             parted = contact.separate(state.pose, state.turn, state.bend, go_on)
-        self.descent.place_charges()
+            self.descent.place_charges()
+            for _ in range(contact.rounds_of_settling if parted else 0):
+                before = state.copy()
+                for _ in range(STEPS_OF_SETTLING):
+                    self.descent.step.play()
+                if not contact.separate(state.pose, state.turn, state.bend, go_on, again=True):
+                    state.assign(before)
+                self.descent.place_charges()
+                if go_on is not None and not go_on():
+                    break
         return parted
 
     def placement(self) -> Placement:
