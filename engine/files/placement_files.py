@@ -27,7 +27,7 @@ def write_placement(path: str | Path, placement: Placement) -> None:
 
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
-            ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
+            ``length`` and ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
             charges, 2]``, where lines may bend; readable without pickle; equal placements give
             equal bytes) or in ``.csv`` (one line per body, its columns named in the first).
         placement: What to write.
@@ -112,6 +112,8 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
         length=np.asarray(placement.length, dtype=np.float64),
         width=np.asarray(placement.width, dtype=np.float64),
         area=placement.area,
+        variant=placement.variant,
+        scale=placement.scale,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
     )
@@ -121,7 +123,10 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(
-        ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
+        (
+            *("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"),
+            *("width", "area", "variant", "scale"),
+        )
     )
     class_name = [body_class.name for body_class in placement.problem.classes]
     size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
@@ -132,11 +137,14 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
-    shape = zip(placement.width.tolist(), placement.area.tolist(), strict=True)
+    shape = zip(
+        *(values.tolist() for values in (placement.width, placement.area, placement.variant, placement.scale)),
+        strict=True,
+    )
     # Python writes the shortest digits that read back as the same number.
     rows.writerows(
-        (*row, class_name[row[2]], size_name[row[2]][row[3]], *thickness_and_area)
-        for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
+        (*row, class_name[row[2]], size_name[row[2]][row[3]], *rest)
+        for row, rest in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
 
