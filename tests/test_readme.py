@@ -120,7 +120,9 @@ def test_the_reference_of_recipes_has_every_key():
     known: set[str] = set()
     for call in ast.walk(ast.parse(source)):
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
-            known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}
+            known |= {
+                node.value for argument in call.args for node in ast.walk(argument) if isinstance(node, ast.Constant)
+            }
     assert known - documented == {"amount", "radius"}  # of unsharp, in its row
     assert documented <= known
 

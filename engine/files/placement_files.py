@@ -26,10 +26,10 @@ def write_placement(path: str | Path, placement: Placement) -> None:
     """Write a placement; an older file is replaced only once the new one is complete.
 
     Args:
-        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
-            ``length`` and ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
-            charges, 2]``, where lines may bend; readable without pickle; equal placements give
-            equal bytes) or in ``.csv`` (one line per body, its columns named in the first).
+        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
+            ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
+            ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; readable without pickle; equal placements give equal bytes)
+            or in ``.csv`` (one line per body, its columns named in the first).
         placement: What to write.
 
     Raises:

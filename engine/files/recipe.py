@@ -200,7 +200,10 @@ def _read_class(table: _Table) -> BodyClass:
 
 def _read_size(table: _Table, of_shares: bool) -> Size:
     table.name_it("size")
-    table.check_keys("name", "area", "count", "share", "distribution", "line", "footprint", *FOOTPRINT_KEYS)
+    table.check_keys(
+        *("name", "area", "count", "share", "distribution", "line"),
+        *("footprint", "turn", "scale_jitter", "room", "gap"),
+    )
     name = table.take("name", validation.check_name)
     if of_shares and "count" in table.entries:
         raise table.error(

@@ -42,8 +42,8 @@ LARGEST_MOMENTUM = 0.985
 HOT_MOMENTUM = 0.98
 DAMPING = 0.9
 COASTING = 0.5
-# Share of the way back to its start that a body is pulled in a round, and rounds until the pull has faded, of loose and of crowded
-# bodies.
+# Share of the way back to its start that a body is pulled in a round, and rounds until the pull has faded: of loose bodies and of
+# discs, and of others where they are crowded.
 PULL = 0.01
 ROUNDS_OF_PULL = (100, 300)
 # Rounds at most, between two looks at what is left, and without progress before it is given up; progress is to have at most this
@@ -75,6 +75,9 @@ KEEP_TURNS = 0.9
 KEEP = 0.8
 # Bodies trade places whose areas differ by up to this factor.
 ALIKE = 1.15
+# Of many bodies fewer passes, as many as this has of all bodies.
+FEWEST_SWAPS = 6
+BODIES_TO_SWAP = 1_000_000
 # Passes end when a smaller share of the bodies trades places.
 LEAST_SWAPS = 1e-3
 # Cover from which on bodies count as crowded.
@@ -339,7 +342,7 @@ class Separation:
         self._rebuild()
         if self._swappable and self._fixed and self._covered <= 1.0 and not self._again:
             # The more that fit where they are, the less they need to move.
-            for number in range(FIRST_SWAPS):
+            for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // self._count))):
                 self._find()
                 swapped = self._swap(number, 1.0, FIRST_KEEP)
                 if swapped < LEAST_SWAPS * self._count:
@@ -349,7 +352,7 @@ class Separation:
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = ROUNDS_OF_THE_HOPELESS if self._covered > 1.0 else MOST_ROUNDS
         swaps = HOT_SWAPS if hot else MOST_SWAPS
-        pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED)]
+        pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         least, since, swapped, clean = math.inf, 0, 0, 0
         best, best_place = math.inf, None
         for number in range(most + 1):

@@ -52,8 +52,7 @@ def test_a_crowded_region_is_told_from_too_little_space():
 
 def test_room_and_gap_count_as_covered():
     plain, roomy, apart = (
-        cover_of(problem_of(f, 50)).covered
-        for f in (PLANK, Footprints(PLANK, room=2.0), Footprints(PLANK, gap=0.2))
+        cover_of(problem_of(f, 50)).covered for f in (PLANK, Footprints(PLANK, room=2.0), Footprints(PLANK, gap=0.2))
     )
     assert roomy == pytest.approx(4.0 * plain)
     grown = 0.6 + 4.6 * 0.1 + np.pi * 0.01

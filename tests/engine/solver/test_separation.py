@@ -147,9 +147,7 @@ def test_lines_with_outlines_turn_with_their_axes(contact):
 def test_long_lines_side_by_side_do_not_cross(contact):
     """Nearly parallel axes that cross were taken for such that do not."""
     line = Line(30.0, direction=0.7)
-    problem = Problem(
-        Domain((40.0, 30.0)), [BodyClass("a", [Size("s", 3.0, 10, line=line)])], avoid_overlap=True
-    )
+    problem = Problem(Domain((40.0, 30.0)), [BodyClass("a", [Size("s", 3.0, 10, line=line)])], avoid_overlap=True)
     for seed in range(3):
         placement = solve(
             Problem(problem.domain, problem.classes, problem.balance, seed, True), device="cpu", max_steps=60
@@ -173,9 +171,7 @@ def test_bodies_of_many_periods_end_well():
     line = Size("line", 1e-4, 2, line=Line(2.5, width=0.015))
     dots = Size("dot", (1e-6, 1e-4), 2)
     for avoid in (False, True):
-        problem = Problem(
-            Domain((100.0, 0.02), "periodic"), [BodyClass("a", [line, dots], 0.5)], avoid_overlap=avoid
-        )
+        problem = Problem(Domain((100.0, 0.02), "periodic"), [BodyClass("a", [line, dots], 0.5)], avoid_overlap=avoid)
         placement = solve(problem, device="cpu", max_steps=3)
         assert np.isfinite(placement.position).all()
         assert (placement.position >= 0.0).all() and (placement.position <= [100.0, 0.02]).all()
@@ -204,7 +200,9 @@ def test_whoever_watches_can_end_contact_too(monkeypatch):
         steps.append(state.step)
         return len(steps) < 25
 
-    placement = solve(problem_of(Footprints(PLANK, turn="random"), 400, 18.0), device="cpu", max_steps=20, progress=progress)
+    placement = solve(
+        problem_of(Footprints(PLANK, turn="random"), 400, 18.0), device="cpu", max_steps=20, progress=progress
+    )
     assert len(steps) == 25 and steps[-1] == 20
     assert not placement.report.converged
     assert len(placement.position) == 400
