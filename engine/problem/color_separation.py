@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from .apportionment import apportion
+from .prepared_class import prepare, prepare_density
 from .problem import Balance, BodyClass, Domain, Problem, Size
 from .validation import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
 
@@ -190,14 +191,14 @@ def halftone_problem(
         if not channels[i].any():
             continue
         body_class = BodyClass(ink.name, given, channels[i], count="cover", density_correction=density_correction)
-        # The density as the class holds it, so that both round alike.
-        covered = float(body_class.density_image.mean(dtype=np.float64)) * domain.area
+        density = prepare_density(body_class)
+        covered = float(density.image.mean(dtype=np.float64)) * domain.area
         kept = _printable(body_class.sizes, covered)
         if kept and i != most:
             body_class = replace(body_class, sizes=kept)
         # Sizes of which even the most used ink has too little are for the problem to complain about.
         if kept:
-            classes.append(body_class)
+            classes.append(prepare(body_class, domain.area, density))
             used.append(i)
     if not classes:
         smallest = min(size.mean_area for size in given)

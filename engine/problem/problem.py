@@ -11,15 +11,14 @@ Halftoning, 2012.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
-from .apportionment import apportion
-from .density_correction import correct_density
-from .image_filters import unsharp_mask
+from .prepared_class import PreparedClass, prepare
+from .settings import settle
 from .validation import Boundary, show
 
 __all__ = ["Balance", "BodyClass", "Domain", "Line", "Problem", "Size", "Unsharp"]
@@ -248,7 +247,7 @@ class Size:
 
 @dataclass(frozen=True, eq=False)
 class BodyClass:
-    """One class of bodies (pines; mushrooms) that follows one density.
+    """One class of bodies (pines; mushrooms) that follows one density, as it is asked for.
 
     Args:
         name: Unique within the problem.
@@ -272,8 +271,6 @@ class BodyClass:
     count: int | str | None = None
     density_correction: bool = False
     unsharp: Unsharp | None = None
-    # What happened to the density on the way, for the report.
-    notes: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
         name = validation.check_name(self.name, "`name` of a class")
@@ -290,7 +287,7 @@ class BodyClass:
         if self.unsharp is not None and not isinstance(self.unsharp, Unsharp):
             raise ProblemError(f"`unsharp` of {where} must be an Unsharp, or None; got {show(self.unsharp)}")
         object.__setattr__(self, "sizes", self._with_shares(sizes, where))
-        object.__setattr__(self, "_density_image", self._prepare_density(where))
+        self._check_covered_share(where)
 
     def _with_shares(self, sizes: tuple[Size, ...], where: str) -> tuple[Size, ...]:
         """Check that either every size has a count, or the class has one and every size a share."""
@@ -315,79 +312,24 @@ class BodyClass:
             raise ProblemError(f"`share` of the sizes of {where} must add up to 1; they add up to {total:.4g}")
         return sizes
 
-    def _prepare_density(self, where: str) -> np.ndarray:
-        image = np.asarray(self.density)
-        key = f"`density` of {where}"
-        if self.unsharp is not None:
-            sharpened, clipped = unsharp_mask(image, self.unsharp.amount, self.unsharp.radius)
-            image = sharpened.astype(np.float32)
-            if not image.any():
-                raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
-            if clipped > 0.0:
-                share = f"{clipped:.1%}" if clipped >= 5e-4 else "less than 0.1%"
-                note = f"`unsharp` of {where} made {share} of its density negative, which counts as 0"
-                object.__setattr__(self, "notes", (note,))
-        if self.density_correction or self.count == "cover":
-            largest = float(image.max())
-            if largest > 1.0 and self.unsharp is None:
-                why = "`density_correction`" if self.density_correction else '`count = "cover"`'
-                raise ProblemError(
-                    f"{key} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}"
-                )
-            image = np.minimum(image, np.float32(1.0))
-        if self.density_correction:
-            image = correct_density(image, key).astype(np.float32)
-        return image
-
-    def _with_counts(self, count: int) -> tuple[Size, ...]:
-        shares = np.array([size.share for size in self.sizes], dtype=np.float64)
-        counts = apportion(count, shares / np.array([size.mean_area for size in self.sizes]))
-        for size, number in zip(self.sizes, counts.tolist(), strict=True):
-            if number < 1:
-                raise ProblemError(
-                    f'`share` of size "{size.name}" of class "{self.name}" must be larger: {size.share:g} of {count} bodies '
-                    "leaves none of it"
-                )
-        return tuple(
-            replace(size, count=number, share=None) for size, number in zip(self.sizes, counts.tolist(), strict=True)
-        )
-
-    def resolved(self, domain_area: float) -> BodyClass:
-        """Return this class with a whole count for every size, in a domain of this area [m²]."""
-        if self.count is None:
-            return self
-        if isinstance(self.count, int):
-            sizes = self._with_counts(self.count)
-        else:
-            ink = float(self.density_image.mean(dtype=np.float64)) * domain_area
-            number = sum(ink * (size.share or 0.0) / size.mean_area for size in self.sizes)
-            if number < 0.5:
-                raise ProblemError(
-                    f'`count` of class "{self.name}" is "cover", but its density covers {ink:.3g} m², less than half a body'
-                )
-            sizes = self._with_counts(max(round(number), 1))
-        result = object.__new__(BodyClass)
-        result.__dict__.update(self.__dict__, sizes=sizes, count=None)
-        return result
-
-    @property
-    def density_image(self) -> np.ndarray:
-        """The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform)."""
-        return self.__dict__["_density_image"]
-
-    @property
-    def body_count(self) -> int:
-        """Number of bodies in all sizes."""
-        return sum(size.count or 0 for size in self.sizes)
+    def _check_covered_share(self, where: str) -> None:
+        """Where the density is a covered share, it must not be above 1; what is sharpened is cut off there."""
+        largest = float(np.max(self.density))
+        if (self.density_correction or self.count == "cover") and largest > 1.0 and self.unsharp is None:
+            why = "`density_correction`" if self.density_correction else '`count = "cover"`'
+            raise ProblemError(
+                f"`density` of {where} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}"
+            )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Problem:
     """Everything that :func:`~esh.engine.solve.solve` needs to know.
 
     Args:
         domain: Where.
-        classes: What; at least one :class:`BodyClass`. Afterwards every size has its whole count.
+        classes: What; at least one :class:`BodyClass`. Kept as :class:`PreparedClass`: with the density that bodies follow, and
+            with a whole count for every size.
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
         avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
@@ -398,23 +340,37 @@ class Problem:
     """
 
     domain: Domain
-    classes: Sequence[BodyClass]
-    balance: Balance = field(default_factory=Balance)
-    seed: int = 0
-    avoid_overlap: bool = False
+    classes: tuple[PreparedClass, ...]
+    balance: Balance
+    seed: int
+    avoid_overlap: bool
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.domain, Domain):
-            raise ProblemError(f"`domain` must be a Domain; got {show(self.domain)}")
-        if not isinstance(self.balance, Balance):
-            raise ProblemError(f"`balance` must be a Balance; got {show(self.balance)}")
-        classes = validation.as_tuple(self.classes, BodyClass, "`classes`")
+    def __init__(
+        self,
+        domain: Domain,
+        classes: Sequence[BodyClass | PreparedClass],
+        balance: Balance | None = None,
+        seed: int = 0,
+        avoid_overlap: bool = False,
+    ) -> None:
+        balance = Balance() if balance is None else balance
+        if not isinstance(domain, Domain):
+            raise ProblemError(f"`domain` must be a Domain; got {show(domain)}")
+        if not isinstance(balance, Balance):
+            raise ProblemError(f"`balance` must be a Balance; got {show(balance)}")
+        classes = validation.as_tuple(classes, (BodyClass, PreparedClass), "`classes`")
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
-        object.__setattr__(self, "classes", tuple(c.resolved(self.domain.area) for c in classes))
-        object.__setattr__(self, "seed", validation.check_seed(self.seed))
-        object.__setattr__(self, "avoid_overlap", validation.check_switch(self.avoid_overlap, "`avoid_overlap`"))
+        prepared = tuple(c if isinstance(c, PreparedClass) else prepare(c, domain.area) for c in classes)
+        settle(
+            self,
+            domain=domain,
+            classes=prepared,
+            balance=balance,
+            seed=validation.check_seed(seed),
+            avoid_overlap=validation.check_switch(avoid_overlap, "`avoid_overlap`"),
+        )
         self._check_balance()
         self._check_lines()
 
