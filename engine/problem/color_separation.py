@@ -16,6 +16,7 @@ from ..errors import ProblemError
 from .apportionment import apportion
 from .prepared_class import prepare, prepare_density
 from .problem import Balance, BodyClass, Domain, Problem, Size
+from .settings import settle
 from .validation import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
 
 __all__ = ["MODELS", "Ink", "InkModel", "halftone_problem", "ink_colors", "separate"]
@@ -44,7 +45,7 @@ class Ink:
             raise ProblemError(
                 f'`cmy` of ink "{self.name}" must be three of 0 and 1 (cyan, magenta, yellow), not all 0; got {show(self.cmy)}'
             )
-        object.__setattr__(self, "cmy", parts)
+        settle(self, cmy=parts)
 
     @property
     def rgb(self) -> tuple[float, float, float]:
@@ -81,8 +82,7 @@ class InkModel:
         if matrix is None or len(matrix) != len(inks):
             size = 0 if matrix is None else len(matrix)
             raise ProblemError(f"`non_overlap` must have one row and column per ink, {len(inks)}; got {size}")
-        object.__setattr__(self, "inks", inks)
-        object.__setattr__(self, "non_overlap", matrix)
+        settle(self, inks=inks, non_overlap=matrix)
 
 
 _INKS = {
