@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .engine.files.recipe import read_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.placement import Placement
+    from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
     from .engine.solve import solve
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from .engine.solver.solver import Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
+    from .engine.surface.instances import Instances
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.footprint import measure_footprint
@@ -50,8 +52,10 @@ __all__ = [
     "Ink",
     "InkModel",
     "InputFileError",
+    "Instances",
     "Line",
     "Placement",
+    "PreparedClass",
     "Problem",
     "ProblemError",
     "Profile",
@@ -101,8 +105,10 @@ _MODULES = {
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
+    "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.problem",
     "Placement": ".engine.problem.placement",
+    "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -17,11 +18,13 @@ from ..engine.device.launcher import resolve_device
 from ..engine.errors import EshError, ProblemError
 from ..engine.problem.direction_field import density_directions, direction_from_rg
 from ..engine.problem.placement import Placement
+from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
 from ..engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 from ..engine.problem.report import Report
 from ..engine.problem.validation import (
     check_area_or_range,
     check_count,
+    check_density,
     check_direction,
     check_name,
     check_seed,
@@ -33,10 +36,11 @@ from ..engine.solve import solve
 from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Footprint
+from ..engine.surface.instances import Instances, body_rotations, rotate
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .result import body_rotations, find_result, rotate, write_result
+from .result import find_result, write_result
 from .target import RESULT_TAG, check_exists, check_target, read_target
 
 __all__ = [
@@ -133,15 +137,18 @@ class ScatterResult:
         object: The result in the scene.
         report: What was reached.
         placement: Where the bodies are in the target's bounding rectangle.
+        instances: Where the objects stand in the world, in the placement's order.
+        sources: The objects that ``instances.source`` counts.
     """
 
     object: bpy.types.Object
     report: Report
     placement: Placement
+    instances: Instances
+    sources: tuple[bpy.types.Object, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Instances:
+class _Drawn(NamedTuple):
     """Of every point: index of the source, turn [rad], scale, and what lies on the point [m], seen from the source's origin.
 
     All are float32, as Blender keeps them, or int32.
@@ -217,7 +224,7 @@ class ScatterJob:
         domain = Domain((float(self.chart.size[0]), float(self.chart.size[1])))
         self.problem = Problem(
             domain,
-            [self._body_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
+            [self._prepare_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
             balance,
             self.seed,
             avoid_overlap,
@@ -228,17 +235,24 @@ class ScatterJob:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
         self.placement = solve(self.problem, device=self.device, max_steps=self.max_steps, progress=progress)
 
-    def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
-        """Make the result object, or replace the points of an earlier one; on the main thread only."""
+    def instances(self) -> Instances:
+        """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
         if self.placement is None:
-            raise ProblemError("a scatter must be solved before it is written")
-        scene = (context or bpy.context).scene
-        drawn = self._draw_instances()
+            raise ProblemError("a scatter must be solved before its objects have a place")
+        drawn = self._draw_instances(self.placement)
         surface = self.chart.lift(self.placement.position)
         rotation = body_rotations(surface.normal, self.align_to_normal, drawn.turn)
         position = surface.position
         moved = np.flatnonzero(drawn.anchor.any(axis=1))
         position[moved] -= rotate(rotation[moved], drawn.anchor[moved])
+        return Instances(position.astype(np.float32), rotation.astype(np.float32), drawn.scale, drawn.source)
+
+    def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
+        """Make the result object, or replace the points of an earlier one; on the main thread only."""
+        if self.placement is None or self.placement.report is None:
+            raise ProblemError("a scatter must be solved before it is written")
+        scene = (context or bpy.context).scene
+        instances = self.instances()
         replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
             scene,
@@ -246,39 +260,37 @@ class ScatterJob:
             self.target,
             self.name,
             self.sources,
-            position,
-            self._attributes(rotation, drawn),
+            instances.position,
+            self._attributes(self.placement, instances),
         )
-        return ScatterResult(item, self.placement.report, self.placement)
+        return ScatterResult(item, self.placement.report, self.placement, instances, tuple(self.sources))
 
     def _source_index(self, member: bpy.types.Object) -> int:
         if member not in self.sources:
             self.sources.append(member)
         return self.sources.index(member)
 
-    def _body_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> BodyClass:
-        """Return what the engine is asked: densities and counts as the slopes of the surface make them."""
+    def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> PreparedClass:
+        """Return what the engine is to place: densities and counts as the slopes of the surface make them."""
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
         values = density_at(c.density, self.chart.points, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
-        surface = BodyClass(c.name, sizes, self.chart.continued(values), c.count, c.density_correction, c.unsharp)
-        density = surface.density_image * self.chart.stretch
+        asked = BodyClass(c.name, sizes, self.chart.continued(values), c.count, c.density_correction, c.unsharp)
+        surface = prepare_density(asked)
+        density = surface.image * self.chart.stretch
         mean = float(density.mean())
         if not mean > 0.0:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
-        sizes = list(surface.resolved(domain.area * mean / float(surface.density_image.mean(dtype=np.float64))).sizes)
+        sizes = list(count_sizes(asked, domain.area * mean))
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, size in enumerate(c.sizes) if sizes[i].line is not None and not isinstance(size.line, Line)]
         if ours and isinstance(c.direction, str) and c.direction == "density":
-            direction = self._edge_directions(surface.density_image)
+            direction = self._edge_directions(surface.image)
             for i in ours:
                 sizes[i] = replace(sizes[i], line=replace(sizes[i].line, direction=direction))
-        result = BodyClass(c.name, sizes, density)
-        # The surface's own class did the sharpening, so it knows what there is to say about it.
-        object.__setattr__(result, "notes", surface.notes)
-        return result
+        return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
 
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
         """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
@@ -292,9 +304,8 @@ class ScatterJob:
         weight /= weight.max()
         return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
 
-    def _draw_instances(self) -> _Instances:
+    def _draw_instances(self, placement: Placement) -> _Drawn:
         """Choose every point's variant, turn and scale, and what of it lies on the point: of lines, the outline's middle."""
-        placement = self.placement
         count = len(placement.position)
         # Three numbers for each point, in the points' order: a longer list of bodies leaves the earlier ones as they are.
         random = np.random.default_rng([self.seed, 1]).random((count, 3))
@@ -316,18 +327,17 @@ class ScatterJob:
                 back = np.where(random[own, 1] < 0.5, 0.0, math.pi)
                 turn[own] = placement.angle[own] - np.array([outline.angle for outline in outlines])[variant] + back
                 anchor[own, :2] = scale[own, None] * np.array([outline.center for outline in outlines])[variant]
-        return _Instances(source, turn, scale, anchor)
+        return _Drawn(source, turn, scale, anchor)
 
-    def _attributes(self, rotation: np.ndarray, drawn: _Instances) -> dict[str, tuple[str, np.ndarray]]:
-        placement = self.placement
+    def _attributes(self, placement: Placement, instances: Instances) -> dict[str, tuple[str, np.ndarray]]:
         colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
         return {
             "id": ("INT", np.arange(len(placement.position), dtype=np.int32)),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
-            INSTANCE_INDEX: ("INT", drawn.source),
-            ROTATION: ("QUATERNION", rotation),
-            SCALE: ("FLOAT_VECTOR", np.repeat(drawn.scale[:, None], 3, axis=1)),
+            INSTANCE_INDEX: ("INT", instances.source),
+            ROTATION: ("QUATERNION", instances.rotation),
+            SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
         }
 

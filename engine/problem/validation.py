@@ -410,14 +410,15 @@ def _positive(value: object, key: str, unit: str) -> float:
     return number
 
 
-def as_tuple(value: object, kind: type[Kind], key: str) -> tuple[Kind, ...]:
-    """Return the entries of a list, all of one class; raise ProblemError for anything else."""
+def as_tuple(value: object, kind: type[Kind] | tuple[type[Kind], ...], key: str) -> tuple[Kind, ...]:
+    """Return the entries of a list, all of one class (or of several); raise ProblemError for anything else."""
     try:
         entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
     except FOREIGN_ERRORS:
         entries = None
     if entries is None or not all(isinstance(entry, kind) for entry in entries):
-        raise ProblemError(f"{key} must be a list of {kind.__name__}; got {show(value)}")
+        name = (kind[0] if isinstance(kind, tuple) else kind).__name__
+        raise ProblemError(f"{key} must be a list of {name}; got {show(value)}")
     return entries
 
 
