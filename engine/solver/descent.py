@@ -16,8 +16,8 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field, FieldTarget
 from ..problem.problem import Problem
-from ..space.full_pixels import images_for_kernels
 from ..space.space import space_for_kernels
+from ..space.support import images_for_kernels
 from ..space.survey import survey
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction
@@ -233,7 +233,7 @@ def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodi
     bodies.line = wp.array(table.kind, dtype=wp.int32, device=device)
     bodies.flags = wp.array(table.flags, dtype=wp.int32, device=device)
     bodies.first_charge = wp.array(charge.first, dtype=wp.int32, device=device)
-    bodies.place = wp.array(charge.place, dtype=float, device=device)
+    bodies.axial = wp.array(charge.axial, dtype=float, device=device)
     bodies.charge = wp.array(charge.charge, dtype=float, device=device)
     return bodies
 

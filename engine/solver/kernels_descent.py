@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_images import Images, density_pixel, is_full, pixel_at
+from ..space.kernels_images import Images, density_pixel, in_support, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
 from ..space.kernels_space import Space, along_border, confine, difference, overhang
 from .body_flags import BodyFlags
@@ -16,13 +16,14 @@ from .kernels_direction import LENGTHS, add, add_products
 wp.set_module_options({"enable_backward": False})
 
 PINNED = wp.constant(int(BodyFlags.PINNED))
-# Times that a line is pushed back from empty pixels before its move is given up.
+# Times that a line is pushed back into the support before its move is given up.
 PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
 LONGEST_LINE = wp.constant(2.0)
 LARGEST_TURN = wp.constant(0.5)
 SIDE_BY_SIDE = wp.constant(1.0)
-# Forces on lines are weighed against their wishes as so large a share of the moves that the inverse curvature gives.
+# Forces on lines are weighed against preferred directions and lengths as so large a share of the moves that the inverse curvature
+# gives.
 WEIGHING_SHARE = wp.constant(0.5)
 
 
@@ -35,7 +36,7 @@ class Bodies:
     line: wp.array(dtype=wp.int32)
     flags: wp.array(dtype=wp.int32)
     first_charge: wp.array(dtype=wp.int32)
-    place: wp.array(dtype=float)
+    axial: wp.array(dtype=float)
     charge: wp.array(dtype=float)
 
 
@@ -43,15 +44,15 @@ class Bodies:
 class Lines:
     """Rules of every kind of line.
 
-    Weights of forces and wishes in turns and stretches, the share of a bend that is taken back (below 0: no bends), the factor on the
-    desired length that makes up for the pressure of the charges; and images of the desired direction, (cos 2a, sin 2a) times its
-    weight, and length.
+    Weights of forces and preferences in turns and stretches, the share of a bend that is taken back (below 0: no bends), the factor
+    on the preferred length that makes up for the pressure of the charges; and images of the preferred direction, (cos 2a, sin 2a)
+    times its weight, and length.
     """
 
     turn_by_force: wp.array(dtype=float)
-    turn_by_wish: wp.array(dtype=float)
+    turn_by_preference: wp.array(dtype=float)
     stretch_by_force: wp.array(dtype=float)
-    stretch_by_wish: wp.array(dtype=float)
+    stretch_by_preference: wp.array(dtype=float)
     straightness: wp.array(dtype=float)
     length_factor: wp.array(dtype=float)
     direction: wp.array(dtype=wp.vec2)
@@ -65,11 +66,11 @@ class Lines:
 
 
 @wp.func
-def charge_at(pose: wp.vec4, place: float, bend: float):
-    """Position of a charge at ``place`` along a body's axis and ``bend`` beside it."""
+def charge_at(pose: wp.vec4, axial: float, bend: float):
+    """Position of a charge at ``axial`` (-1..1) along a body's axis and ``bend`` beside it."""
     c = wp.cos(pose[2])
     s = wp.sin(pose[2])
-    along = 0.5 * pose[3] * place
+    along = 0.5 * pose[3] * axial
     return wp.vec2(pose[0] + along * c - bend * s, pose[1] + along * s + bend * c)
 
 
@@ -93,21 +94,21 @@ def nearest_vector(
 
 @wp.func
 def slide(old: wp.vec2, wanted: wp.vec2, k: int, images: Images, space: Space):
-    """Where a dot ends that moves from ``old`` to ``wanted``: it never enters an empty pixel, but slides along its edge."""
+    """Where a dot ends that moves from ``old`` to ``wanted``: it stays in the support, and slides along its edge."""
     new = confine(wanted, space)
-    if not is_full(new, k, images, space.size):
+    if not in_support(new, k, images, space.size):
         along_x = confine(wp.vec2(wanted[0], old[1]), space)
         along_y = confine(wp.vec2(old[0], wanted[1]), space)
         new = old
-        if is_full(along_x, k, images, space.size):
+        if in_support(along_x, k, images, space.size):
             new = along_x
-        elif is_full(along_y, k, images, space.size):
+        elif in_support(along_y, k, images, space.size):
             new = along_y
     return new
 
 
 @wp.func
-def way_back(
+def vector_into_support(
     pose: wp.vec4,
     begin: int,
     end: int,
@@ -117,7 +118,7 @@ def way_back(
     images: Images,
     space: Space,
 ):
-    """(x, y, 1) by which a line must move so that its farthest charge outside stands on a full pixel; (0, 0, 0) if all do."""
+    """(x, y, 1) by which a line must move so that its farthest charge outside is in the support; (0, 0, 0) if all are."""
     # How far charges reach over the edges of an open domain.
     low = wp.vec2(0.0, 0.0)
     high = wp.vec2(0.0, 0.0)
@@ -125,21 +126,21 @@ def way_back(
     away = float(0.0)
     outside = float(0.0)
     for j in range(begin, end):
-        p = charge_at(pose, bodies.place[j], bend[j])
+        p = charge_at(pose, bodies.axial[j], bend[j])
         over = overhang(p, space)
         low = wp.max(low, wp.vec2(over[0], over[1]))
         high = wp.max(high, wp.vec2(over[2], over[3]))
         pixel = density_pixel(confine(p, space), k, images, space.size)
         if images.pixel[pixel] <= 0.0:
             outside = 1.0
-            way = images.way[pixel]
-            if wp.length_sq(way) > away:
-                away = wp.length_sq(way)
-                farthest = way
-    back = low - high
-    if wp.length_sq(back) > 0.0:
+            back = images.to_support[pixel]
+            if wp.length_sq(back) > away:
+                away = wp.length_sq(back)
+                farthest = back
+    inwards = low - high
+    if wp.length_sq(inwards) > 0.0:
         outside = 1.0
-    return wp.vec3(farthest[0] + back[0], farthest[1] + back[1], outside)
+    return wp.vec3(farthest[0] + inwards[0], farthest[1] + inwards[1], outside)
 
 
 @wp.func
@@ -154,21 +155,21 @@ def confine_line(
     images: Images,
     space: Space,
 ):
-    """Where a line ends that moves from ``old``, where it stands on full pixels alone, to ``wanted``: on such again."""
+    """Where a line ends that moves from ``old``, in the support, to ``wanted``: in the support again."""
     new = wanted
     for _attempt in range(PUSHES):
-        way = way_back(new, begin, end, bodies, bend, k, images, space)
-        if way[2] == 0.0:
+        back = vector_into_support(new, begin, end, bodies, bend, k, images, space)
+        if back[2] == 0.0:
             return new
-        new = wp.vec4(new[0] + way[0], new[1] + way[1], new[2], new[3])
-    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
+        new = wp.vec4(new[0] + back[0], new[1] + back[1], new[2], new[3])
+    if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     # A shift without the turn, then a turn without the shift.
     new = wp.vec4(wanted[0], wanted[1], old[2], old[3])
-    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
+    if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     new = wp.vec4(old[0], old[1], wanted[2], wanted[3])
-    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
+    if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     return old
 
@@ -182,11 +183,11 @@ def limited(move: wp.vec2, limit: float):
 
 
 @wp.func
-def unsettled(squared_move: float, squared_way: float, limit: float, in_contact: int):
+def squared_residual(squared_move: float, squared_displacement: float, limit: float, in_contact: int):
     """Squared move over squared spacing; what presses against others and does not get away has settled, too."""
     squared = squared_move
     if in_contact != 0:
-        squared = wp.min(squared_move, squared_way)
+        squared = wp.min(squared_move, squared_displacement)
     return squared / (4.0 * limit * limit)
 
 
@@ -222,12 +223,12 @@ def propose_dots(
     wanted = limited(force * length, 2.0 * limit)
     new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
     changed = move[i] - new
-    way = displacement[i]
+    last = displacement[i]
     move[i] = new
     change[i] = changed
     weight = bodies.charge[charge] / length
-    rest = unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact)
-    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new, rest)
+    rest = squared_residual(wp.length_sq(wanted), wp.length_sq(last), limit, in_contact)
+    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), last, changed, new, rest)
 
 
 @wp.kernel
@@ -251,7 +252,7 @@ def propose_lines(
     bend: wp.array(dtype=float),
     sums: wp.array3d(dtype=wp.int64),
 ):
-    """The shift, turn and stretch that the forces on every line and its wishes ask for, and what they changed by."""
+    """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
     i = first + wp.tid()
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
@@ -278,7 +279,7 @@ def propose_lines(
         node = nearest_node(charge_position[j], mesh)
         pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
         q = bodies.charge[j]
-        s = bodies.place[j]
+        s = bodies.axial[j]
         total += q
         inertia += q * s * s
         shift += q * pull
@@ -286,10 +287,10 @@ def propose_lines(
         stretch += q * s * wp.dot(pull, along)
     shift = shift / total
     half = 0.5 * start[3]
-    desired_length = lines.length[
+    preferred_length = lines.length[
         pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
     ]
-    wish = nearest_vector(
+    preferred = nearest_vector(
         centre,
         lines.direction,
         lines.direction_start[kind],
@@ -297,19 +298,22 @@ def propose_lines(
         lines.direction_width[kind],
         space.size,
     )
-    weight = wp.length(wish)
-    turn = lines.turn_by_force[kind] * turn / (inertia * wp.max(half, 0.05 * desired_length))
+    weight = wp.length(preferred)
+    turn = lines.turn_by_force[kind] * turn / (inertia * wp.max(half, 0.05 * preferred_length))
     # Difference of the doubled angles, since a line has no front.
     c2 = along[0] * along[0] - along[1] * along[1]
     s2 = 2.0 * along[0] * along[1]
     if weight > 0.0:
         turn += (
-            lines.turn_by_wish[kind] * weight * 0.5 * wp.atan2(c2 * wish[1] - s2 * wish[0], c2 * wish[0] + s2 * wish[1])
+            lines.turn_by_preference[kind]
+            * weight
+            * 0.5
+            * wp.atan2(c2 * preferred[1] - s2 * preferred[0], c2 * preferred[0] + s2 * preferred[1])
         )
     turn = wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
-    wanted_length = desired_length * lines.length_factor[kind]
+    wanted_length = preferred_length * lines.length_factor[kind]
     growth = lines.stretch_by_force[kind] * 2.0 * stretch / inertia
-    growth += lines.stretch_by_wish[kind] * (wanted_length - start[3])
+    growth += lines.stretch_by_preference[kind] * (wanted_length - start[3])
     shift = limited(shift, limit)
     straightness = lines.straightness[kind]
     if straightness >= 0.0:
@@ -318,31 +322,31 @@ def propose_lines(
         for j in range(begin, end):
             node = nearest_node(charge_position[j], mesh)
             pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
-            rest = wp.dot(pull - shift, across) - spin * bodies.place[j]
+            rest = wp.dot(pull - shift, across) - spin * bodies.axial[j]
             bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -0.25 * start[3], 0.25 * start[3])
         # Whatever of the bends is a shift or a turn belongs to the pose.
         mean = float(0.0)
         slope = float(0.0)
         for j in range(begin, end):
             mean += bodies.charge[j] * bend[j] / total
-            slope += bodies.charge[j] * bodies.place[j] * bend[j] / inertia
+            slope += bodies.charge[j] * bodies.axial[j] * bend[j] / inertia
         for j in range(begin, end):
-            bend[j] = bend[j] - mean - slope * bodies.place[j]
+            bend[j] = bend[j] - mean - slope * bodies.axial[j]
     new = wp.vec4(shift[0], shift[1], turn, growth) / WEIGHING_SHARE
     changed = move[i] - new
-    way = displacement[i]
+    last = displacement[i]
     move[i] = new
     change[i] = changed
-    # The mean square of the ways of its charges.
+    # The mean square of the displacements of its charges.
     weight = total / step_length[group_base + middle]
     of_turn = inertia / total * half * half
     of_stretch = 0.25 * inertia / total
     metric = wp.vec4(1.0, 1.0, of_turn, of_stretch)
     squared_move = wp.dot(wp.cw_mul(metric, new), new)
-    squared_way = wp.dot(wp.cw_mul(metric, way), way)
-    rest = unsettled(squared_move, squared_way, limit, in_contact)
-    add_products(sums, thread, i, weight * metric, way, changed, new, rest)
-    add(sums, thread, LENGTHS + kind, i, start[3] / desired_length)
+    squared_displacement = wp.dot(wp.cw_mul(metric, last), last)
+    rest = squared_residual(squared_move, squared_displacement, limit, in_contact)
+    add_products(sums, thread, i, weight * metric, last, changed, new, rest)
+    add(sums, thread, LENGTHS + kind, i, start[3] / preferred_length)
 
 
 @wp.kernel
@@ -361,7 +365,7 @@ def move_dots(
     displacement: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
 ):
-    """Move every dot in the direction that :func:`decide_direction` found; it never enters empty pixels."""
+    """Move every dot in the direction that :func:`decide_direction` found; it stays in the support."""
     i = first + wp.tid()
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
@@ -369,9 +373,9 @@ def move_dots(
     d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
     wanted = old + limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(old, mesh)])
     new = slide(old, wanted, bodies.class_index[i], images, space)
-    way = difference(old, new, space)
+    shift = difference(old, new, space)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
-    displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
+    displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
     charge_position[bodies.first_charge[i]] = new
 
 
@@ -392,7 +396,7 @@ def move_lines(
     bend: wp.array(dtype=float),
     displacement: wp.array(dtype=wp.vec4),
 ):
-    """Move every line in the direction that :func:`decide_direction` found; its charges never enter empty pixels."""
+    """Move every line in the direction that :func:`decide_direction` found; its charges stay in the support."""
     i = first + wp.tid()
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
@@ -405,20 +409,23 @@ def move_lines(
     d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
     shift = limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(centre, mesh)])
     turn = wp.clamp(d[2], -LARGEST_TURN, LARGEST_TURN)
-    desired_length = lines.length[
+    preferred_length = lines.length[
         pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
     ]
-    length = wp.clamp(old[3] + d[3], SHORTEST_LINE * desired_length, LONGEST_LINE * desired_length)
+    length = wp.clamp(old[3] + d[3], SHORTEST_LINE * preferred_length, LONGEST_LINE * preferred_length)
     wanted = wp.vec4(old[0] + shift[0], old[1] + shift[1], old[2] + turn, length)
     line = confine_line(old, wanted, begin, end, bodies, bend, k, images, space)
-    if lines.straightness[kind] >= 0.0 and way_back(line, begin, end, bodies, bend, k, images, space)[2] != 0.0:
+    if (
+        lines.straightness[kind] >= 0.0
+        and vector_into_support(line, begin, end, bodies, bend, k, images, space)[2] != 0.0
+    ):
         # The old pose with a new bend: straight, a line always fits where it stood.
         for j in range(begin, end):
             bend[j] = 0.0
     new_centre = confine(wp.vec2(line[0], line[1]), space)
-    way = difference(centre, new_centre, space)
+    moved = difference(centre, new_centre, space)
     pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
-    displacement[i] = wp.vec4(way[0], way[1], line[2] - old[2], line[3] - old[3])
+    displacement[i] = wp.vec4(moved[0], moved[1], line[2] - old[2], line[3] - old[3])
 
 
 @wp.kernel
@@ -433,7 +440,7 @@ def place_charges(
 ):
     i = first + wp.tid()
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        charge_position[j] = confine(charge_at(pose[i], bodies.place[j], bend[j]), space)
+        charge_position[j] = confine(charge_at(pose[i], bodies.axial[j], bend[j]), space)
 
 
 @wp.kernel
