@@ -21,6 +21,8 @@ PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
 LONGEST_LINE = wp.constant(2.0)
 LARGEST_TURN = wp.constant(0.5)
+LARGEST_BEND = wp.constant(0.25)
+SHORTEST_LEVER = wp.constant(0.05)
 SIDE_BY_SIDE = wp.constant(1.0)
 # Forces on lines are weighed against preferred directions and lengths as so large a share of the moves that the inverse curvature
 # gives.
@@ -63,6 +65,62 @@ class Lines:
     length_start: wp.array(dtype=wp.int32)
     length_height: wp.array(dtype=wp.int32)
     length_width: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Charges:
+    """Positions of all charges, and the field at each."""
+
+    position: wp.array(dtype=wp.vec2)
+    field: wp.array(dtype=wp.vec2)
+
+
+@wp.struct
+class Steps:
+    """How far the forces move bodies: inverse curvature at every node for every group, the limit at every node, and the mesh."""
+
+    length: wp.array(dtype=float)
+    limit: wp.array(dtype=float)
+    mesh: Mesh
+
+
+@wp.struct
+class Motion:
+    """Of every body: what the last step changed of its pose, the move that the forces ask for, and what that changed by."""
+
+    displacement: wp.array(dtype=wp.vec4)
+    move: wp.array(dtype=wp.vec4)
+    change: wp.array(dtype=wp.vec4)
+
+
+@wp.struct
+class Axis:
+    """A line: its charges, centre, unit vectors along and across, and length.
+
+    And what its forces are weighed by: index of its group's first step length, node nearest to the centre, and the share of the moves
+    that is weighed against its preferences.
+    """
+
+    begin: int
+    end: int
+    centre: wp.vec2
+    along: wp.vec2
+    across: wp.vec2
+    length: float
+    first_step: int
+    node: int
+    share: float
+
+
+@wp.struct
+class RigidMove:
+    """A line's move without a bend: shift, and the moments that turn and stretch it; beside its charge and moment of inertia."""
+
+    shift: wp.vec2
+    torque: float
+    tension: float
+    charge: float
+    inertia: float
 
 
 @wp.func
@@ -191,22 +249,23 @@ def squared_residual(squared_move: float, squared_displacement: float, limit: fl
     return squared / (4.0 * limit * limit)
 
 
+@wp.func
+def first_step(group: int, steps: Steps):
+    """Index of a group's first step length."""
+    return group * steps.mesh.count_x * steps.mesh.count_y
+
+
 @wp.kernel
 def propose_dots(
     first: int,
     thread: int,
-    charge_position: wp.array(dtype=wp.vec2),
-    field: wp.array(dtype=wp.vec2),
+    charges: Charges,
     bodies: Bodies,
-    step_length: wp.array(dtype=float),
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     space: Space,
     in_contact: int,
-    displacement: wp.array(dtype=wp.vec4),
     # outputs
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
+    motion: Motion,
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The move that the force on every dot asks for, and what it changed by since the last step."""
@@ -214,21 +273,139 @@ def propose_dots(
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     charge = bodies.first_charge[i]
-    at = charge_position[charge]
-    force = along_border(field[charge], at, space)
-    node = nearest_node(at, mesh)
-    length = step_length[bodies.group[i] * mesh.count_x * mesh.count_y + node]
-    limit = step_limit[node]
+    at = charges.position[charge]
+    force = along_border(charges.field[charge], at, space)
+    node = nearest_node(at, steps.mesh)
+    length = steps.length[first_step(bodies.group[i], steps) + node]
+    limit = steps.limit[node]
     # Beyond a spacing no move is more than a direction.
     wanted = limited(force * length, 2.0 * limit)
     new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
-    changed = move[i] - new
-    last = displacement[i]
-    move[i] = new
-    change[i] = changed
+    changed = motion.move[i] - new
+    last = motion.displacement[i]
+    motion.move[i] = new
+    motion.change[i] = changed
     weight = bodies.charge[charge] / length
     rest = squared_residual(wp.length_sq(wanted), wp.length_sq(last), limit, in_contact)
     add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), last, changed, new, rest)
+
+
+@wp.func
+def axis_of(i: int, pose: wp.vec4, bodies: Bodies, steps: Steps):
+    """The axis of line ``i``, and what its forces are weighed with."""
+    axis = Axis()
+    axis.begin = bodies.first_charge[i]
+    axis.end = bodies.first_charge[i + 1]
+    axis.centre = wp.vec2(pose[0], pose[1])
+    axis.along = wp.vec2(wp.cos(pose[2]), wp.sin(pose[2]))
+    axis.across = wp.vec2(-axis.along[1], axis.along[0])
+    axis.length = pose[3]
+    axis.first_step = first_step(bodies.group[i], steps)
+    axis.node = nearest_node(axis.centre, steps.mesh)
+    # Lines much longer than their spacing lie side by side, nearer than the mean density tells, and so the energy is steeper.
+    axis.share = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * 0.5 * axis.length / steps.limit[axis.node])
+    return axis
+
+
+@wp.func
+def pull_on(j: int, axis: Axis, charges: Charges, steps: Steps):
+    """The share of the move that the force on a line's charge asks for which is weighed with the line's preferences."""
+    node = nearest_node(charges.position[j], steps.mesh)
+    return limited(charges.field[j] * (axis.share * steps.length[axis.first_step + node]), steps.limit[node])
+
+
+@wp.func
+def fit_rigid_move(axis: Axis, charges: Charges, bodies: Bodies, steps: Steps):
+    """The one shift, turn about the middle and stretch that fit the moves of a line's charges best (figure 9 a of the paper)."""
+    fit = RigidMove()
+    for j in range(axis.begin, axis.end):
+        pull = pull_on(j, axis, charges, steps)
+        q = bodies.charge[j]
+        s = bodies.axial[j]
+        fit.charge += q
+        fit.inertia += q * s * s
+        fit.shift += q * pull
+        fit.torque += q * s * wp.dot(pull, axis.across)
+        fit.tension += q * s * wp.dot(pull, axis.along)
+    fit.shift = fit.shift / fit.charge
+    return fit
+
+
+@wp.func
+def preferred_length_at(centre: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The length that a kind of line prefers at ``centre``."""
+    return lines.length[
+        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
+    ]
+
+
+@wp.func
+def preferred_direction_at(centre: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The direction that a kind of line prefers at ``centre``: (cos 2a, sin 2a) times its weight."""
+    return nearest_vector(
+        centre,
+        lines.direction,
+        lines.direction_start[kind],
+        lines.direction_height[kind],
+        lines.direction_width[kind],
+        space.size,
+    )
+
+
+@wp.func
+def angle_between(along: wp.vec2, preferred: wp.vec2):
+    """Angle from a line's direction to the preferred one, which is given by its doubled angle: a line has no front."""
+    c2 = along[0] * along[0] - along[1] * along[1]
+    s2 = 2.0 * along[0] * along[1]
+    return 0.5 * wp.atan2(c2 * preferred[1] - s2 * preferred[0], c2 * preferred[0] + s2 * preferred[1])
+
+
+@wp.func
+def weigh_turn(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, lines: Lines, space: Space):
+    """The turn that the forces and the preferred direction ask for together."""
+    lever = wp.max(0.5 * axis.length, SHORTEST_LEVER * preferred_length)
+    turn = lines.turn_by_force[kind] * fit.torque / (fit.inertia * lever)
+    preferred = preferred_direction_at(axis.centre, kind, lines, space)
+    weight = wp.length(preferred)
+    if weight > 0.0:
+        turn += lines.turn_by_preference[kind] * weight * angle_between(axis.along, preferred)
+    return wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
+
+
+@wp.func
+def weigh_stretch(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, lines: Lines):
+    """The change of length that the forces and the preferred length ask for together."""
+    stretch = lines.stretch_by_force[kind] * 2.0 * fit.tension / fit.inertia
+    stretch += lines.stretch_by_preference[kind] * (preferred_length * lines.length_factor[kind] - axis.length)
+    return stretch
+
+
+@wp.func
+def bend_line(
+    axis: Axis,
+    fit: RigidMove,
+    shift: wp.vec2,
+    turn: float,
+    straightness: float,
+    charges: Charges,
+    bodies: Bodies,
+    steps: Steps,
+    bend: wp.array(dtype=float),
+):
+    """Bend a line by what its shift and its turn leave of the moves across the axis; part of every bend is taken back."""
+    spin = turn * (0.5 * axis.length)
+    largest = LARGEST_BEND * axis.length
+    for j in range(axis.begin, axis.end):
+        rest = wp.dot(pull_on(j, axis, charges, steps) - shift, axis.across) - spin * bodies.axial[j]
+        bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -largest, largest)
+    # Whatever of the bends is a shift or a turn belongs to the pose.
+    mean = float(0.0)
+    slope = float(0.0)
+    for j in range(axis.begin, axis.end):
+        mean += bodies.charge[j] * bend[j] / fit.charge
+        slope += bodies.charge[j] * bodies.axial[j] * bend[j] / fit.inertia
+    for j in range(axis.begin, axis.end):
+        bend[j] = bend[j] - mean - slope * bodies.axial[j]
 
 
 @wp.kernel
@@ -236,19 +413,14 @@ def propose_lines(
     first: int,
     thread: int,
     pose: wp.array(dtype=wp.vec4),
-    charge_position: wp.array(dtype=wp.vec2),
-    field: wp.array(dtype=wp.vec2),
+    charges: Charges,
     bodies: Bodies,
     lines: Lines,
-    step_length: wp.array(dtype=float),
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     space: Space,
     in_contact: int,
-    displacement: wp.array(dtype=wp.vec4),
     # outputs
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
+    motion: Motion,
     bend: wp.array(dtype=float),
     sums: wp.array3d(dtype=wp.int64),
 ):
@@ -257,96 +429,38 @@ def propose_lines(
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
-    start = pose[i]
-    begin = bodies.first_charge[i]
-    end = bodies.first_charge[i + 1]
-    group_base = bodies.group[i] * mesh.count_x * mesh.count_y
-    centre = wp.vec2(start[0], start[1])
-    middle = nearest_node(centre, mesh)
-    limit = step_limit[middle]
+    axis = axis_of(i, pose[i], bodies, steps)
+    limit = steps.limit[axis.node]
+    fit = fit_rigid_move(axis, charges, bodies, steps)
+    preferred_length = preferred_length_at(axis.centre, kind, lines, space)
+    shift = limited(fit.shift, limit)
+    turn = weigh_turn(kind, axis, fit, preferred_length, lines, space)
+    stretch = weigh_stretch(kind, axis, fit, preferred_length, lines)
+    if lines.straightness[kind] >= 0.0:
+        bend_line(axis, fit, shift, turn, lines.straightness[kind], charges, bodies, steps, bend)
 
-    # Figure 9 (a): the charges' moves as one shift, one turn about the middle and one stretch, which fit them best.
-    along = wp.vec2(wp.cos(start[2]), wp.sin(start[2]))
-    across = wp.vec2(-along[1], along[0])
-    total = float(0.0)
-    inertia = float(0.0)
-    # Lines much longer than their spacing lie side by side, nearer than the mean density tells, and so the energy is steeper.
-    step = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * 0.5 * start[3] / limit)
-    shift = wp.vec2(0.0, 0.0)
-    turn = float(0.0)
-    stretch = float(0.0)
-    for j in range(begin, end):
-        node = nearest_node(charge_position[j], mesh)
-        pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
-        q = bodies.charge[j]
-        s = bodies.axial[j]
-        total += q
-        inertia += q * s * s
-        shift += q * pull
-        turn += q * s * wp.dot(pull, across)
-        stretch += q * s * wp.dot(pull, along)
-    shift = shift / total
-    half = 0.5 * start[3]
-    preferred_length = lines.length[
-        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
-    ]
-    preferred = nearest_vector(
-        centre,
-        lines.direction,
-        lines.direction_start[kind],
-        lines.direction_height[kind],
-        lines.direction_width[kind],
-        space.size,
-    )
-    weight = wp.length(preferred)
-    turn = lines.turn_by_force[kind] * turn / (inertia * wp.max(half, 0.05 * preferred_length))
-    # Difference of the doubled angles, since a line has no front.
-    c2 = along[0] * along[0] - along[1] * along[1]
-    s2 = 2.0 * along[0] * along[1]
-    if weight > 0.0:
-        turn += (
-            lines.turn_by_preference[kind]
-            * weight
-            * 0.5
-            * wp.atan2(c2 * preferred[1] - s2 * preferred[0], c2 * preferred[0] + s2 * preferred[1])
-        )
-    turn = wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
-    wanted_length = preferred_length * lines.length_factor[kind]
-    growth = lines.stretch_by_force[kind] * 2.0 * stretch / inertia
-    growth += lines.stretch_by_preference[kind] * (wanted_length - start[3])
-    shift = limited(shift, limit)
-    straightness = lines.straightness[kind]
-    if straightness >= 0.0:
-        # What the shift and the turn leave of the moves across the axis bends it; part of every bend is taken back.
-        spin = turn * half
-        for j in range(begin, end):
-            node = nearest_node(charge_position[j], mesh)
-            pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
-            rest = wp.dot(pull - shift, across) - spin * bodies.axial[j]
-            bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -0.25 * start[3], 0.25 * start[3])
-        # Whatever of the bends is a shift or a turn belongs to the pose.
-        mean = float(0.0)
-        slope = float(0.0)
-        for j in range(begin, end):
-            mean += bodies.charge[j] * bend[j] / total
-            slope += bodies.charge[j] * bodies.axial[j] * bend[j] / inertia
-        for j in range(begin, end):
-            bend[j] = bend[j] - mean - slope * bodies.axial[j]
-    new = wp.vec4(shift[0], shift[1], turn, growth) / WEIGHING_SHARE
-    changed = move[i] - new
-    last = displacement[i]
-    move[i] = new
-    change[i] = changed
+    new = wp.vec4(shift[0], shift[1], turn, stretch) / WEIGHING_SHARE
+    changed = motion.move[i] - new
+    last = motion.displacement[i]
+    motion.move[i] = new
+    motion.change[i] = changed
     # The mean square of the displacements of its charges.
-    weight = total / step_length[group_base + middle]
-    of_turn = inertia / total * half * half
-    of_stretch = 0.25 * inertia / total
+    weight = fit.charge / steps.length[axis.first_step + axis.node]
+    half = 0.5 * axis.length
+    of_turn = fit.inertia / fit.charge * half * half
+    of_stretch = 0.25 * fit.inertia / fit.charge
     metric = wp.vec4(1.0, 1.0, of_turn, of_stretch)
     squared_move = wp.dot(wp.cw_mul(metric, new), new)
     squared_displacement = wp.dot(wp.cw_mul(metric, last), last)
     rest = squared_residual(squared_move, squared_displacement, limit, in_contact)
     add_products(sums, thread, i, weight * metric, last, changed, new, rest)
-    add(sums, thread, LENGTHS + kind, i, start[3] / preferred_length)
+    add(sums, thread, LENGTHS + kind, i, axis.length / preferred_length)
+
+
+@wp.func
+def move_of(i: int, direction: wp.array(dtype=float), motion: Motion):
+    """How far body ``i`` goes in the direction that :func:`~.kernels_direction.decide_direction` found."""
+    return direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
 
 
 @wp.kernel
@@ -354,28 +468,25 @@ def move_dots(
     first: int,
     direction: wp.array(dtype=float),
     bodies: Bodies,
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     images: Images,
     space: Space,
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
     # outputs
+    motion: Motion,
     pose: wp.array(dtype=wp.vec4),
-    displacement: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
 ):
-    """Move every dot in the direction that :func:`decide_direction` found; it stays in the support."""
+    """Move every dot in the direction that was found; it stays in the support."""
     i = first + wp.tid()
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = wp.vec2(pose[i][0], pose[i][1])
-    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
-    wanted = old + limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(old, mesh)])
+    d = move_of(i, direction, motion)
+    wanted = old + limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(old, steps.mesh)])
     new = slide(old, wanted, bodies.class_index[i], images, space)
     shift = difference(old, new, space)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
-    displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
+    motion.displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
     charge_position[bodies.first_charge[i]] = new
 
 
@@ -385,18 +496,15 @@ def move_lines(
     direction: wp.array(dtype=float),
     bodies: Bodies,
     lines: Lines,
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     images: Images,
     space: Space,
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
     # outputs
+    motion: Motion,
     pose: wp.array(dtype=wp.vec4),
     bend: wp.array(dtype=float),
-    displacement: wp.array(dtype=wp.vec4),
 ):
-    """Move every line in the direction that :func:`decide_direction` found; its charges stay in the support."""
+    """Move every line in the direction that was found; its charges stay in the support."""
     i = first + wp.tid()
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
@@ -406,26 +514,22 @@ def move_lines(
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
     centre = wp.vec2(old[0], old[1])
-    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
-    shift = limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(centre, mesh)])
+    d = move_of(i, direction, motion)
+    shift = limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(centre, steps.mesh)])
     turn = wp.clamp(d[2], -LARGEST_TURN, LARGEST_TURN)
-    preferred_length = lines.length[
-        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
-    ]
+    preferred_length = preferred_length_at(centre, kind, lines, space)
     length = wp.clamp(old[3] + d[3], SHORTEST_LINE * preferred_length, LONGEST_LINE * preferred_length)
     wanted = wp.vec4(old[0] + shift[0], old[1] + shift[1], old[2] + turn, length)
     line = confine_line(old, wanted, begin, end, bodies, bend, k, images, space)
-    if (
-        lines.straightness[kind] >= 0.0
-        and vector_into_support(line, begin, end, bodies, bend, k, images, space)[2] != 0.0
-    ):
-        # The old pose with a new bend: straight, a line always fits where it stood.
-        for j in range(begin, end):
-            bend[j] = 0.0
+    if lines.straightness[kind] >= 0.0:
+        if vector_into_support(line, begin, end, bodies, bend, k, images, space)[2] != 0.0:
+            # The old pose with a new bend: straight, a line always fits where it stood.
+            for j in range(begin, end):
+                bend[j] = 0.0
     new_centre = confine(wp.vec2(line[0], line[1]), space)
     moved = difference(centre, new_centre, space)
     pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
-    displacement[i] = wp.vec4(moved[0], moved[1], line[2] - old[2], line[3] - old[3])
+    motion.displacement[i] = wp.vec4(moved[0], moved[1], line[2] - old[2], line[3] - old[3])
 
 
 @wp.kernel
