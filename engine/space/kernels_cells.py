@@ -113,14 +113,14 @@ def fill_buckets(
     count: int,
     parts: int,
     shift: int,
-    place: wp.array2d(dtype=wp.int32),
+    next_free: wp.array2d(dtype=wp.int32),
     # outputs
     bucket_key: wp.array(dtype=wp.int32),
     bucket_item: wp.array(dtype=wp.int32),
 ):
     """Put the items of a part into their buckets, in their order; an element is a part."""
     part = first + wp.tid()
-    own = place[part]
+    own = next_free[part]
     for i in range(first_of_part(part, count, parts), first_of_part(part + 1, count, parts)):
         k = key[i]
         b = k >> shift
