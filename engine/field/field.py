@@ -40,10 +40,14 @@ BANDS_PER_THREAD = 8
 
 @dataclass(frozen=True, eq=False)
 class FieldTarget:
-    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for."""
+    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
+
+    ``more`` are others that are added to it.
+    """
 
     image: np.ndarray
     charge: float
+    more: tuple[FieldTarget, ...] = ()
 
 
 class Field:
@@ -249,12 +253,14 @@ class Field:
 def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
     """The images that groups follow, each once, and the charge of each group by image, shape ``[groups, images]``."""
     images: list[np.ndarray] = []
-    index = []
-    for target in targets:
-        found = [i for i, image in enumerate(images) if image is target.image]
-        if not found:
-            images.append(target.image)
-        index.append(found[0] if found else len(images) - 1)
+    entries = []
+    for group, target in enumerate(targets):
+        for part in (target, *target.more):
+            found = [i for i, image in enumerate(images) if image is part.image]
+            if not found:
+                images.append(part.image)
+            entries.append((group, found[0] if found else len(images) - 1, part.charge))
     charge = np.zeros((len(targets), len(images)))
-    charge[np.arange(len(targets)), index] = [target.charge for target in targets]
+    for group, index, amount in entries:
+        charge[group, index] += amount
     return images, charge

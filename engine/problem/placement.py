@@ -29,6 +29,8 @@ class Placement:
         report: What was reached; None before it is measured.
         bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
             ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
+        id: Identity of every body, shape ``[n]``, int64: a body keeps it from one edit to the next, and a fixed one brings its own.
+        fixed: Whether a body was fixed, shape ``[n]``, bool; of every size those come last.
     """
 
     problem: Problem
@@ -40,6 +42,15 @@ class Placement:
     width: np.ndarray
     report: Report | None = None
     bends: np.ndarray | None = None
+    id: np.ndarray = None  # type: ignore[assignment]
+    fixed: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        count = len(self.position)
+        if self.id is None:
+            object.__setattr__(self, "id", np.arange(count, dtype=np.int64))
+        if self.fixed is None:
+            object.__setattr__(self, "fixed", np.zeros(count, bool))
 
     @property
     def class_name(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
-from ..field.field import Field, FieldTarget
+from ..field.field import Field
 from ..problem.problem import Problem
 from ..space.space import space_for_kernels
 from ..space.support import images_for_kernels
@@ -26,6 +26,7 @@ from .initial_placement import first_pose
 from .line_rules import LineRules
 from .model import Model
 from .state import State
+from .targets import group_targets
 
 __all__ = ["STEP_LIMIT", "Descent"]
 
@@ -60,19 +61,18 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = _bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        images = [problem.classes[c].density_image for c in model.groups.class_index]
         self.field = Field(
             launcher,
             size=model.size,
             periodic=problem.domain.periodic,
             interaction=model.groups.matrix,
-            targets=[FieldTarget(image, charge) for image, charge in zip(images, model.group_charge, strict=True)],
+            targets=group_targets(model),
             spacing=_typical_spacing(problem) / model.unit,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
         )
         self._prepare_steps()
-        self.images = images_for_kernels(launcher, [c.density_image for c in problem.classes], model.size)
+        self.images = images_for_kernels(launcher, model.supports, model.size)
         self.state = self._first_state()
         n = model.body_count
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
@@ -108,6 +108,7 @@ class Descent:
         if self.rules.kind_count:
             values = pose.numpy()
             values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
+            values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
             pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
         n = model.body_count
         return State(
@@ -139,7 +140,9 @@ class Descent:
         )
         count = np.zeros((1, len(field.images)))
         for c in self.model.problem.classes:
-            count[0, [image is c.density_image for image in field.images].index(True)] += c.body_count
+            found = [i for i, image in enumerate(field.images) if image is c.density_image]
+            # Where all bodies of a class are fixed, nothing may follow its density.
+            count[0, found[:1]] += c.body_count
         number = mix_images(self.launcher, field.deposited, count, layout.node_count)
         self.step_limit = self.launcher.empty(layout.node_count, float)
         self.launcher.launch(
@@ -232,7 +235,7 @@ class Descent:
 def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
     table, charge = model.body, model.charge
     bodies = kernels_descent.Bodies()
-    bodies.class_index = wp.array(table.class_index, dtype=wp.int32, device=device)
+    bodies.support = wp.array(table.support, dtype=wp.int32, device=device)
     bodies.group = wp.array(table.group, dtype=wp.int32, device=device)
     bodies.line = wp.array(table.kind, dtype=wp.int32, device=device)
     bodies.flags = wp.array(table.flags, dtype=wp.int32, device=device)

@@ -31,9 +31,9 @@ WEIGHING_SHARE = wp.constant(0.5)
 
 @wp.struct
 class Bodies:
-    """What bodies are: class, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
+    """What bodies are: support, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
 
-    class_index: wp.array(dtype=wp.int32)
+    support: wp.array(dtype=wp.int32)
     group: wp.array(dtype=wp.int32)
     line: wp.array(dtype=wp.int32)
     flags: wp.array(dtype=wp.int32)
@@ -483,7 +483,7 @@ def move_dots(
     old = wp.vec2(pose[i][0], pose[i][1])
     d = move_of(i, direction, motion)
     wanted = old + limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(old, steps.mesh)])
-    new = slide(old, wanted, bodies.class_index[i], images, space)
+    new = slide(old, wanted, bodies.support[i], images, space)
     shift = difference(old, new, space)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
     motion.displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
@@ -510,7 +510,7 @@ def move_lines(
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]
-    k = bodies.class_index[i]
+    k = bodies.support[i]
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
     centre = wp.vec2(old[0], old[1])

@@ -92,6 +92,19 @@ class LineRules:
             result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, size) / model.unit
         return result
 
+    def fixed_angle_and_length(self) -> np.ndarray:
+        """Angle [rad] and length of every fixed body in the solver's unit, shape ``[fixed bodies, 2]``; 0 for dots."""
+        model = self._model
+        table = model.problem.fixed
+        result = np.zeros((len(table.id), 2))
+        kinds = model.body.kind[model.fixed]
+        for kind in range(self.kind_count):
+            own = kinds == kind
+            asked = _at(self._lengths[kind], table.position[own], model.problem.domain.size)
+            length = np.where(np.isnan(table.length[own]), asked, table.length[own])
+            result[own] = np.stack([table.angle[own], length / model.unit], axis=1)
+        return result
+
 
 def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp.array, wp.array, wp.array, wp.array]:
     """Images one after the other on the device: pixels, where each starts, heights and widths."""

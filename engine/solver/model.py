@@ -14,6 +14,8 @@ from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Line, Problem
+from .body_flags import BodyFlags
+from .supports import supports_of
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
@@ -38,7 +40,8 @@ class BodyTable:
         area: Its footprint [m²], float64.
         longest: Longest axis that is asked of it [m], float64; 0 for a dot.
         flags: See :class:`~.body_flags.BodyFlags`.
-        identity: What is random about it follows from this number; its index, unless it is part of a larger whole.
+        identity: What is random about it follows from this number; see :meth:`~.problem.Problem.body_ids`.
+        support: Which of the model's supports says where it may be.
     """
 
     class_index: np.ndarray
@@ -49,6 +52,7 @@ class BodyTable:
     longest: np.ndarray
     flags: np.ndarray
     identity: np.ndarray
+    support: np.ndarray
 
     @property
     def count(self) -> int:
@@ -69,6 +73,8 @@ class Model:
         charge: Their charges.
         groups: Their groups, and how these see each other.
         kinds: The kinds of lines among them.
+        fixed: Whether each body is a fixed one of the problem, shape ``[n]``, bool.
+        supports: Images that are above zero where bodies may be.
         unit: Metres per unit of length of the solver, in which charges have a mean number density of 1.
         size: Extent of the domain in units.
     """
@@ -84,15 +90,22 @@ class Model:
         self.groups: Groups = group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
+        area = problem.body_areas()
+        self.fixed = problem.body_is_fixed()
+        flags = np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32)
+        flags = np.where(self.fixed, flags | BodyFlags.PINNED, flags)
+        supports = supports_of(problem, class_index, size_index, area)
+        self.supports = supports.images
         self.body = BodyTable(
             class_index=class_index.astype(np.int32),
             size_index=size_index.astype(np.int32),
             group=self.groups.body_group,
             kind=np.repeat(kind, counts).astype(np.int32),
-            area=problem.body_areas(),
+            area=area,
             longest=np.repeat(longest, counts),
-            flags=np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32),
-            identity=np.arange(n, dtype=np.int32),
+            flags=flags.astype(np.int32),
+            identity=problem.body_ids().astype(np.int32),
+            support=supports.of_body.astype(np.int32),
         )
         self.charge: BodyCharges = charges_of(problem)
         self.unit = math.sqrt(problem.domain.area / len(self.charge.charge))
@@ -113,6 +126,11 @@ class Model:
         """Whether a body may bend, shape ``[n]``."""
         bends = np.array([kind.line.straightness is not None for kind in self.kinds] + [False])
         return bends[self.body.kind]
+
+    @property
+    def body_charge(self) -> np.ndarray:
+        """Sum of the charges of every body, shape ``[n]``."""
+        return np.bincount(self.charge.body, weights=self.charge.charge, minlength=self.body_count)
 
     @property
     def group_charge(self) -> np.ndarray:
