@@ -1,4 +1,4 @@
-"""CPU kernels that were compiled when the extension's zip or the wheel was built, so that the first run waits for no compiler.
+"""CPU kernels that were compiled when the extension's zip was built, so that the first run waits for no compiler.
 
 A build puts them into the folder ``prebuilt`` beside this file (``tools/build_kernels.py``), once for every *tier* of processors: a
 set of instructions that all processors of a generation have. A source checkout has no such folder, and a kernel that was edited since
