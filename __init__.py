@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .engine.files.image_files import read_color, read_density
     from .engine.files.placement_files import write_placement
     from .engine.files.recipe import read_recipe
+    from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
@@ -85,6 +86,7 @@ __all__ = [
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
+    "write_recipe",
     "register",
     "unregister",
 ]
@@ -138,6 +140,7 @@ _MODULES = {
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",
+    "write_recipe": ".engine.files.recipe_writer",
 }
 
 
