@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.problem.scatter_settings import ScatterSettings
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Progress, Solver
@@ -65,6 +66,7 @@ __all__ = [
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
+    "ScatterSettings",
     "ScatterSize",
     "Size",
     "SizeReport",
@@ -119,6 +121,7 @@ _MODULES = {
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
     "ScatterResult": ".esh_scatter.api",
+    "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
