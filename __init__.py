@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from .engine.files.image_files import read_color, read_density
     from .engine.files.placement_files import write_placement
     from .engine.files.recipe import read_recipe
+    from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.problem.scatter_settings import ScatterSettings
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Progress, Solver
@@ -64,6 +66,7 @@ __all__ = [
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
+    "ScatterSettings",
     "ScatterSize",
     "Size",
     "SizeReport",
@@ -85,6 +88,7 @@ __all__ = [
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
+    "write_recipe",
     "register",
     "unregister",
 ]
@@ -117,6 +121,7 @@ _MODULES = {
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
     "ScatterResult": ".esh_scatter.api",
+    "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
@@ -138,6 +143,7 @@ _MODULES = {
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",
+    "write_recipe": ".engine.files.recipe_writer",
 }
 
 

@@ -4,8 +4,11 @@ import textwrap
 
 import bpy
 
+from ..engine.problem.problem import Balance, ClassSettings, SamplingSettings
+from ..engine.problem.scatter_settings import RunSettings, Standing
 from . import running
-from .properties import active_scatter
+from .described_properties import shown_settings
+from .properties import BY_HAND, active_scatter
 
 __all__ = ["CLASSES"]
 
@@ -139,11 +142,7 @@ class ESH_PT_density_more(_ClassPanel, bpy.types.Panel):
         elif body_class.direction_kind == "IMAGE":
             column.template_ID(body_class, "direction_image", open="image.open", text="Flow Image")
         column.separator()
-        column.prop(body_class, "density_correction")
-        column.prop(body_class, "use_unsharp")
-        if body_class.use_unsharp:
-            column.prop(body_class, "unsharp_amount")
-            column.prop(body_class, "unsharp_radius")
+        _draw_settings(column, body_class, ClassSettings)
         if len(scatter.classes) > 1:
             column.separator()
             column.prop(body_class, "may_overlap")
@@ -188,6 +187,7 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
             range_column = column.column(align=True)
             range_column.prop(size, "area", text="Smallest")
             range_column.prop(size, "area_largest")
+            column.prop(size, "distribution")
         column.prop(size, "shape")
 
 
@@ -201,9 +201,9 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
         """Draw the balance."""
         column = self._column()
         scatter = active_scatter(context)
-        column.prop(scatter, "class_separation", text="Separation", slider=True)
-        column.prop(scatter, "size_emphasis")
-        column.prop(scatter, "avoid_overlap")
+        _draw_settings(column, scatter, Balance, BY_HAND)
+        # The seed stands beside its button.
+        _draw_settings(column, scatter, SamplingSettings, ("seed",))
 
 
 class ESH_PT_placement(_SubPanel, bpy.types.Panel):
@@ -215,10 +215,7 @@ class ESH_PT_placement(_SubPanel, bpy.types.Panel):
     def draw(self, context):
         """Draw how each one stands."""
         column = self._column()
-        scatter = active_scatter(context)
-        column.prop(scatter, "align_to_normal", slider=True)
-        column.prop(scatter, "random_turn")
-        column.prop(scatter, "scale_jitter", slider=True)
+        _draw_settings(column, active_scatter(context), Standing)
 
 
 class ESH_PT_solve(_SubPanel, bpy.types.Panel):
@@ -233,8 +230,7 @@ class ESH_PT_solve(_SubPanel, bpy.types.Panel):
         seed = column.row(align=True)
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
-        column.prop(scatter, "device")
-        column.prop(scatter, "max_steps")
+        _draw_settings(column, scatter, RunSettings)
         column.separator()
         if running.session is not None:
             self.layout.enabled = True
@@ -292,6 +288,13 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         converged = "" if report["converged"] else ", not converged"
         _draw_fact(facts, "Steps", f"{report['steps']}{converged}", "NONE" if report["converged"] else "ERROR")
         _draw_fact(facts, "Time", f"{report['seconds']:.1f} s on {report['device']}")
+
+
+def _draw_settings(layout, group, cls, by_hand=()) -> None:
+    """Draw the properties that stand for the settings of a class; a group of settings only where it is switched on."""
+    for shown in shown_settings(cls, by_hand):
+        if not shown.switch or getattr(group, shown.switch):
+            layout.prop(group, shown.name, slider=shown.slider)
 
 
 def _draw_list(

@@ -88,6 +88,7 @@ class Balance(Settings):
         metadata=setting(
             "How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
             more="The paper's alpha",
+            label="Separation",
             unit="share",
             low=0.0,
             high=1.0,
@@ -144,9 +145,7 @@ class Unsharp(Settings):
         default=2.0,
         metadata=setting(
             "How far the sharpening reaches: standard deviation of the blur, in pixels of the density image",
-            low=0.1,
-            soft_high=200.0,
-            more="Any number above 0",
+            more="Above 0",
             check=validation.check_positive,
         ),
     )

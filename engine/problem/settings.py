@@ -23,17 +23,21 @@ __all__ = [
     "Described",
     "Setting",
     "Settings",
+    "as_given",
     "described",
+    "explained",
     "same_setting",
     "setting",
     "settings_of",
     "settle",
+    "takes",
     "values_of",
 ]
 
 Check = Callable[[Any, str], Any]
 Kind = Literal["switch", "whole", "number", "numbers", "choice", "group", "other"]
 Class = TypeVar("Class", bound=type)
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Width of the lines of generated docstrings.
 LINE = 120
@@ -202,6 +206,30 @@ def described(cls: Class) -> Class:
     return cls
 
 
+def takes(cls: Any) -> Callable[[Function], Function]:
+    """Say of a function, or a class, that has ``**changes`` which those are: the settings of ``cls``, in signature and docstring."""
+
+    def describe(function: Function) -> Function:
+        signature = inspect.signature(function)
+        given = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        types = {entry.name: entry.type for entry in dataclasses.fields(cls)}
+        own = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=types[name])
+            for name, one in settings_of(cls).items()
+        ]
+        first_by_name = next(i for i, one in enumerate(given) if one.kind is one.KEYWORD_ONLY)
+        parameters = [*given[:first_by_name], *own, *given[first_by_name:]]
+        function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        text = inspect.cleandoc(function.__doc__ or "").splitlines()
+        for number, line in enumerate(text):
+            if line.startswith("    changes: "):
+                text[number + 1 : number + 1] = explained(settings_of(cls), 4).splitlines()
+        function.__doc__ = "\n".join(text)
+        return function
+
+    return describe
+
+
 def explained(settings: Mapping[str, Described], indent: int) -> str:
     """Return a docstring's lines on settings, indented by so many spaces."""
     return "\n".join(
@@ -223,6 +251,11 @@ def _sentences(one: Described) -> str:
     choices = ", ".join(f'``"{choice.value}"`` ({choice.help})' for choice in description.choices)
     parts = [f"{description.help}{unit}", choices, description.more.rstrip(".")]
     return ". ".join(part for part in parts if part) + "."
+
+
+def as_given(value: Any, _key: str) -> Any:
+    """Check nothing: the value is looked at where it is used."""
+    return value
 
 
 def _check_group(value: object, key: str, of: type, optional: bool) -> object:
