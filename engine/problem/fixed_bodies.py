@@ -146,7 +146,7 @@ class FixedTable(NamedTuple):
     area: np.ndarray
     id: np.ndarray
 
-    def count(self, class_index: int, size_index: int) -> int:
+    def number_of(self, class_index: int, size_index: int) -> int:
         """How many there are of a size of a class."""
         return int(((self.class_index == class_index) & (self.size_index == size_index)).sum())
 
@@ -176,7 +176,9 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain)
             f"`fixed.position` must lie inside the domain, {domain.size[0]:g} by {domain.size[1]:g} m; got {show(at.tolist())}"
         )
     names = [c.name for c in classes]
-    class_index = np.concatenate([_indices(part.body_class, names, "`fixed.body_class`") for part in parts])
+    class_index = np.concatenate(
+        [_indices(np.asarray(part.body_class, dtype=object), names, "`fixed.body_class`") for part in parts]
+    )
     labels = np.concatenate([np.asarray(part.size, dtype=object) for part in parts])
     size_index = np.zeros(len(position), np.int32)
     area = np.concatenate([np.asarray(part.area, dtype=np.float64) for part in parts])
@@ -242,7 +244,9 @@ def _numbers(value: object, key: str) -> np.ndarray:
 def _each(value: object, count: int, key: str) -> np.ndarray:
     array = _numbers(value, key)
     if array.ndim > 1 or (array.ndim == 1 and len(array) != count):
-        raise ProblemError(f"{key} must be one number, or one for each of {count} bodies; got shape {list(array.shape)}")
+        raise ProblemError(
+            f"{key} must be one number, or one for each of {count} bodies; got shape {list(array.shape)}"
+        )
     return np.broadcast_to(array, (count,)).copy()
 
 
@@ -278,4 +282,3 @@ def _indices(labels: np.ndarray, names: list[str], key: str) -> np.ndarray:
             raise ProblemError(f"{key} must be one of {accepted}, or an index of them; got {show(label)}")
         result[place] = found
     return result
-

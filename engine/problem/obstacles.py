@@ -129,7 +129,11 @@ def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, i
     result = np.full(shape, reach, np.float32)
     for obstacle in obstacles:
         if obstacle.image is not None:
-            np.minimum(result, _from_image(obstacle.image, domain, shape, reach + obstacle.margin) - obstacle.margin, out=result)
+            np.minimum(
+                result,
+                _from_image(obstacle.image, domain, shape, reach + obstacle.margin) - obstacle.margin,
+                out=result,
+            )
             continue
         for shift in _shifts(domain):
             _cut_shape(result, obstacle, shift, domain, reach)
@@ -147,14 +151,14 @@ def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, peri
     """
     rows, columns = (min(math.ceil(reach / side), n) for side, n in zip(pixel[::-1], mask.shape, strict=True))
     large = np.float32(2.0 * reach + 1.0)
-    mode = "wrap" if periodic else "constant"
     # First up and down, then across: the square of the distance is a sum.
-    padded = np.pad(mask, ((rows, rows), (0, 0)), mode=mode)
     squared = np.full(mask.shape, large**2, np.float32)
+    padded = np.pad(mask, ((rows, rows), (0, 0)), mode="wrap") if periodic else np.pad(mask, ((rows, rows), (0, 0)))
     for step in range(-rows, rows + 1):
         away = np.float32((step * pixel[1]) ** 2)
         np.minimum(squared, np.where(padded[rows + step : rows + step + mask.shape[0]], away, large**2), out=squared)
-    wide = np.pad(squared, ((0, 0), (columns, columns)), mode=mode, **({} if periodic else {"constant_values": large**2}))
+    beside = ((0, 0), (columns, columns))
+    wide = np.pad(squared, beside, mode="wrap") if periodic else np.pad(squared, beside, constant_values=large**2)
     for step in range(-columns, columns + 1):
         away = np.float32((step * pixel[0]) ** 2)
         np.minimum(squared, wide[:, columns + step : columns + step + mask.shape[1]] + away, out=squared)
@@ -182,7 +186,9 @@ def _window(
     return rows, columns, x.astype(np.float64), y.astype(np.float64)
 
 
-def _cut_shape(result: np.ndarray, obstacle: Obstacle, shift: tuple[float, float], domain: Domain, reach: float) -> None:
+def _cut_shape(
+    result: np.ndarray, obstacle: Obstacle, shift: tuple[float, float], domain: Domain, reach: float
+) -> None:
     """Bring the distance from a polygon or a disc, moved by ``shift``, into ``result``."""
     shape = (result.shape[0], result.shape[1])
     most = reach + obstacle.margin

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,14 +42,14 @@ class Placement:
     width: np.ndarray
     report: Report | None = None
     bends: np.ndarray | None = None
-    id: np.ndarray = None  # type: ignore[assignment]
-    fixed: np.ndarray = None  # type: ignore[assignment]
+    id: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    fixed: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
     def __post_init__(self) -> None:
         count = len(self.position)
-        if self.id is None:
+        if not len(self.id):
             object.__setattr__(self, "id", np.arange(count, dtype=np.int64))
-        if self.fixed is None:
+        if not len(self.fixed):
             object.__setattr__(self, "fixed", np.zeros(count, bool))
 
     @property

@@ -549,16 +549,20 @@ class Problem(SamplingSettings):
         """A class whose sizes count all of their bodies, fixed ones among them."""
         sizes = []
         for number, size in enumerate(body_class.sizes):
-            fixed = self.fixed.count(index, number)
+            fixed = self.fixed.number_of(index, number)
             key = f'`count` of size "{size.name}" of class "{body_class.name}"'
             count = size.count or 0
             if self.include_fixed and count < fixed:
                 raise ProblemError(f"{key} must include its {fixed} fixed bodies; got {show(count)}")
             if fixed and self.include_fixed and isinstance(size.distribution, np.ndarray):
-                raise ProblemError(f"{key} must not include fixed bodies where areas are listed; set `include_fixed` to false")
+                raise ProblemError(
+                    f"{key} must not include fixed bodies where areas are listed; set `include_fixed` to false"
+                )
             total = count if self.include_fixed else count + fixed
             if total < 1:
-                raise ProblemError(f"{key} must be a whole number of at least 1, or bodies of it be fixed; got {show(count)}")
+                raise ProblemError(
+                    f"{key} must be a whole number of at least 1, or bodies of it be fixed; got {show(count)}"
+                )
             sizes.append(size if total == count else with_count(size, total))
         return body_class if sizes == list(body_class.sizes) else replace(body_class, sizes=tuple(sizes))
 
@@ -629,7 +633,7 @@ class Problem(SamplingSettings):
         result = []
         for c, k in enumerate(self.classes):
             for s, size in enumerate(k.sizes):
-                fixed = self.fixed.count(c, s)
+                fixed = self.fixed.number_of(c, s)
                 result.append(np.arange(size.count or 0) >= (size.count or 0) - fixed)
         return np.concatenate(result)
 

@@ -68,7 +68,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
                 c.name,
                 errors[i],
                 tuple(
-                    SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.count(i, number))
+                    SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
                     for number, (s, placed) in enumerate(
                         zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
                     )

@@ -8,6 +8,8 @@ charge as there is.
 from __future__ import annotations
 
 import math
+from typing import Literal
+
 import numpy as np
 
 from ..field.field import FieldTarget
@@ -62,9 +64,7 @@ def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
     return left[row.astype(int)[:, None], column.astype(int)]
 
 
-def _excess(
-    model: Model, image: np.ndarray, own: np.ndarray, total: float, bodies: int
-) -> tuple[float, np.ndarray]:
+def _excess(model: Model, image: np.ndarray, own: np.ndarray, total: float, bodies: int) -> tuple[float, np.ndarray]:
     """Charge that the density stands for, and the excess of fixed bodies over it per cell, row 0 at the top."""
     there, asked = _on_cells(model, image, own, bodies)
     share = _water_level(asked, there, total)
@@ -88,16 +88,14 @@ def _on_cells(model: Model, image: np.ndarray, own: np.ndarray, bodies: int) -> 
     """Charge of fixed bodies, blurred, and share of the density in cells about a spacing of the group wide, row 0 at the top."""
     domain = model.problem.domain
     spacing = math.sqrt(domain.area / bodies)
-    rows, columns = (
-        int(np.clip(round(length / spacing), FEWEST_CELLS, MOST_CELLS)) for length in domain.size[::-1]
-    )
+    rows, columns = (int(np.clip(round(length / spacing), FEWEST_CELLS, MOST_CELLS)) for length in domain.size[::-1])
     table = model.problem.fixed
     position = table.position[own[model.fixed]]
     column = np.minimum((position[:, 0] / domain.size[0] * columns).astype(int), columns - 1)
     row = np.minimum(((1.0 - position[:, 1] / domain.size[1]) * rows).astype(int), rows - 1)
     there = np.bincount(row * columns + column, weights=model.body_charge[own], minlength=rows * columns)
     there = there.reshape(rows, columns)
-    mode = "wrap" if domain.periodic else "symmetric"
+    mode: Literal["wrap", "symmetric"] = "wrap" if domain.periodic else "symmetric"
     pad = [min(math.ceil(5.0 * BLUR_OF_FIXED), n) for n in (rows, columns)]
     wide = gaussian_blur(np.pad(there, [(pad[0], pad[0]), (pad[1], pad[1])], mode=mode), BLUR_OF_FIXED)
     there = wide[pad[0] : pad[0] + rows, pad[1] : pad[1] + columns]
