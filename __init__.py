@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .engine.problem.scatter_settings import ScatterSettings
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
-    from .engine.solver.solver import Progress, Solver
+    from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
     from .engine.surface.instances import Instances
@@ -51,6 +51,7 @@ __all__ = [
     "Density",
     "DeviceError",
     "Domain",
+    "Edit",
     "EshError",
     "FixedBodies",
     "FixedBody",
@@ -110,6 +111,7 @@ _MODULES = {
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
     "Domain": ".engine.problem.problem",
+    "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
     "FixedBodies": ".engine.problem.fixed_bodies",
     "FixedBody": ".engine.problem.fixed_bodies",

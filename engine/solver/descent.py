@@ -42,6 +42,9 @@ class Descent:
     Args:
         model: What is to be placed.
         launcher: Where to run.
+        pose: Where bodies start, in the model's unit, shape ``[body_count, 4]``; None for the start of :mod:`.initial_placement`.
+            Where angle and length are NaN, they are what the rules for lines want at the start of an edit.
+        fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
@@ -52,7 +55,9 @@ class Descent:
         step: A whole step, recorded.
     """
 
-    def __init__(self, model: Model, launcher: Launcher) -> None:
+    def __init__(
+        self, model: Model, launcher: Launcher, *, pose: np.ndarray | None = None, fewest_nodes: int | None = None
+    ) -> None:
         self.model = model
         self.launcher = launcher
         problem = model.problem
@@ -70,10 +75,11 @@ class Descent:
             spacing=_typical_spacing(problem) / model.unit,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
+            fewest_nodes=fewest_nodes,
         )
         self._prepare_steps()
         self.images = images_for_kernels(launcher, model.supports, model.size)
-        self.state = self._first_state()
+        self.state = self._first_state(pose)
         n = model.body_count
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
         self.field_at_charge = launcher.zeros(model.charge_count, wp.vec2)
@@ -102,14 +108,25 @@ class Descent:
         """RMS of the moves that the forces asked for in the last step, over the local spacing."""
         return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
 
-    def _first_state(self) -> State:
+    def set_flags(self, flags: np.ndarray) -> None:
+        """Say anew what is special about every body, shape ``[body_count]``; the model's own flags are in ``model.body``."""
+        self.bodies.flags.assign(flags.astype(np.int32))
+
+    def _first_state(self, given: np.ndarray | None) -> State:
         model, launcher = self.model, self.launcher
-        pose = first_pose(launcher, model, self.images)
-        if self.rules.kind_count:
-            values = pose.numpy()
-            values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
+        if given is None:
+            pose = first_pose(launcher, model, self.images)
+            if self.rules.kind_count:
+                values = pose.numpy()
+                values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
+                values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
+                pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
+        else:
+            values = given.copy()
+            missing = np.isnan(values[:, 2])
+            values[missing, 2:] = self.rules.first_angle_and_length(values[:, :2], 1.0)[missing]
             values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
-            pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
+            pose = wp.array(values.astype(np.float32), dtype=wp.vec4, device=launcher.device)
         n = model.body_count
         return State(
             pose=pose,

@@ -6,7 +6,8 @@ Everything that runs over bodies reads these tables; only here are classes and s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Line, Problem
 from .body_flags import BodyFlags
 from .supports import supports_of
+
+if TYPE_CHECKING:
+    from .edit import CarriedOver
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
@@ -66,6 +70,7 @@ class Model:
     Args:
         problem: What is to be placed.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
+        unit: Metres per unit of length; None for that in which charges have a mean number density of 1.
 
     Attributes:
         problem: The problem.
@@ -75,11 +80,11 @@ class Model:
         kinds: The kinds of lines among them.
         fixed: Whether each body is a fixed one of the problem, shape ``[n]``, bool.
         supports: Images that are above zero where bodies may be.
-        unit: Metres per unit of length of the solver, in which charges have a mean number density of 1.
+        unit: Metres per unit of length of the solver; charges have a mean number density of about 1 in it.
         size: Extent of the domain in units.
     """
 
-    def __init__(self, problem: Problem, flags: np.ndarray | None = None) -> None:
+    def __init__(self, problem: Problem, flags: np.ndarray | None = None, *, unit: float | None = None) -> None:
         self.problem = problem
         sizes = [(c, size) for c in problem.classes for size in c.sizes]
         counts = [size.count or 0 for _, size in sizes]
@@ -108,8 +113,17 @@ class Model:
             support=supports.of_body.astype(np.int32),
         )
         self.charge: BodyCharges = charges_of(problem)
-        self.unit = math.sqrt(problem.domain.area / len(self.charge.charge))
+        self.unit = unit or math.sqrt(problem.domain.area / len(self.charge.charge))
         self.size = (problem.domain.size[0] / self.unit, problem.domain.size[1] / self.unit)
+
+    def carry(self, old: Model, carried: CarriedOver) -> None:
+        """Give bodies that were in another model before the identities and flags that they had there."""
+        came = carried.source >= 0
+        flags = self.body.flags.copy()
+        # Whom the problem fixed before, it may have let go.
+        kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
+        flags[came] |= kept[carried.source[came]]
+        self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
 
     @property
     def body_count(self) -> int:
