@@ -132,7 +132,9 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()
     density = (camera(PIXELS) + 0.1).astype(np.float32)
-    print("| bodies | stroke | count | came or went | edit [s] | of processors | afresh [s] | of processors | error | unmoved |")
+    print(
+        "| bodies | stroke | count | came or went | edit [s] | of processors | afresh [s] | of processors | error | unmoved |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for count in options.bodies:
         afresh = solve_afresh(density, count, options.device, options.repeat)

@@ -29,7 +29,7 @@ SMALLEST_ORDER, LARGEST_ORDER = 3, 10
 # Densities that differ by less have not changed: images are read and blurred in float32.
 UNCHANGED = 1e-4
 # Where fewer stay than this share, it is those that are spread evenly; elsewhere those that go are.
-HALF = 0.5
+FEW = 0.3
 # Bodies of a row of cells among which the nearest to a point is looked for.
 IN_ROW = 16
 
@@ -89,7 +89,7 @@ class _Change:
     @property
     def densities(self) -> list[np.ndarray]:
         """Where bodies go, where they survive, and where they come."""
-        most_go = self.wanted < HALF * self.there
+        most_go = self.wanted < FEW * self.there
         loss = np.where(most_go, 0.0, np.maximum(self.there - self.wanted, 0.0))
         return [_somewhere(loss, self.wanted), _somewhere(np.where(most_go, self.wanted, 0.0), self.wanted), self.gain]
 
@@ -211,12 +211,17 @@ def _change(
     going = np.clip(1.0 - ratio, 0.0, 1.0)
     going[going < UNCHANGED] = 0.0
     stays = going < 1.0
-    thinned = stays & (ratio < HALF)
+    thinned = stays & (ratio < FEW)
     survivors = min(round(float((1.0 - going[thinned]).sum())), len(rows))
     most_stay = stays & ~thinned
-    # There is never one more than is asked for.
-    least = int(most_stay.sum()) + survivors - len(rows)
-    surplus = min(max(round(float(going[most_stay].sum())), least, 0), int(most_stay.sum()))
+    surplus = round(float(going[most_stay].sum()))
+    # As many come as the densities say; how many stay for that is decided where most go, or else where most stay. There is never one
+    # more than is asked for.
+    coming = round(float(np.maximum(wanted - there, 0.0).sum()))
+    staying = min(max(len(rows) - coming, 0), int(stays.sum()))
+    of_thinned = survivors if surplus > survivors else staying - (int(most_stay.sum()) - surplus)
+    survivors = min(max(of_thinned, 0), int(thinned.sum()), staying)
+    surplus = min(max(int(most_stay.sum()) - (staying - survivors), 0), int(most_stay.sum()))
     return _Change(rows, pool, wanted, there, stays, surplus, thinned, survivors)
 
 
