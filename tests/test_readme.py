@@ -43,7 +43,8 @@ RECIPES = [block for _, block in blocks("toml")]
 def test_there_is_a_script_for_each_world_and_recipes_of_bodies_and_of_inks():
     assert "bpy" not in README_SCRIPT
     assert any("bpy" in script for _, script in SCRIPTS)
-    assert ["[image]" in recipe for recipe in RECIPES] == [False, True]
+    assert ["[image]" in recipe for recipe in RECIPES] == [False, True, False]
+    assert "[[obstacle]]" in RECIPES[2]
 
 
 @pytest.mark.parametrize(("page", "script"), SCRIPTS, ids=name_of)
@@ -78,7 +79,7 @@ def test_the_script_places_what_its_text_says():
     assert np.bincount(placement.class_index).tolist() == [300, 80]
 
 
-@pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks"])
+@pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks", "what is there"])
 def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
     image = pytest.importorskip("PIL.Image")
     (tmp_path / "recipe.toml").write_text(recipe, encoding="utf-8")
@@ -108,6 +109,11 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
             pine, log = tomllib.loads(recipe)["class"]
             assert len(arrays["position"]) == pine["size"][0]["count"] + log["count"]
             assert (arrays["length"] > 0).sum() == log["count"]
+        elif recipe == RECIPES[2]:
+            described = tomllib.loads(recipe)
+            (fixed,) = described["fixed"]
+            assert arrays["position"][arrays["fixed"]].tolist() == fixed["position"]
+            assert (~arrays["fixed"]).sum() == described["class"][0]["size"][0]["count"]
         else:
             # An even grey of 55 of 255 takes black dots alone.
             assert len(arrays["position"]) == round(256 * 256 * 55 / 255)
