@@ -343,6 +343,7 @@ def _progress_bar(body_count: int) -> Iterator[Any]:
 
 
 def _write_report(file: BinaryIO, placement: Placement) -> None:
+    assert placement.report is not None
     text = json.dumps(_strict(placement.report.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
     file.write(text.encode("utf-8") + b"\n")
 
