@@ -313,11 +313,12 @@ class ScatterJob:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
         sizes = list(count_sizes(asked, domain.area * mean))
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
-        ours = [i for i, size in enumerate(c.sizes) if sizes[i].line is not None and not isinstance(size.line, Line)]
-        if ours and isinstance(c.direction, str) and c.direction == "density":
+        ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
+        lines = {i: line for i in ours if (line := sizes[i].line) is not None}
+        if lines and isinstance(c.direction, str) and c.direction == "density":
             direction = self._edge_directions(surface.image)
-            for i in ours:
-                sizes[i] = replace(sizes[i], line=replace(sizes[i].line, direction=direction))
+            for i, line in lines.items():
+                sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
 
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:

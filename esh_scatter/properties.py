@@ -11,7 +11,7 @@ collections and images are held as pointers, so renaming them breaks nothing and
 import hashlib
 import json
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.props import (
@@ -35,7 +35,16 @@ from .versions import VERSION
 if TYPE_CHECKING:
     from .api import ScatterClass, ScatterSize
 
-__all__ = ["CLASSES", "active_scatter", "attach", "detach", "unused_name"]
+__all__ = [
+    "BY_HAND",
+    "CLASSES",
+    "active_scatter",
+    "attach",
+    "detach",
+    "selected_class",
+    "selected_scatter",
+    "unused_name",
+]
 
 # Told apart by most people with a colour vision deficiency (after Okabe and Ito), and pleasant beside each other.
 CLASS_COLORS = (
@@ -516,7 +525,7 @@ class ESH_PG_scene(PropertyGroup):
 
 
 @lru_cache(maxsize=8)
-def _influential(group: type) -> tuple[str, ...]:
+def _influential(group: Any) -> tuple[str, ...]:
     """Return the names of the properties of a group that have an influence on the result."""
     names = (described.identifier for described in group.bl_rna.properties)
     return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
@@ -525,7 +534,8 @@ def _influential(group: type) -> tuple[str, ...]:
 def _influence(group: PropertyGroup) -> list:
     """Return every value of a group, and of the groups in it, that has an influence on the result."""
     values = []
-    for name in _influential(type(group)):
+    cls: Any = type(group)
+    for name in _influential(cls):
         value = getattr(group, name)
         if isinstance(value, bpy.types.ID):
             value = value.name_full
@@ -552,6 +562,20 @@ def _parse_report(text: str) -> dict | None:
 def active_scatter(context: bpy.types.Context) -> ESH_PG_scatter | None:
     """Return the scatter that the sidebar shows, or None."""
     return context.scene.esh_scatter.active
+
+
+def selected_scatter(context: bpy.types.Context) -> ESH_PG_scatter:
+    """Return the scatter that the sidebar shows; for what is drawn and done only where there is one."""
+    scatter = active_scatter(context)
+    assert scatter is not None
+    return scatter
+
+
+def selected_class(context: bpy.types.Context) -> ESH_PG_class:
+    """Return the class that the sidebar shows; for what is drawn and done only where there is one."""
+    body_class = selected_scatter(context).active_class
+    assert body_class is not None
+    return body_class
 
 
 def attach() -> None:

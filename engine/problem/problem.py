@@ -167,7 +167,7 @@ class Line(Settings):
 
     length: float | np.ndarray = field(
         metadata=setting(
-            "Desired length of the axis",
+            "Preferred length of the axis",
             unit="m",
             more="A number, or an image of numbers stretched over the domain",
             check=validation.check_line_length,
@@ -176,7 +176,7 @@ class Line(Settings):
     direction: str | float | np.ndarray = field(
         default="density",
         metadata=setting(
-            "Desired direction",
+            "Preferred direction",
             more='``"density"`` (along the edges of the class\'s density, by its structure tensor, equation 8 of the paper), '
             '``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the right, y up) '
             "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi",
@@ -207,13 +207,13 @@ class Line(Settings):
     turn_weights: tuple[float, float] = field(
         default=(0.4, 0.4),
         metadata=setting(
-            "Weights of the forces and of the desired direction in a turn", check=validation.check_weights
+            "Weights of the forces and of the preferred direction in a turn", check=validation.check_weights
         ),
     )
     stretch_weights: tuple[float, float] = field(
         default=(0.2, 0.1),
         metadata=setting(
-            "Weights of the forces and of the desired length in a change of length", check=validation.check_weights
+            "Weights of the forces and of the preferred length in a change of length", check=validation.check_weights
         ),
     )
     straightness: float | None = field(
@@ -236,7 +236,7 @@ class Line(Settings):
 
     @property
     def longest(self) -> float:
-        """The largest desired length [m]."""
+        """The largest preferred length [m]."""
         return float(np.max(self.length))
 
     def charge_shares(self) -> np.ndarray:

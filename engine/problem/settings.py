@@ -144,6 +144,8 @@ class Described(NamedTuple):
             return _check_choice(value, key, self.setting.choices)
         if self.kind == "switch":
             return check_switch(value, key)
+        if self.kind == "numbers":
+            return _check_numbers(value, key, self.setting, len(self.default))
         return _check_number(value, key, self.setting, whole=self.kind == "whole")
 
 
@@ -171,6 +173,7 @@ def settings_of(cls: Any) -> Mapping[str, Described]:
         if description is not None:
             default = entry.default if entry.default_factory is dataclasses.MISSING else entry.default_factory()
             found[entry.name] = Described(entry.name, default, description)
+            assert description.check or found[entry.name].kind != "other", f"{cls.__name__}.{entry.name} needs a check"
     return found
 
 
@@ -272,6 +275,13 @@ def _check_choice(value: object, key: str, choices: tuple[Choice, ...]) -> str:
         accepted = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
         raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
     return value
+
+
+def _check_numbers(value: object, key: str, description: Setting, count: int) -> tuple[float, ...]:
+    entries = tuple(value) if isinstance(value, list | tuple) else ()
+    if len(entries) != count:
+        raise ProblemError(f"{key} must be {count} numbers; got {show(value)}")
+    return tuple(_check_number(entry, key, description, whole=False) for entry in entries)
 
 
 def _check_number(value: object, key: str, description: Setting, *, whole: bool) -> float | int:

