@@ -18,20 +18,27 @@ if TYPE_CHECKING:
     from .engine.drawing.halftone import render_halftone, write_halftone_png, write_halftone_svg
     from .engine.drawing.plan import draw_plan
     from .engine.errors import DeviceError, EshError, InputFileError, ProblemError
+    from .engine.files.fixed_files import read_fixed_bodies
     from .engine.files.image_files import read_color, read_density
     from .engine.files.placement_files import write_placement
     from .engine.files.recipe import read_recipe
+    from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.cover import Cover, cover_of
+    from .engine.problem.fixed_bodies import FixedBodies, FixedBody
     from .engine.problem.footprint import Footprint, Footprints
+    from .engine.problem.obstacles import Obstacle
     from .engine.problem.placement import Placement
+    from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.problem.scatter_settings import ScatterSettings
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
-    from .engine.solver.solver import Progress, Solver
+    from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Outline
+    from .engine.surface.instances import Instances
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.footprint import measure_footprint
@@ -47,16 +54,22 @@ __all__ = [
     "Density",
     "DeviceError",
     "Domain",
+    "Edit",
     "EshError",
+    "FixedBodies",
+    "FixedBody",
     "Footprint",
     "Footprints",
     "ImageDensity",
     "Ink",
     "InkModel",
     "InputFileError",
+    "Instances",
     "Line",
     "Outline",
+    "Obstacle",
     "Placement",
+    "PreparedClass",
     "Problem",
     "ProblemError",
     "Profile",
@@ -65,6 +78,7 @@ __all__ = [
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
+    "ScatterSettings",
     "ScatterSize",
     "Size",
     "SizeReport",
@@ -79,6 +93,7 @@ __all__ = [
     "measure_footprint",
     "read_color",
     "read_density",
+    "read_fixed_bodies",
     "read_recipe",
     "render_halftone",
     "scatter",
@@ -87,6 +102,7 @@ __all__ = [
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
+    "write_recipe",
     "register",
     "unregister",
 ]
@@ -102,16 +118,22 @@ _MODULES = {
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
     "Domain": ".engine.problem.problem",
+    "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
     "Footprint": ".engine.problem.footprint",
     "Footprints": ".engine.problem.footprint",
+    "FixedBodies": ".engine.problem.fixed_bodies",
+    "FixedBody": ".engine.problem.fixed_bodies",
     "ImageDensity": ".esh_scatter.densities",
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
+    "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.problem",
     "Outline": ".engine.surface.footprint",
+    "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
+    "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
@@ -120,6 +142,7 @@ _MODULES = {
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
     "ScatterResult": ".esh_scatter.api",
+    "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
@@ -134,6 +157,7 @@ _MODULES = {
     "measure_footprint": ".esh_scatter.footprint",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
+    "read_fixed_bodies": ".engine.files.fixed_files",
     "read_recipe": ".engine.files.recipe",
     "render_halftone": ".engine.drawing.halftone",
     "scatter": ".esh_scatter.api",
@@ -142,6 +166,7 @@ _MODULES = {
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",
+    "write_recipe": ".engine.files.recipe_writer",
 }
 
 

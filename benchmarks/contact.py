@@ -58,6 +58,12 @@ def random_polygons(count: int, seed: int = 3) -> list[Footprint]:
     return outlines
 
 
+def collection(outlines: Sequence[Footprint], shares: Sequence[float], count: int) -> Footprints:
+    """Several outlines, of each as many as its share says."""
+    steps = np.round(np.cumsum([0.0, *shares]) * count).astype(int)
+    return Footprints(outlines, variant=np.repeat(np.arange(len(outlines)), np.diff(steps)))
+
+
 def ramp() -> np.ndarray:
     """A density that rises from half to one and a half times the mean."""
     return np.linspace(0.5, 1.5, 128)[None, :]
@@ -79,14 +85,15 @@ SCENES: dict[str, Callable[[int], Problem]] = {
     "jittered discs, 75 %": lambda n: scene([(Footprints(DISC, scale_jitter=0.5), n)], 0.75),
     "jittered boxes, 75 %": lambda n: scene([(Footprints(BOX, scale_jitter=0.5), n)], 0.75),
     "collection, radii 1 and 0.1, 75 %": lambda n: scene(
-        [(Footprints([Footprint.disc(1.0), Footprint.disc(0.1)], weights=(0.1, 0.9)), n)], 0.75
+        [(collection([Footprint.disc(1.0), Footprint.disc(0.1)], [0.1, 0.9], n), n)], 0.75
     ),
     "collection, 20 to 1, 75 %": lambda n: scene(
         [
             (
-                Footprints(
+                collection(
                     [Footprint.rectangle(4.0, 4.0), Footprint.disc(0.1), Footprint.rectangle(0.4, 0.1)],
-                    weights=(0.01, 0.5, 0.49),
+                    [0.02, 0.49, 0.49],
+                    n,
                 ),
                 n,
             )

@@ -20,6 +20,7 @@ import warp as wp
 
 from ..errors import DeviceError
 from . import kernels_threads
+from .prebuilt_kernels import load_prebuilt
 
 __all__ = ["Operation", "Program", "ThreadTeam", "ticks"]
 
@@ -71,7 +72,6 @@ class _Shared(ctypes.Structure):
         ("give_lock", ctypes.c_void_p),
         ("sleep", ctypes.c_void_p),
         ("wake", ctypes.c_void_p),
-        ("yield_", ctypes.c_void_p),
     )
 
 
@@ -140,6 +140,7 @@ class ThreadTeam:
         Returns:
             The operation, and what has to be kept alive for it.
         """
+        load_prebuilt(kernel.module)
         numbers = (0, 0) if per_thread else (0,)
         launch = wp.launch(kernel, dim=1, inputs=[*numbers, *arguments], device="cpu", record_cmd=True)
         packed = _pack(launch)
@@ -251,12 +252,14 @@ def ticks() -> int:
     """Reading of the clock that operations are timed by."""
     reading = (ctypes.c_int64 * 1)()
     array = wp.array(ptr=ctypes.addressof(reading), shape=(1,), dtype=wp.int64, device="cpu")
+    load_prebuilt(kernels_threads.read_clock.module)
     wp.launch(kernels_threads.read_clock, dim=1, outputs=[array], device="cpu")
     return reading[0]
 
 
 def _native(kernel: wp.Kernel) -> Any:
     """The compiled function behind a kernel, which takes launch bounds and arguments."""
+    load_prebuilt(kernel.module)
     module = kernel.module.load(wp.get_device("cpu"), 1)
     return module.get_kernel_hooks(kernel).forward
 
@@ -302,7 +305,6 @@ def _system_functions() -> tuple[dict[str, int | None], Callable[[int, Sequence[
             "give_lock": "ReleaseSRWLockExclusive",
             "sleep": "SleepConditionVariableSRW",
             "wake": "WakeConditionVariable",
-            "yield_": "SwitchToThread",
         }
     else:
         library = ctypes.CDLL(None)
@@ -311,7 +313,6 @@ def _system_functions() -> tuple[dict[str, int | None], Callable[[int, Sequence[
             "give_lock": "pthread_mutex_unlock",
             "sleep": "pthread_cond_wait",
             "wake": "pthread_cond_signal",
-            "yield_": "sched_yield",
         }
 
     def initialise(lock: int, conditions: Sequence[int]) -> None:

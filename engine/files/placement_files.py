@@ -1,4 +1,7 @@
-"""Placements as files: ``.npz`` for programs, ``.csv`` for everything else; written so that none is half done."""
+"""Placements as files, written so that none is half done. The ending of a file chooses its writer, in :data:`WRITERS`.
+
+Writers import what takes time to load when they are called: the command line looks at the table before it loads anything.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,41 @@ import io
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
-
-import numpy as np
+from typing import TYPE_CHECKING, BinaryIO
 
 from ..errors import EshError
-from ..problem.placement import Placement
 
-__all__ = ["check_writable", "placement_writer", "write_files", "write_placement"]
+if TYPE_CHECKING:
+    from ..problem.placement import Placement
+
+__all__ = [
+    "WRITERS",
+    "PlacementWriter",
+    "check_ending",
+    "check_writable",
+    "one_of",
+    "placement_writer",
+    "write_files",
+    "write_placement",
+]
 
 Writer = Callable[[BinaryIO], None]
+
+
+@dataclass(frozen=True)
+class PlacementWriter:
+    """How placements are written as files of one ending.
+
+    Attributes:
+        what: What such a file is, for help texts.
+        write: Writes a placement to an open binary file; equal placements as equal bytes.
+    """
+
+    what: str
+    write: Callable[[BinaryIO, Placement], None]
 
 
 def write_placement(path: str | Path, placement: Placement) -> None:
@@ -28,8 +54,9 @@ def write_placement(path: str | Path, placement: Placement) -> None:
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
             ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
-            ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; readable without pickle; equal placements give equal bytes)
-            or in ``.csv`` (one line per body, its columns named in the first).
+            ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where
+            bodies are fixed or were edited; readable without pickle; equal placements give equal bytes) or in ``.csv`` (one line per
+            body, its columns named in the first).
         placement: What to write.
 
     Raises:
@@ -40,10 +67,31 @@ def write_placement(path: str | Path, placement: Placement) -> None:
 
 def placement_writer(path: str | Path, placement: Placement) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
-    writer = {".npz": _write_npz, ".csv": _write_csv}.get(Path(path).suffix.lower())
-    if writer is None:
-        raise EshError(f"{path} must end in .npz or .csv; got the ending {Path(path).suffix!r}")
-    return lambda file: writer(file, placement)
+    write = WRITERS[check_ending(path, WRITERS)].write
+    return lambda file: write(file, placement)
+
+
+def check_ending(path: str | Path, endings: Iterable[str], option: str = "") -> str:
+    """Return which of ``endings`` (``".csv"``; small letters) a file has; the longest, where one is the end of another.
+
+    Raises:
+        EshError: None of them, or nothing before it. The sentence begins with ``option``.
+    """
+    path, endings = Path(path), tuple(endings)
+    subject = f"{option} {path}" if option else str(path)
+    name = path.name.lower()
+    if name in endings:
+        raise EshError(f"{subject} must have a name before its ending, for example plan{path.name}")
+    found = [ending for ending in endings if name.endswith(ending)]
+    if not found:
+        raise EshError(f"{subject} must end in {one_of(endings)}; got the ending {path.suffix!r}")
+    return max(found, key=len)
+
+
+def one_of(words: Iterable[str]) -> str:
+    """Return words as a sentence lists them: ``a, b or c``."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def check_writable(path: str | Path) -> None:
@@ -102,6 +150,8 @@ def write_files(writers: Mapping[Path, Writer]) -> None:
 
 
 def _write_npz(file: BinaryIO, placement: Placement) -> None:
+    import numpy as np
+
     # np.savez dates its members 1980-01-01, so equal arrays give equal bytes.
     np.savez(
         file,
@@ -116,20 +166,28 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
         scale=placement.scale,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
+        # Where nothing is fixed and nothing was edited they say nothing that the order does not.
+        **({"id": placement.id, "fixed": placement.fixed} if _is_marked(placement) else {}),
+        **({"size_name": np.array(_size_names(placement), dtype=np.str_)} if _is_marked(placement) else {}),
     )
 
 
 def _write_csv(file: BinaryIO, placement: Placement) -> None:
+    import numpy as np
+
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
+    marked = _is_marked(placement)
     rows.writerow(
         (
             *("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"),
             *("width", "area", "variant", "scale"),
+            *(("id", "fixed") if marked else ()),
         )
     )
     class_name = [body_class.name for body_class in placement.problem.classes]
     size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
         placement.class_index.tolist(),
@@ -139,6 +197,7 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
     )
     shape = zip(
         *(values.tolist() for values in (placement.width, placement.area, placement.variant, placement.scale)),
+        *marks,
         strict=True,
     )
     # Python writes the shortest digits that read back as the same number.
@@ -147,6 +206,26 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         for row, rest in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
+
+
+def _is_marked(placement: Placement) -> bool:
+    """Whether bodies have identities of their own, or are fixed."""
+    import numpy as np
+
+    return bool(placement.fixed.any() or (placement.id != np.arange(len(placement.id))).any())
+
+
+def _size_names(placement: Placement) -> list[str]:
+    names = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    pairs = zip(placement.class_index.tolist(), placement.size_index.tolist(), strict=True)
+    return [names[c][s] for c, s in pairs]
+
+
+# A new format is one entry here: the API, the command line, its help and its messages read this table.
+WRITERS: dict[str, PlacementWriter] = {
+    ".npz": PlacementWriter("NumPy arrays", _write_npz),
+    ".csv": PlacementWriter("a table of text", _write_csv),
+}
 
 
 def _reason(error: Exception) -> str:

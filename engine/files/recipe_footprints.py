@@ -1,19 +1,28 @@
-"""What a recipe says of outlines: the keys ``footprint``, ``turn``, ``scale_jitter``, ``room`` and ``gap`` of a size."""
+"""What a recipe says of outlines: the key ``footprint`` of a size, and those that go with it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..errors import ProblemError
 from ..problem import validation
 from ..problem.footprint import Footprint, Footprints
 from ..problem.validation import show
 
-__all__ = ["FOOTPRINT_KEYS", "check_footprint", "footprints_from"]
+__all__ = ["FOOTPRINT_KEYS", "check_footprint", "written_footprints"]
 
 # Keys that go with `footprint`, and what each is by default.
-FOOTPRINT_KEYS = {"turn": "free", "scale_jitter": 0.0, "room": 1.0, "gap": 0.0}
+FOOTPRINT_KEYS = {
+    "turn": "free",
+    "scale_jitter": 0.0,
+    "room": 1.0,
+    "gap": 0.0,
+    "variant": None,
+    "scale": None,
+}
 ACCEPTED = (
     "{ disc = radius }, { capsule = [length, width] }, { rectangle = [length, width] } or { polygon = [[x, y], ...] }"
 )
@@ -23,8 +32,10 @@ _KINDS: dict[str, Callable[[Any, float], Footprint]] = {
     "capsule": lambda value, rounding: Footprint.capsule(*_two(value, "capsule")),
     "rectangle": lambda value, rounding: Footprint.rectangle(*_two(value, "rectangle"), rounding),
     "polygon": lambda value, rounding: Footprint.polygon(value, rounding),
+    # As they are: what a recipe is written with.
+    "corners": lambda value, rounding: Footprint(value, rounding),
 }
-_ROUNDED = ("rectangle", "polygon")
+_ROUNDED = ("rectangle", "polygon", "corners")
 
 
 def check_footprint(value: object, key: str) -> tuple[tuple[Footprint, ...], tuple[float, ...] | None]:
@@ -41,11 +52,25 @@ def check_footprint(value: object, key: str) -> tuple[tuple[Footprint, ...], tup
     )
 
 
-def footprints_from(
-    outlines: tuple[tuple[Footprint, ...], tuple[float, ...] | None], settings: dict[str, Any]
-) -> Footprints:
-    """Return the footprints of a size; ``settings`` holds those of :data:`FOOTPRINT_KEYS` that it has."""
-    return Footprints(outlines[0], weights=outlines[1], **settings)
+def written_footprints(footprints: Footprints) -> dict[str, Any]:
+    """Return the keys and values to write for the footprints of a size."""
+    none: list[Any] = [None] * len(footprints.outlines)
+    weights = none if footprints.weights is None else list(footprints.weights)
+    tables = []
+    for outline, weight in zip(footprints.outlines, weights, strict=True):
+        table: dict[str, Any] = {"corners": outline.corners.tolist()}
+        if outline.rounding:
+            table["rounding"] = outline.rounding
+        if weight is not None:
+            table["weight"] = weight
+        tables.append(table)
+    keys: dict[str, Any] = {"footprint": tables}
+    for name, default in FOOTPRINT_KEYS.items():
+        value = getattr(footprints, name)
+        value = value.tolist() if isinstance(value, np.ndarray) else value
+        if value is not None and value != default:
+            keys[name] = value
+    return keys
 
 
 def _outline(table: dict[str, Any], key: str) -> Footprint:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .footprint import Footprint, Footprints
-from .problem import Problem
+from .problem import Problem, with_count
 
-__all__ = ["CAPSULE", "BodyFootprints", "footprints_of"]
+if TYPE_CHECKING:
+    from .placement import Placement
+
+__all__ = ["CAPSULE", "BodyFootprints", "footprints_of", "footprints_of_placement"]
 
 # Stands for the shape of a line without outlines of its own: a capsule, as long and as wide as the line comes to be.
 CAPSULE = -1
@@ -47,6 +51,12 @@ class BodyFootprints:
         """Factor on the outline that a body was given, shape ``[n]``, float64; 1 where it was given none."""
         return np.where(self.is_outline, self.factor, 1.0)
 
+    def with_outlines(self, variant: np.ndarray, scale: np.ndarray) -> BodyFootprints:
+        """The same, but for the variants and the scales of bodies that were given outlines."""
+        shape = np.where(self.is_outline, self.shape - self.variant + variant, self.shape).astype(np.int32)
+        factor = np.where(self.is_outline, scale, self.factor)
+        return replace(self, shape=shape, factor=factor, variant=variant)
+
     def areas(self, length: np.ndarray, width: np.ndarray, *, apart: bool) -> np.ndarray:
         """Area of every outline [m²], shape ``[n]``, float64.
 
@@ -75,10 +85,8 @@ def footprints_of(problem: Problem) -> BodyFootprints:
     sizes = [(c, s, size) for c, k in enumerate(problem.classes) for s, size in enumerate(k.sizes)]
     counts = [size.count or 0 for _, _, size in sizes]
     n = sum(counts)
-    disc = Footprint.disc(1.0)
-    shapes: list[Footprint] = [disc]
-    number = {id(disc): 0}
-    shape, variant = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    shapes: list[Footprint] = [Footprint.disc(1.0)]
+    first, variant = np.zeros(n, np.int32), np.zeros(n, np.int32)
     factor, room, gap = np.ones(n), np.ones(n), np.zeros(n)
     turn = np.zeros(n)
     free, is_outline = np.zeros(n, bool), np.zeros(n, bool)
@@ -90,21 +98,38 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         given = size.footprint
         if given is None:
             if size.line is not None:
-                shape[own] = CAPSULE
+                first[own] = CAPSULE
             else:
                 factor[own] = np.sqrt(area[own] / math.pi)
             continue
         assert isinstance(given, Footprints)
-        drawn = size.footprints([problem.seed, 4, c, s])
-        numbers = []
-        for outline in given.outlines:
-            if id(outline) not in number:
-                number[id(outline)] = len(shapes)
-                shapes.append(outline)
-            numbers.append(number[id(outline)])
-        shape[own] = np.array(numbers)[drawn.variant]
-        factor[own], turn[own], variant[own] = drawn.scale, drawn.turn, drawn.variant
+        fixed = (problem.fixed.class_index == c) & (problem.fixed.size_index == s)
+        drawn = with_count(size, count - int(fixed.sum())).footprints([problem.seed, 5, c, s])
+        variant[own] = np.concatenate(
+            [drawn.variant, np.minimum(problem.fixed.variant[fixed], len(given.outlines) - 1)]
+        )
+        turn[own] = np.concatenate(
+            [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.line else problem.fixed.angle[fixed]]
+        )
+        outline_area = np.array([outline.area for outline in given.outlines])[variant[own]][count - int(fixed.sum()) :]
+        # One whose scale is not said has its area, where that is the outline's.
+        by_area = np.ones(len(outline_area))
+        if size.area is None or isinstance(size.area, tuple):
+            by_area = np.sqrt(problem.fixed.area[fixed] / outline_area)
+        scale = problem.fixed.scale[fixed]
+        factor[own] = np.concatenate([drawn.scale, np.where(np.isnan(scale), by_area, scale)])
+        first[own] = len(shapes)
+        shapes.extend(given.outlines)
         free[own] = size.line is None and isinstance(given.turn, str) and given.turn == "free"
         room[own], gap[own] = given.room, given.gap
         is_outline[own] = True
-    return BodyFootprints(tuple(shapes), shape, factor, turn, free, is_outline, variant, room, gap)
+    return BodyFootprints(tuple(shapes), first + variant, factor, turn, free, is_outline, variant, room, gap)
+
+
+def footprints_of_placement(placement: Placement) -> BodyFootprints:
+    """Return the outlines of the bodies of a placement: those that it says, which edits may have brought along."""
+    asked = footprints_of(placement.problem)
+    if len(placement.position) != len(asked.shape):
+        # Ghosts are no part of it.
+        raise ValueError("a placement without its ghosts has no outlines of its problem")
+    return asked.with_outlines(placement.variant, placement.scale)

@@ -150,6 +150,11 @@ class Footprint:
         squares = x * x + x * next_x + next_x**2 + y * y + y * next_y + next_y**2
         return float((cross * squares).sum()) / 12.0
 
+    def same_as(self, other: Footprint) -> bool:
+        """Whether another footprint is the same outline."""
+        same = self.corners.shape == other.corners.shape and self.rounding == other.rounding
+        return self is other or (same and bool((self.corners == other.corners).all()))
+
     def scaled(self, factor: float) -> Footprint:
         """The same outline, so many times as large."""
         factor = validation.check_positive(factor, "`factor` of a footprint")
@@ -236,7 +241,7 @@ class Footprints:
                     f"`weights` of footprints must be a number of 0 or more for each of the {len(variants)} variants, and one "
                     f"above 0; got {show(self.weights)}"
                 )
-            object.__setattr__(self, "weights", tuple((weights / weights.sum()).tolist()))
+            object.__setattr__(self, "weights", tuple(weights.tolist()))
         if self.variant is not None:
             index = _numbers(self.variant, "`variant` of footprints", "the number of a variant for each body")
             if not ((index >= 0) & (index < len(variants)) & (index == np.floor(index))).all():
@@ -294,8 +299,8 @@ class Footprints:
         square = square * (1.0 + self.scale_jitter**2 / 3.0)
         if self.variant is not None:
             return float(np.mean(area[np.asarray(self.variant)] * square))
-        weights = np.full(len(area), 1.0 / len(area)) if self.weights is None else np.array(self.weights)
-        return float(area @ weights) * float(np.mean(square))
+        weights = np.ones(len(area)) if self.weights is None else np.array(self.weights)
+        return float(area @ weights / weights.sum()) * float(np.mean(square))
 
     @property
     def area_span(self) -> tuple[float, float]:
@@ -325,16 +330,17 @@ class Footprints:
         random = np.random.default_rng(seed).random((count, 3))
         number = len(self.outlines)
         if self.variant is not None:
-            variant = np.asarray(self.variant)
+            # Given for fixed bodies, too, where counts include them; those come last.
+            variant = np.asarray(self.variant)[:count]
         elif self.weights is None:
             variant = np.minimum((random[:, 0] * number).astype(np.int32), number - 1)
         else:
-            steps = np.cumsum(np.array(self.weights))
+            steps = np.cumsum(np.array(self.weights)) / sum(self.weights)
             last = int(np.flatnonzero(np.array(self.weights) > 0.0)[-1])
             variant = np.minimum(np.searchsorted(steps, random[:, 0], side="right"), last).astype(np.int32)
         scale = 1.0 + self.scale_jitter * (2.0 * random[:, 1] - 1.0)
         if self.scale is not None:
-            scale = scale * np.asarray(self.scale)
+            scale = scale * (self.scale[:count] if isinstance(self.scale, np.ndarray) else np.float64(self.scale))  # type: ignore[arg-type]
         elif area is not None:
             scale = scale * np.sqrt(area / np.array([outline.area for outline in self.outlines])[variant])
         if isinstance(self.turn, str):
@@ -342,7 +348,8 @@ class Footprints:
             if long:
                 turn = np.where((random[:, 2] < 0.5) | (self.turn == "free"), 0.0, math.pi)
         else:
-            turn = np.broadcast_to(np.asarray(self.turn, dtype=np.float64), count).copy()
+            turn = np.array(np.asarray(self.turn, dtype=np.float64)[..., :count] if np.ndim(self.turn) else self.turn)
+            turn = np.broadcast_to(turn, count).astype(np.float64)
         return DrawnFootprints(variant, scale, turn)
 
 

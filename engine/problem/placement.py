@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,12 @@ if TYPE_CHECKING:
     from .problem import Problem
     from .report import Report
 
-__all__ = ["Placement"]
+__all__ = ["Placement", "disc_radius"]
+
+
+def disc_radius(area: np.ndarray | float) -> Any:
+    """Radius [m] of discs of these areas [m²]: the footprints of dots."""
+    return np.sqrt(np.asarray(area) / np.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +34,13 @@ class Placement:
             is the direction of the axis from x, within half a turn; 0 for other bodies without outlines.
         length: Length of a line body's axis [m], from its first to its last charge, shape ``[n]``, float64; 0 for dots.
         width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
-        report: What was reached.
+        report: What was reached; None before it is measured.
         bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
             ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
+        id: Identity of every body, shape ``[n]``, int64: a body keeps it from one edit to the next, and a fixed one brings its own.
+        fixed: Whether a body was fixed, shape ``[n]``, bool; of every size those come last.
+        variant: Which of the outlines of its size every body has, shape ``[n]``, int32; 0 where there are none.
+        scale: Factor on that outline, shape ``[n]``, float64; 1 where there is none.
     """
 
     problem: Problem
@@ -41,8 +50,23 @@ class Placement:
     angle: np.ndarray
     length: np.ndarray
     width: np.ndarray
-    report: Report
+    report: Report | None = None
     bends: np.ndarray | None = None
+    id: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    fixed: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    variant: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    scale: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        count = len(self.position)
+        if not len(self.id):
+            object.__setattr__(self, "id", np.arange(count, dtype=np.int64))
+        if not len(self.fixed):
+            object.__setattr__(self, "fixed", np.zeros(count, bool))
+        if not len(self.variant):
+            asked = footprints_of(self.problem)
+            object.__setattr__(self, "variant", asked.variant)
+            object.__setattr__(self, "scale", asked.scale)
 
     @property
     def class_name(self) -> tuple[str, ...]:
@@ -55,11 +79,6 @@ class Placement:
         return self.problem.body_areas()
 
     @property
-    def variant(self) -> np.ndarray:
-        """Which of the outlines of its size every body has, shape ``[n]``, int32; 0 where there are none."""
-        return footprints_of(self.problem).variant
-
-    @property
-    def scale(self) -> np.ndarray:
-        """Factor on the outline of every body, shape ``[n]``, float64; 1 where there is none."""
-        return footprints_of(self.problem).scale
+    def radius(self) -> np.ndarray:
+        """Radius of every dot's disc, half the thickness of every line's capsule [m], shape ``[n]``, float64."""
+        return np.where(self.width > 0.0, 0.5 * self.width, disc_radius(self.area))

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-__all__ = ["NO_REPORT", "ClassReport", "Report", "SizeReport"]
+__all__ = ["ClassReport", "Report", "SizeReport"]
 
 
 @dataclass(frozen=True)
 class SizeReport:
-    """Counts of one size of one class."""
+    """Counts of one size of one class: ``asked`` and ``placed`` are of all its bodies, ``fixed`` of those that were there before."""
 
     name: str
     area: float
     asked: int
     placed: int
+    fixed: int = 0
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,8 @@ class Report:
         smallest_spacing: Smallest distance between two bodies' centres, over the hexagonal spacing of as many bodies
             of the same mean density at that place; 1 is a perfect lattice. None with fewer than two bodies.
         overlaps: Number of pairs of bodies whose outlines (discs of their area where they were given none) overlap by more than 1e-3
-            of the narrower one's width; at least so many, where a body overlaps more than 200 others.
+            of the narrower one's width; at least so many, where a body overlaps more than 200 others. Pairs of fixed bodies do not
+            count.
         covered: Sum of the footprints over the area where bodies may be (density above zero).
         classes: One entry per class.
         deepest_overlap: How deep the deepest overlap is [m]: the shortest way that parts the two; 0 where nothing overlaps.
@@ -93,7 +95,3 @@ class Report:
             *self.notes,
         ]
         return "\n".join(lines)
-
-
-# What a placement has before it is measured.
-NO_REPORT = Report(0, False, 0.0, "", 0.0, None, 0, 0.0, ())

@@ -13,7 +13,7 @@ HALF = wp.constant(wp.float64(0.5))
 
 @wp.struct
 class Shapes:
-    """What lies where: position, first corner (one more at the end), radius around the core, reach, and smallest width of every body.
+    """What lies where: position, first corner (one more at the end), radius around the core, reach, smallest width, 1 if it is fixed.
 
     Corners are seen from the position, each with the outward normal of the edge that begins there.
     """
@@ -24,6 +24,7 @@ class Shapes:
     rounding: wp.array(dtype=wp.float64)
     reach: wp.array(dtype=wp.float64)
     width: wp.array(dtype=wp.float64)
+    fixed: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -171,7 +172,7 @@ def find_overlaps(
                                 d[1] - lattice.size[1] * wp.floor(d[1] / lattice.size[1] + HALF),
                             )
                         touching = shapes.reach[i] + shapes.reach[j]
-                        if wp.dot(d, d) < touching * touching:
+                        if wp.dot(d, d) < touching * touching and shapes.fixed[i] * shapes.fixed[j] == 0:
                             depth = wp.float64(0.0)
                             for image_y in range(-images[1], images[1] + 1):
                                 for image_x in range(-images[0], images[0] + 1):

@@ -10,7 +10,7 @@ from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
-from ..space.full_pixels import images_for_kernels
+from ..space.support import images_for_kernels
 from ..space.survey import survey
 from . import kernels_spacing
 from .coverage import Coverage
@@ -25,7 +25,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     """Measure a placement.
 
     Args:
-        placement: What was placed; its own report is not looked at.
+        placement: What was placed; a report that it has is not looked at.
         launcher: Where to count neighbours.
 
     Returns:
@@ -71,8 +71,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
                 c.name,
                 errors[i],
                 tuple(
-                    SizeReport(s.name, s.mean_area, s.count or 0, placed)
-                    for s, placed in zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
+                    SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
+                    for number, (s, placed) in enumerate(
+                        zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
+                    )
                 ),
             )
             for i, c in enumerate(problem.classes)
@@ -96,7 +98,7 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
         [
             bodies.pose,
             wp.array(per_pixel, dtype=float, device=device),
-            images_for_kernels(bodies.launcher, images, bodies.size, ways=False),
+            images_for_kernels(bodies.launcher, images, bodies.size, to_support=False),
             wp.vec2(*bodies.size),
         ],
         [result],

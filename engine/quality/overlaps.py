@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
-from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of
+from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_placement
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
 from ..problem.problem import Domain
@@ -50,7 +50,7 @@ def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
 
     Where that room is below 1 they may overlap as far as it lets them, which does not count.
     """
-    footprints = footprints_of(placement.problem)
+    footprints = footprints_of_placement(placement)
     smaller = np.minimum(footprints.room, 1.0)
     return find_overlaps(
         footprints,
@@ -61,6 +61,7 @@ def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
         placement.problem.domain,
         launcher,
         smaller=smaller,
+        fixed=placement.fixed,
     )
 
 
@@ -113,6 +114,7 @@ def find_overlaps(
     launcher: Launcher,
     *,
     smaller: np.ndarray | None = None,
+    fixed: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -125,6 +127,7 @@ def find_overlaps(
         domain: The domain.
         launcher: Where to count.
         smaller: Factor on every outline, at most 1, shape ``[n]``.
+        fixed: Whether a body is fixed, shape ``[n]``; pairs of such do not count, which no run can part.
     """
     n = len(position)
     if n == 0:
@@ -139,6 +142,8 @@ def find_overlaps(
     shapes.rounding, shapes.reach, shapes.width = (
         wp.array(values, dtype=wp.float64, device=device) for values in (rounding, reach, narrow)
     )
+    stays = np.zeros(n, bool) if fixed is None else fixed
+    shapes.fixed = wp.array(stays.astype(np.int32), dtype=wp.int32, device=device)
     level, lattice = _lattice(position, reach, domain, device)
     images = [
         min(MOST_IMAGES, int(min(2.0 * reach.max() / side + 0.5, 1e6))) if domain.periodic else 0

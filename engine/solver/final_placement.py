@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from ..problem.placement import Placement
-from ..problem.report import NO_REPORT
-from ..space.density import settle_on_full_pixels
+from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .model import Model
 from .state import State
@@ -33,6 +32,10 @@ def placement_of(model: Model, state: State) -> Placement:
         angle[turned] = _within(pose[turned, 2] + angle[turned], 2.0 * math.pi)
         length = pose[:, 3] * model.unit
         width = model.widths(length)
+    fixed = model.problem.fixed
+    # As they were given, not as float32 holds them.
+    position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
+    length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
     bends = _bends(model, state, position)
     shown = (body.flags & BodyFlags.GHOST) == 0
     return Placement(
@@ -43,8 +46,11 @@ def placement_of(model: Model, state: State) -> Placement:
         angle[shown],
         length[shown],
         width[shown],
-        NO_REPORT,
-        None if bends is None else bends[shown],
+        bends=None if bends is None else bends[shown],
+        id=body.identity[shown].astype(np.int64),
+        fixed=model.fixed[shown],
+        variant=model.footprints.variant[shown],
+        scale=model.footprints.scale[shown],
     )
 
 
@@ -60,13 +66,13 @@ def position_in_metres(model: Model, state: State) -> np.ndarray:
 
 
 def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:
-    """Places of the charges on bodies that may bend; see :class:`Placement`."""
+    """Positions of the charges on bodies that may bend; see :class:`Placement`."""
     most = max((kind.line.charges for kind in model.kinds if kind.line.straightness is not None), default=0)
     if most == 0:
         return None
     first, body = model.charge.first, model.charge.body
     pose = state.pose.numpy()[body]
-    along = 0.5 * pose[:, 3] * model.charge.place.astype(np.float32)
+    along = 0.5 * pose[:, 3] * model.charge.axial.astype(np.float32)
     across = state.bend.numpy()
     angle = pose[:, 2]
     offset = np.stack(
@@ -80,11 +86,11 @@ def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | Non
 
 
 def _settled(model: Model, position: np.ndarray) -> np.ndarray:
-    """Undo what rounding to float32 did to bodies on the very edge of a full pixel."""
+    """Undo what rounding to float32 did to bodies on the very edge of the support."""
     problem = model.problem
-    for k, body_class in enumerate(problem.classes):
-        if (body_class.density_image > 0.0).all():
+    for k, support in enumerate(model.supports):
+        if (support > 0.0).all():
             continue
-        own = model.body.class_index == k
-        position[own] = settle_on_full_pixels(body_class.density_image, position[own], problem.domain.size)
+        own = (model.body.support == k) & ~model.fixed
+        position[own] = move_into_support(support, position[own], problem.domain.size)
     return position

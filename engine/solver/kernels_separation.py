@@ -512,7 +512,11 @@ def find_pairs(
                         s = start + lowest_bit(found)
                         found = found & (found - 1)
                         j = near.body[s]
-                        if (m < own_level or j > i) and count < room:
+                        if (
+                            (m < own_level or j > i)
+                            and count < room
+                            and outlines.lightness[i] + outlines.lightness[j] > 0.0
+                        ):
                             other = place[j]
                             raw = wp.vec2(other[0] - own[0], other[1] - own[1])
                             short = difference(wp.vec2(own[0], own[1]), wp.vec2(other[0], other[1]), grid.space)
@@ -734,7 +738,7 @@ def move_apart(
         my = my * limit / length
     mt = wp.clamp(mt, -LARGEST_TURN, LARGEST_TURN)
     body = outlines.body[i]
-    k = bodies.class_index[body]
+    k = bodies.support[body]
     inside = confine(p, space)
     angle = own[2] + mt
     end = inside

@@ -278,7 +278,7 @@ class Separation:
         body = self._model.body
         step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
         may = ~pinned & ~self._is_line
-        keys = np.stack([np.where(may, body.class_index, -1), body.size_index, step], axis=1)[self._order]
+        keys = np.stack([np.where(may, body.class_index, -1), body.size_index, body.support, step], axis=1)[self._order]
         _, bin_of = np.unique(keys, axis=0, return_inverse=True)
         bin_of = bin_of.ravel()
         count = int(bin_of.max()) + 1
@@ -334,13 +334,14 @@ class Separation:
 
     @property
     def _swappable(self) -> bool:
-        return bool(self._may_swap.any())
+        # Who was parted before keeps its place.
+        return not self._again and bool(self._may_swap.any())
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
         self._last_move.zero_()
         self._rebuild()
-        if self._swappable and self._fixed and self._covered <= 1.0 and not self._again:
+        if self._swappable and self._fixed and self._covered <= 1.0:
             # The more that fit where they are, the less they need to move.
             for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // self._count))):
                 self._find()

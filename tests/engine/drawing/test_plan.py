@@ -15,7 +15,6 @@ from esh.engine.drawing import plan as plan_module
 from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.problem import Line
-from esh.engine.problem.report import NO_REPORT
 from PIL import Image
 
 RED, BLUE = (255, 0, 0), (0, 0, 255)
@@ -238,7 +237,7 @@ def test_outlines_are_drawn_as_they_lie(tmp_path):
     size = Size("s", count=1, footprint=Footprint.rectangle(8.0, 1.0))
     problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [size])])
     zero, angle = np.zeros(1), np.array([0.5])
-    placement = Placement(problem, np.array([[5.0, 5.0]]), *problem.body_indices(), angle, zero, zero, NO_REPORT)
+    placement = Placement(problem, np.array([[5.0, 5.0]]), *problem.body_indices(), angle, zero, zero)
     draw_plan(placement, tmp_path / "plan.png", colors=["#ff0000"])
     with Image.open(tmp_path / "plan.png") as picture:
         pixels = np.asarray(picture.convert("RGB")).astype(int)

@@ -11,7 +11,6 @@ from esh.engine.problem.body_footprints import footprints_of
 from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
-from esh.engine.problem.report import NO_REPORT
 from esh.engine.quality.overlaps import find_overlaps, overlaps_of
 
 pytest.importorskip("shapely")
@@ -43,7 +42,7 @@ def scattered(domain, sizes, seed):
     line = np.repeat([size.line is not None for size in sizes], [size.count for size in sizes])
     length, width = np.where(line, rng.uniform(0.3, 2.0, n), 0.0), np.where(line, 0.2, 0.0)
     position = rng.random((n, 2)) * domain.size
-    return Placement(problem, position, *problem.body_indices(), rng.uniform(-4, 4, n), length, width, NO_REPORT)
+    return Placement(problem, position, *problem.body_indices(), rng.uniform(-4, 4, n), length, width)
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])
@@ -131,7 +130,5 @@ def test_room_below_one_may_overlap_that_far(launcher):
         size = Size("s", count=2, footprint=Footprints(Footprint.disc(0.5), room=room))
         problem = Problem(Domain((4.0, 4.0)), [BodyClass("a", [size])])
         zero = np.zeros(2)
-        placement = Placement(
-            problem, np.array([[1.0, 1.0], [1.85, 1.0]]), *problem.body_indices(), zero, zero, zero, NO_REPORT
-        )
+        placement = Placement(problem, np.array([[1.0, 1.0], [1.85, 1.0]]), *problem.body_indices(), zero, zero, zero)
         assert overlaps_of(placement, launcher).count == count
