@@ -17,6 +17,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
+from ..errors import ProblemError
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
@@ -34,6 +35,8 @@ SPLIT_OVER_MESH = 2.0
 # Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
 MESH_OVER_SPACING = 0.72
 SMALLEST_MESH = 48
+# Periods over the cut-off at least: neighbours on both sides must not meet behind. A long and narrow domain takes a long mesh.
+PERIOD_OVER_CUTOFF = 3.0
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
 
@@ -143,9 +146,13 @@ class Field:
         coarsening = (self.group_count * crowding) ** 0.25
         wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
         if self.periodic:
-            # Neighbours are looked for within a cut-off on both sides, which must not meet behind.
-            wanted = min(wanted, min(self.size) / (3.0 * kernels_field.CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH))
-            layout = periodic_mesh(self.size, wanted, on_gpu=on_gpu)
+            most = min(self.size) / (PERIOD_OVER_CUTOFF * kernels_field.CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH)
+            layout = periodic_mesh(self.size, min(wanted, most), on_gpu=on_gpu)
+            if max(layout.spacing) > 1.001 * most:
+                raise ProblemError(
+                    f"a periodic domain must not be {max(self.size) / min(self.size):,.0f} times longer than wide on this GPU; "
+                    'use `device` "cpu"'
+                )
         else:
             layout = open_mesh(self.size, wanted, on_gpu=on_gpu)
         self.split = SPLIT_OVER_MESH * max(layout.spacing)

@@ -93,7 +93,8 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
     table = recipe.table("domain")
     table.check_keys("size", "boundary")
     size = table.take("size", validation.check_domain_size)
-    domain = Domain(size, table.take("boundary", validation.check_boundary, "open"))
+    boundary = table.take("boundary", validation.check_boundary, "open")
+    domain = table.build(lambda: Domain(size, boundary))
 
     table = recipe.table("balance", optional=True)
     table.check_keys("class_separation", "size_emphasis", "non_overlap")
@@ -246,7 +247,7 @@ def _read_line(table: _Table) -> Line:
             direction,
             width=table.take_optional("width", validation.check_length),
             charges=table.take("charges", validation.check_charges, default.charges),
-            middle_charge=table.take("middle_charge", validation.check_positive, default.middle_charge),
+            middle_charge=table.take("middle_charge", validation.check_middle_charge, default.middle_charge),
             turn_weights=table.take("turn_weights", validation.check_weights, default.turn_weights),
             stretch_weights=table.take("stretch_weights", validation.check_weights, default.stretch_weights),
             straightness=table.take_optional("straightness", validation.check_fraction),

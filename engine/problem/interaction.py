@@ -66,7 +66,7 @@ def group_bodies(problem: Problem, levels: int = LEVELS) -> Groups:
             first_body = bodies.stop
             level, level_emphasis = np.zeros(size.count or 0, np.int32), np.array([size_emphasis])
             if size.is_range:
-                level, level_emphasis = _levels(area[bodies], _exponent(problem), levels)
+                level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), levels)
             body_group[bodies] = len(emphasis) + level
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
@@ -86,11 +86,19 @@ def _exponent(problem: Problem) -> float:
     return 2.0 * math.log2(emphasis)
 
 
+def _unit_of_area(problem: Problem) -> float:
+    """Area [m²] whose emphasis is 1: only ratios count, but powers of very large and very small areas leave the range of float64."""
+    areas = np.concatenate([np.atleast_1d(size.area) for c in problem.classes for size in c.sizes])
+    powers = _exponent(problem) * np.abs(np.log10(areas)).max()
+    return 1.0 if powers < 100.0 else float(areas.max())
+
+
 def _size_emphases(problem: Problem, body_class: BodyClass) -> list[float]:
     """Emphasis of every size: by rank where all are single areas, by the mean area's power beside a range."""
     emphasis = problem.balance.size_emphasis
     if any(size.is_range for size in body_class.sizes):
-        return [size.mean_area ** _exponent(problem) for size in body_class.sizes]
+        exponent, unit = _exponent(problem), _unit_of_area(problem)
+        return [(size.mean_area / unit) ** exponent for size in body_class.sizes]
     # Equal areas share a rank.
     rank = np.unique([size.mean_area for size in body_class.sizes], return_inverse=True)[1].ravel()
     if isinstance(emphasis, tuple):

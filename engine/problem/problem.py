@@ -10,6 +10,7 @@ Halftoning, 2012.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -43,6 +44,7 @@ class Domain:
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", validation.check_domain_size(self.size))
         object.__setattr__(self, "boundary", validation.check_boundary(self.boundary))
+        validation.check_period(self.size, self.boundary)
 
     @property
     def area(self) -> float:
@@ -145,7 +147,9 @@ class Line:
         if self.width is not None:
             object.__setattr__(self, "width", validation.check_length(self.width, "`line.width`"))
         object.__setattr__(self, "charges", validation.check_charges(self.charges, "`line.charges`"))
-        object.__setattr__(self, "middle_charge", validation.check_positive(self.middle_charge, "`line.middle_charge`"))
+        object.__setattr__(
+            self, "middle_charge", validation.check_middle_charge(self.middle_charge, "`line.middle_charge`")
+        )
         object.__setattr__(self, "turn_weights", validation.check_weights(self.turn_weights, "`line.turn_weights`"))
         object.__setattr__(
             self, "stretch_weights", validation.check_weights(self.stretch_weights, "`line.stretch_weights`")
@@ -160,6 +164,11 @@ class Line:
     def longest(self) -> float:
         """The largest desired length [m]."""
         return float(np.max(self.length))
+
+    @property
+    def shortest(self) -> float:
+        """The smallest desired length [m]."""
+        return float(np.min(self.length))
 
     def charge_shares(self) -> np.ndarray:
         """Share of the body's charge at every place along the axis, shape ``[charges]``, float64, sum 1."""
@@ -233,6 +242,13 @@ class Size:
         if isinstance(self.distribution, np.ndarray):
             return float(self.distribution.mean())
         return float(np.mean(self.area))
+
+    @property
+    def footprint(self) -> float:
+        """Mean ground that a body takes [m²]: its area, or that of the capsule where a line has a width of its own."""
+        if self.line is None or self.line.width is None:
+            return self.mean_area
+        return self.line.width * (float(np.mean(self.line.length)) + 0.25 * math.pi * self.line.width)
 
     def areas(self, seed: Sequence[int]) -> np.ndarray:
         """Footprint of every body [m²], shape ``[count]``, float64; ``seed`` draws those of a uniform range."""
@@ -340,6 +356,10 @@ class BodyClass:
         return image
 
     def _with_counts(self, count: int) -> tuple[Size, ...]:
+        if count > validation.MOST_BODIES:
+            raise ProblemError(
+                f'`count` of class "{self.name}" is too large ({show(count)}): at most {validation.MOST_BODIES} bodies can be placed'
+            )
         shares = np.array([size.share for size in self.sizes], dtype=np.float64)
         counts = apportion(count, shares / np.array([size.mean_area for size in self.sizes]))
         for size, number in zip(self.sizes, counts.tolist(), strict=True):
@@ -364,6 +384,11 @@ class BodyClass:
             if number < 0.5:
                 raise ProblemError(
                     f'`count` of class "{self.name}" is "cover", but its density covers {ink:.3g} m², less than half a body'
+                )
+            if number > validation.MOST_BODIES:
+                raise ProblemError(
+                    f'`count` of class "{self.name}" is "cover", which takes about {number:.3g} bodies of these areas; at most '
+                    f"{validation.MOST_BODIES} can be placed"
                 )
             sizes = self._with_counts(max(round(number), 1))
         result = object.__new__(BodyClass)
@@ -417,6 +442,9 @@ class Problem:
         object.__setattr__(self, "avoid_overlap", validation.check_switch(self.avoid_overlap, "`avoid_overlap`"))
         self._check_balance()
         self._check_lines()
+        self._check_areas()
+        self._check_emphasis()
+        self._check_extents()
 
     def _check_balance(self) -> None:
         matrix = self.balance.non_overlap
@@ -446,6 +474,63 @@ class Problem:
                     raise ProblemError(
                         f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
                         f"got {size.line.longest:g}"
+                    )
+                if size.line is not None and size.line.shortest < validation.SHORTEST_LINE * most:
+                    raise ProblemError(
+                        f'`line.length` of size "{size.name}" of class "{c.name}" must not be shorter than '
+                        f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}"
+                    )
+
+    def _check_areas(self) -> None:
+        sizes = [(c, size) for c in self.classes for size in c.sizes]
+        small = min(sizes, key=lambda pair: np.min(pair[1].area))
+        large = max(sizes, key=lambda pair: np.max(pair[1].area))
+        low, high = float(np.min(small[1].area)), float(np.max(large[1].area))
+        if high > validation.MOST_AREA_RATIO * low:
+            raise ProblemError(
+                f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
+                f'{validation.MOST_AREA_RATIO:g} times that of size "{small[1].name}" of class "{small[0].name}"; got {high:g} and '
+                f"{low:g} m²"
+            )
+        # Counts may be larger than any float.
+        covered = sum(float(min(size.count or 0, 10**18)) * (size.footprint / self.domain.area) for _, size in sizes)
+        if self.avoid_overlap and covered > validation.MOST_COVERED:
+            raise ProblemError(
+                f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
+                "the areas, or let them overlap"
+            )
+
+    def _check_emphasis(self) -> None:
+        emphasis = self.balance.size_emphasis
+        for c in self.classes:
+            areas = [area for size in c.sizes for area in np.atleast_1d(size.area).tolist()]
+            if not isinstance(emphasis, float):
+                powers = math.log(max((1.0, *emphasis[: len(set(areas)) - 1])))
+            elif any(size.is_range for size in c.sizes):
+                powers = 2.0 * math.log2(emphasis) * math.log(max(areas) / min(areas))
+            else:
+                powers = (len(set(areas)) - 1) * math.log(emphasis)
+            if powers > math.log(validation.MOST_EMPHASIS):
+                raise ProblemError(
+                    f'`balance.size_emphasis` must not give the largest bodies of class "{c.name}" more than '
+                    f"{validation.MOST_EMPHASIS:g} times the weight of its smallest; {show(emphasis)} gives them "
+                    f"1e{powers / math.log(10.0):.0f} times as much"
+                )
+
+    def _check_extents(self) -> None:
+        side, most, which = max(self.domain.size), validation.MOST_EXTENT, "longer side of the domain"
+        if self.domain.periodic:
+            side, most, which = min(self.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
+        for c in self.classes:
+            for size in c.sizes:
+                disc = 2.0 * math.sqrt(float(np.max(size.area)) / math.pi)
+                key, extent = "area", disc
+                if size.line is not None:
+                    key, extent = "line", size.line.longest + (size.line.width or disc)
+                if extent > most * side:
+                    raise ProblemError(
+                        f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
+                        f"{which}, {side:g} m; they are {extent:g} m long"
                     )
 
     @property

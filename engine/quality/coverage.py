@@ -111,7 +111,9 @@ class Coverage:
             )
             padded = (padded_rows, padded_columns)
         convolution = Convolution(launcher, shape, padded)
-        along_y, along_x = (_gaussian_transform(n, s) for n, s in zip(padded, sigma, strict=True))
+        along_y, along_x = (
+            _gaussian_transform(n, s, wraps=domain.periodic) for n, s in zip(padded, sigma, strict=True)
+        )
         influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
         difference = launcher.empty(shape[0] * shape[1], float)
@@ -144,9 +146,14 @@ class Coverage:
         )
 
 
-def _gaussian_transform(count: int, sigma: float) -> np.ndarray:
-    """Transform of a Gaussian of sum 1, sampled and wrapped, shape ``[count // 2 + 1]``."""
+def _gaussian_transform(count: int, sigma: float, *, wraps: bool) -> np.ndarray:
+    """Transform of a Gaussian of sum 1, sampled over ``count`` cells, shape ``[count // 2 + 1]``.
+
+    In a periodic domain it wraps as often as it reaches; in the padding of an open one, which is meant to be empty, it does not.
+    """
     periods = math.ceil(9.0 * sigma / count)
     shifts = count * np.arange(-periods - 1, periods + 1)
-    weight = np.exp(-0.5 * ((np.arange(count) + shifts[:, None]) / sigma) ** 2).sum(axis=0)
-    return np.fft.rfft(weight / weight.sum()).real
+    wrapped = np.exp(-0.5 * ((np.arange(count) + shifts[:, None]) / sigma) ** 2).sum(axis=0)
+    cell = np.arange(count)
+    weight = wrapped if wraps else np.exp(-0.5 * (np.minimum(cell, count - cell) / sigma) ** 2)
+    return np.fft.rfft(weight / wrapped.sum()).real

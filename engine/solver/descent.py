@@ -65,7 +65,7 @@ class Descent:
             launcher,
             size=model.size,
             periodic=problem.domain.periodic,
-            interaction=model.groups.matrix,
+            interaction=model.interaction,
             targets=[FieldTarget(image, charge) for image, charge in zip(images, model.group_charge, strict=True)],
             spacing=_typical_spacing(problem) / model.unit,
             charge=model.charge.charge,
@@ -93,8 +93,9 @@ class Descent:
         self.step = launcher.record(self.take_step)
 
     def residual(self) -> float:
-        """RMS of the moves that the forces asked for in the last step, over the local spacing."""
-        return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+        """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
+        squares = float(self.direction.numpy()[3])
+        return math.sqrt(max(squares, 0.0) / self.model.body_count) if math.isfinite(squares) else math.nan
 
     def _first_state(self) -> State:
         model, launcher = self.model, self.launcher
@@ -118,7 +119,7 @@ class Descent:
         layout = field.layout
         device = self.launcher.device
         # A group that nothing attracts keeps a finite step.
-        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-12)
+        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-30)
         self.step_length = self.launcher.empty(self.model.groups.count * layout.node_count, float)
         self.launcher.launch(
             kernels_descent.find_step_lengths,

@@ -185,8 +185,9 @@ def test_footprints_that_cannot_fit_keep_their_counts_and_are_reported():
     [((1.0, 1.0), 1), ((1.0, 1.0), 2), ((1000.0, 1.0), 100), ((1.0, 3000.0), 40), ((1e-6, 1e-6), 300)],
 )
 def test_small_and_extreme_problems_end_with_finite_positions_inside(boundary, size, count):
+    area = min(size) ** 2
     problem = Problem(
-        Domain(size, boundary), [BodyClass("a", [Size("s", 1e-3, count)]), BodyClass("b", [Size("s", 1.0, 1)])]
+        Domain(size, boundary), [BodyClass("a", [Size("s", 1e-3 * area, count)]), BodyClass("b", [Size("s", area, 1)])]
     )
     placement = solve(problem, device="cpu", max_steps=30)
     assert len(placement.position) == count + 1
