@@ -21,14 +21,12 @@ LARGEST_ARGUMENTS = 4096
 # Room for a lock or a condition variable of any system [bytes], and threads at most.
 BYTES_OF_A_CONDITION = 128
 MOST_THREADS = 64
-# Looks for work before a thread that waits lets others run between two of them, and then before it sleeps: some 20 microseconds, and
-# about a millisecond where nothing else wants to run. Waking a thread costs whoever wakes it several microseconds, on virtual machines
-# most of all, so that none should sleep between the operations of a step.
-SPINS = 400
-YIELDS = 1500
-# A thread at work lets others run about once in a millisecond, between two chunks: sooner than the system would stop it in the middle
-# of one, and have all threads wait for it. Ticks of the processor's clock, which runs at two to five GHz on x86.
-TICKS_BEFORE_A_YIELD = 3_000_000
+# How long a thread that waits stays awake, about 0.4 milliseconds: in ticks of the clock of x86 processors, 2 to 5 GHz, and as a share of
+# a second for others. Waking a thread costs whoever wakes it several microseconds, on virtual machines most of all, so that none should
+# sleep between the operations of a step. It does not give way to others while it is awake: on a busy machine that costs it a whole turn
+# of theirs, and all threads wait for it, while one that slept is let in again soon.
+TICKS_AWAKE = 1_000_000
+AWAKE_PER_SECOND = 2500
 
 _STRUCTURES = f"""
     struct Operation
@@ -58,7 +56,6 @@ _STRUCTURES = f"""
         signed (*give_lock)(void*);
         signed (*sleep)(void* condition, void* lock, unsigned forever, unsigned shared);
         signed (*wake)(void*);
-        signed (*yield)();
     }};
     // The launch bounds of a kernel with one dimension, as Warp lays them out.
     struct Bounds {{ unsigned shape; unsigned long long size, threads_per_element; }};
@@ -73,7 +70,7 @@ _STRUCTURES = f"""
         __asm__ volatile("mrs %0, cntvct_el0" : "=r"(now));
         return now;
     #else
-        return 0;
+    #error "no clock is known for this processor"
     #endif
     }};
     auto relax = []()
@@ -109,22 +106,17 @@ _WORK = f"""
     auto work = [&](Shared* s, int thread, bool leads)
     {{
     #if defined(__aarch64__)
-        long long long_enough;
-        __asm__ volatile("mrs %0, cntfrq_el0" : "=r"(long_enough));
-        long_enough /= 1000;
+        long long awake;
+        __asm__ volatile("mrs %0, cntfrq_el0" : "=r"(awake));
+        awake /= {AWAKE_PER_SECOND};
     #else
-        const long long long_enough = {TICKS_BEFORE_A_YIELD};
+        const long long awake = {TICKS_AWAKE};
     #endif
-        int waited = 0;
+        // When it last had something to do.
+        long long since = clock();
         bool woken = false;
-        long long rested = clock();
         for (;;)
         {{
-            if (clock() - rested > long_enough)
-            {{
-                s->yield();
-                rested = clock();
-            }}
             const unsigned long long published = __atomic_load_n(&s->sequence, __ATOMIC_SEQ_CST);
             unsigned long long seen = __atomic_load_n(&s->cursor, __ATOMIC_SEQ_CST);
             const unsigned sequence = (unsigned)(seen >> 32), chunk = (unsigned)seen;
@@ -170,21 +162,15 @@ _WORK = f"""
                         // At the end only the thread that leads has something to do.
                         wake(s, called(last ? 1 : (unsigned)operations[at + 1].chunks));
                     }}
-                    waited = 0;
+                    since = clock();
                     continue;
                 }}
             }}
             else if (leads) return;
             else if (__atomic_load_n(&s->stop, __ATOMIC_SEQ_CST)) return;
 
-            while (waited < {SPINS + YIELDS} && PEEK(s->sequence) == published)
-                if (++waited < {SPINS}) relax();
-                else
-                {{
-                    s->yield();
-                    rested = clock();
-                }}
-            if (waited >= {SPINS + YIELDS})
+            while (PEEK(s->sequence) == published && clock() - since < awake) relax();
+            if (clock() - since >= awake)
             {{
                 const unsigned long long bit = 1ull << thread;
                 s->take_lock(s->lock);
@@ -198,9 +184,8 @@ _WORK = f"""
                 }}
                 __atomic_fetch_and(&s->asleep, ~bit, __ATOMIC_SEQ_CST);
                 s->give_lock(s->lock);
-                rested = clock();
+                since = clock();
                 woken = true;
-                waited = 0;
             }}
         }}
     }};

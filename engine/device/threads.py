@@ -71,7 +71,6 @@ class _Shared(ctypes.Structure):
         ("give_lock", ctypes.c_void_p),
         ("sleep", ctypes.c_void_p),
         ("wake", ctypes.c_void_p),
-        ("yield_", ctypes.c_void_p),
     )
 
 
@@ -302,7 +301,6 @@ def _system_functions() -> tuple[dict[str, int | None], Callable[[int, Sequence[
             "give_lock": "ReleaseSRWLockExclusive",
             "sleep": "SleepConditionVariableSRW",
             "wake": "WakeConditionVariable",
-            "yield_": "SwitchToThread",
         }
     else:
         library = ctypes.CDLL(None)
@@ -311,7 +309,6 @@ def _system_functions() -> tuple[dict[str, int | None], Callable[[int, Sequence[
             "give_lock": "pthread_mutex_unlock",
             "sleep": "pthread_cond_wait",
             "wake": "pthread_cond_signal",
-            "yield_": "sched_yield",
         }
 
     def initialise(lock: int, conditions: Sequence[int]) -> None:
