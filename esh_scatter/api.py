@@ -7,7 +7,7 @@ one, which does not touch Blender, in a thread.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import bpy
@@ -203,11 +203,14 @@ class ScatterJob:
         self.sources: list[bpy.types.Object] = []
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
+        # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
+        measured: dict[bpy.types.Object, Footprint] = {}
+        self._densities: dict[object, np.ndarray] = {}
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
                 members = _source_objects(size.source, self.target, key)
-                self.shapes.append(_shape(size, scatter_class, members, context, key))
+                self.shapes.append(_shape(size, scatter_class, members, context, key, measured))
                 self.variants.append([self._source_index(member) for member in members])
         names = {
             str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
@@ -261,9 +264,9 @@ class ScatterJob:
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
-        values = density_at(c.density, self.chart.points, key)
+        values = self._density_on_surface(c.density, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
-        surface = BodyClass(c.name, sizes, self.chart.continued(values), c.count, c.density_correction, c.unsharp)
+        surface = BodyClass(c.name, sizes, values, c.count, c.density_correction, c.unsharp)
         density = surface.density_image * self.chart.stretch
         mean = float(density.mean())
         if not mean > 0.0:
@@ -279,6 +282,15 @@ class ScatterJob:
         # The surface's own class did the sharpening, so it knows what there is to say about it.
         object.__setattr__(result, "notes", surface.notes)
         return result
+
+    def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
+        """Return a class's density on the chart; it was read once where several classes have the same."""
+        same = id(density) if isinstance(density, np.ndarray) else density
+        if not isinstance(same, Hashable):
+            return self.chart.continued(density_at(density, self.chart.points, key))
+        if same not in self._densities:
+            self._densities[same] = self.chart.continued(density_at(density, self.chart.points, key))
+        return self._densities[same]
 
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
         """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
@@ -477,15 +489,22 @@ def _shape(
     members: list[bpy.types.Object],
     context: bpy.types.Context,
     key: str,
+    measured_before: dict[bpy.types.Object, Footprint],
 ) -> _Shape:
     """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
+
+    def measure(member: bpy.types.Object) -> Footprint:
+        if member not in measured_before:
+            measured_before[member] = measure_footprint(member, context, f"`area` of {key}")
+        return measured_before[member]
+
     area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
     if size.line is not None and not isinstance(size.line, (bool, Line)):
         raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
     outlines: tuple[Footprint | None, ...] = (None,) * len(members)
     if area is None or isinstance(area, tuple) or size.line is not False:
         try:
-            outlines = tuple(measure_footprint(member, context, f"`area` of {key}") for member in members)
+            outlines = tuple(measure(member) for member in members)
         except ProblemError:
             # A given area needs no outline; a curve or a light plane on edge is then a dot.
             if area is None or isinstance(area, tuple) or size.line:

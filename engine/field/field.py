@@ -43,10 +43,14 @@ BANDS_PER_THREAD = 8
 
 @dataclass(frozen=True, eq=False)
 class FieldTarget:
-    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for."""
+    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
+
+    Groups of one ``class_index`` follow one image. Those of several may, too; then it is laid on the mesh once.
+    """
 
     image: np.ndarray
     charge: float
+    class_index: int | None = None
 
 
 class Field:
@@ -68,7 +72,7 @@ class Field:
         split: Standard deviation of the Gaussian that splits the kernel.
         cutoff: Distance beyond which the near part is left out.
         blur: Standard deviation of the Gaussian by which the targets are smoothed.
-        images: The distinct images of the targets.
+        images: The images of the targets, one per class.
         deposited: Share of every image's integral at every node, flat, one image after the other.
         attraction: Sum over h of M[g, h] u_h as charge per node, flat, one group after the other.
         mean_attraction: Its mean as charge per area, shape ``[group_count]``.
@@ -254,14 +258,16 @@ class Field:
 
 
 def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
-    """The images that groups follow, each once, and the charge of each group by image, shape ``[groups, images]``."""
+    """The images that groups follow, one per class, and the charge of each group by image, shape ``[groups, images]``."""
     images: list[np.ndarray] = []
+    place: dict[tuple[str, int], int] = {}
     index = []
     for target in targets:
-        found = [i for i, image in enumerate(images) if image is target.image]
-        if not found:
+        key = ("image", id(target.image)) if target.class_index is None else ("class", target.class_index)
+        if key not in place:
+            place[key] = len(images)
             images.append(target.image)
-        index.append(found[0] if found else len(images) - 1)
+        index.append(place[key])
     charge = np.zeros((len(targets), len(images)))
     charge[np.arange(len(targets)), index] = [target.charge for target in targets]
     return images, charge

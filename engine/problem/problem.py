@@ -11,6 +11,7 @@ Halftoning, 2012.
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -391,8 +392,16 @@ class BodyClass:
                     f"{validation.MOST_BODIES} can be placed"
                 )
             sizes = self._with_counts(max(round(number), 1))
+        return self._with(sizes=sizes, count=None)
+
+    def _following(self, image: np.ndarray) -> BodyClass:
+        """Return this class with another array of the same density."""
+        return self._with(_density_image=image)
+
+    def _with(self, **changed: object) -> BodyClass:
+        """Return a copy whose values need no check."""
         result = object.__new__(BodyClass)
-        result.__dict__.update(self.__dict__, sizes=sizes, count=None)
+        result.__dict__.update(self.__dict__, **changed)
         return result
 
     @property
@@ -437,7 +446,7 @@ class Problem:
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
-        object.__setattr__(self, "classes", tuple(c.resolved(self.domain.area) for c in classes))
+        object.__setattr__(self, "classes", _sharing_images([c.resolved(self.domain.area) for c in classes]))
         object.__setattr__(self, "seed", validation.check_seed(self.seed))
         object.__setattr__(self, "avoid_overlap", validation.check_switch(self.avoid_overlap, "`avoid_overlap`"))
         self._check_balance()
@@ -555,3 +564,19 @@ class Problem:
         return np.concatenate(
             [size.areas([self.seed, 2, c, s]) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
         )
+
+
+def _sharing_images(classes: Sequence[BodyClass]) -> tuple[BodyClass, ...]:
+    """Let classes whose densities are equal share one image, so that whatever is made of an image is made once."""
+    result: list[BodyClass] = []
+    seen: dict[tuple[tuple[int, ...], int], list[np.ndarray]] = {}
+    for body_class in classes:
+        image = body_class.density_image
+        alike = seen.setdefault((image.shape, zlib.crc32(np.ascontiguousarray(image).data)), [])
+        shared = next((other for other in alike if other is image or np.array_equal(other, image)), None)
+        if shared is None:
+            alike.append(image)
+        elif shared is not image:
+            body_class = body_class._following(shared)
+        result.append(body_class)
+    return tuple(result)

@@ -85,6 +85,7 @@ class Coverage:
         self._unit = mean / kernels_coverage.CLOUD_SCALE
         self._charge = wp.array((charge / mean).astype(np.float32), dtype=float, device=device)
         self._class = wp.array(class_index, dtype=wp.int32, device=device)
+        self._shared: tuple[np.ndarray, wp.array] | None = None
         # One grid for all classes in turn: there may be many of them.
         self._grid = self.launcher.empty(rows * columns, wp.int64)
         self.launcher.launch(kernels_coverage.empty_cells, rows * columns, [], [self._grid])
@@ -121,13 +122,19 @@ class Coverage:
         launcher.launch(kernels_coverage.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
         weights = sum(weight for _, weight in targets)
         for image, weight in targets:
-            share = integrate_boxes(launcher, image, self.shape)
+            share = self._share_of(image)
             factor = -rows * columns * weight / weights
             launcher.launch(kernels_coverage.add_shares, rows * columns, [share, factor], [difference])
         convolution.apply(influence, difference)
         squares = launcher.empty(rows, wp.float64)
         launcher.launch(kernels_coverage.sum_squares, rows, [difference, columns], [squares])
         return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
+
+    def _share_of(self, image: np.ndarray) -> wp.array:
+        """Share of an image's integral in every cell; classes that share an image come one after the other, or all do."""
+        if self._shared is None or self._shared[0] is not image:
+            self._shared = image, integrate_boxes(self.launcher, image, self.shape)
+        return self._shared[1]
 
     def _deposit(self, one: int) -> None:
         self.launcher.launch(

@@ -60,13 +60,16 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = _bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        images = [problem.classes[c].density_image for c in model.groups.class_index]
+        classes = model.groups.class_index.tolist()
         self.field = Field(
             launcher,
             size=model.size,
             periodic=problem.domain.periodic,
             interaction=model.interaction,
-            targets=[FieldTarget(image, charge) for image, charge in zip(images, model.group_charge, strict=True)],
+            targets=[
+                FieldTarget(problem.classes[c].density_image, charge, c)
+                for c, charge in zip(classes, model.group_charge, strict=True)
+            ],
             spacing=_typical_spacing(problem) / model.unit,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
@@ -132,9 +135,8 @@ class Descent:
             ],
             [self.step_length],
         )
-        count = np.zeros((1, len(field.images)))
-        for c in self.model.problem.classes:
-            count[0, [image is c.density_image for image in field.images].index(True)] += c.body_count
+        # Groups are in the order of their classes.
+        count = np.array([[float(c.body_count) for c in self.model.problem.classes]])
         number = mix_images(self.launcher, field.deposited, count, layout.node_count)
         self.step_limit = self.launcher.empty(layout.node_count, float)
         self.launcher.launch(
