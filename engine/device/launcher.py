@@ -23,6 +23,7 @@ import warp as wp
 
 from ..errors import DeviceError
 from ..native_output import muted
+from .kernel_cache import ensure_kernel_cache
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
@@ -71,6 +72,7 @@ def resolve_device(name: str = "auto") -> wp.Device:
 @cache
 def _start_warp() -> None:
     """Start Warp without its native remark that a machine has no GPU; who asks for one gets a DeviceError."""
+    ensure_kernel_cache()
     with muted():
         wp.init()
 

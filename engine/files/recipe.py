@@ -43,6 +43,7 @@ second class.
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import tomllib
 from collections.abc import Callable
@@ -81,6 +82,8 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
         InputFileError: The recipe or an image cannot be read, or a key is missing, unknown or has no meaning.
         ProblemError: A ``seed`` that is not a whole number >= 0.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise InputFileError(f"`path` must be the name of a recipe; got {show(path)}")
     path = Path(path)
     recipe = _Table(path, "", "", _read_toml(path))
     # The version comes first: a recipe of another one may well have other keys.
@@ -379,6 +382,9 @@ def _read_toml(path: Path) -> dict[str, Any]:
     try:
         if path.is_dir():
             raise InputFileError(f"{path} is a folder; a recipe is a TOML file")
+        # Opening a pipe would wait for whoever writes into it.
+        if path.exists() and not path.is_file():
+            raise InputFileError(f"{path} is not a regular file; a recipe is a TOML file")
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
     except InputFileError:  # it is a ValueError, too

@@ -217,3 +217,14 @@ def test_max_steps_must_be_a_whole_number(max_steps):
 def test_a_count_beyond_memory_says_how_much_it_would_take():
     with pytest.raises(ProblemError, match=r"[GTP]B"):
         solve(Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 1.0, 10**12)])]))
+
+
+@pytest.mark.parametrize("wrong", [None, "forest.toml", 3])
+def test_what_is_no_problem_is_named(wrong):
+    with pytest.raises(ProblemError, match="`problem` must be a Problem; got "):
+        solve(wrong)
+
+
+def test_progress_must_be_something_to_call():
+    with pytest.raises(ProblemError, match='`progress` must be something to call, or None; got "x"'):
+        solve(small_problem(), progress="x")
