@@ -36,8 +36,9 @@ from ..engine.surface.footprint import Footprint
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .references import Reference
 from .result import body_rotations, find_result, rotate, write_result
-from .target import RESULT_TAG, check_exists, check_target, read_target
+from .target import check_exists, check_target, is_result, read_target
 
 __all__ = [
     "AttributeDensity",
@@ -53,6 +54,8 @@ __all__ = [
     "scatter",
 ]
 
+# Turns beyond so many radians have lost their fraction of a turn in float32.
+LARGEST_TURN = 1e4
 # Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
 _INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
@@ -191,16 +194,20 @@ class ScatterJob:
         self.seed = check_seed(seed)
         self.max_steps = check_count(max_steps, "`max_steps`")
         self.align_to_normal = _number(align_to_normal, "`align_to_normal`", 0.0, 1.0)
-        self.random_turn = _number(random_turn, "`random_turn`", 0.0, math.inf)
+        self.random_turn = _number(random_turn, "`random_turn`", 0.0, LARGEST_TURN)
         self.scale_jitter = _number(scale_jitter, "`scale_jitter`", 0.0, 0.99)
         self.name = check_name(name, "`name`")
         self.device = device
         resolve_device(device)
-        self.target = check_target(target, context)
-        self.result = _check_result(result)
+        self._scene = Reference(context.scene, "scene")
+        self._target = Reference(check_target(target, context), "target")
+        replaced = _check_result(result)
+        self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = _check_classes(classes)
-        # Per group (class and size): indices into `sources` of its variants.
-        self.sources: list[bpy.types.Object] = []
+        # Objects are looked up anew before they are used: a file may change during a run. Per group (class and size): indices
+        # into `sources` of its variants.
+        self._sources: list[Reference] = []
+        numbers: dict[int, int] = {}
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
         # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
@@ -211,7 +218,10 @@ class ScatterJob:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
                 members = _source_objects(size.source, self.target, key)
                 self.shapes.append(_shape(size, scatter_class, members, context, key, measured))
-                self.variants.append([self._source_index(member) for member in members])
+                for member in members:
+                    if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
+                        self._sources.append(Reference(member, "object to place"))
+                self.variants.append([numbers[member.session_uid] for member in members])
         names = {
             str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
         }
@@ -227,6 +237,21 @@ class ScatterJob:
         )
         self.placement: Placement | None = None
 
+    @property
+    def target(self) -> bpy.types.Object:
+        """The mesh to scatter on; raises ProblemError once it is no longer in the file."""
+        return self._target.get()
+
+    @property
+    def result(self) -> bpy.types.Object | None:
+        """The result to replace, where one was given that still is in the file."""
+        return None if self._result is None else self._result.find()
+
+    @property
+    def sources(self) -> list[bpy.types.Object]:
+        """What points can be instances of; raises ProblemError once one of them is no longer in the file."""
+        return [source.get() for source in self._sources]
+
     def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
         self.placement = solve(self.problem, device=self.device, max_steps=self.max_steps, progress=progress)
@@ -235,29 +260,26 @@ class ScatterJob:
         """Make the result object, or replace the points of an earlier one; on the main thread only."""
         if self.placement is None:
             raise ProblemError("a scatter must be solved before it is written")
-        scene = (context or bpy.context).scene
+        # All of them first: nothing has been changed if one is gone.
+        scene = self._scene.get() if context is None else context.scene
+        target, sources = self.target, self.sources
+        replaced = self.result or find_result(scene, target, self.name)
         drawn = self._draw_instances()
         surface = self.chart.lift(self.placement.position)
         rotation = body_rotations(surface.normal, self.align_to_normal, drawn.turn)
         position = surface.position
         moved = np.flatnonzero(drawn.anchor.any(axis=1))
         position[moved] -= rotate(rotation[moved], drawn.anchor[moved])
-        replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
             scene,
             replaced,
-            self.target,
+            target,
             self.name,
-            self.sources,
+            sources,
             position,
             self._attributes(rotation, drawn),
         )
         return ScatterResult(item, self.placement.report, self.placement)
-
-    def _source_index(self, member: bpy.types.Object) -> int:
-        if member not in self.sources:
-            self.sources.append(member)
-        return self.sources.index(member)
 
     def _body_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> BodyClass:
         """Return what the engine is asked: densities and counts as the slopes of the surface make them."""
@@ -377,7 +399,7 @@ def scatter(
         device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``.
         max_steps: Steps of the relaxation at most.
         align_to_normal: 0 leaves bodies upright, 1 sets them along the surface's normal.
-        random_turn: Bodies are turned about their own axis by a random angle from 0 to this [rad].
+        random_turn: Bodies are turned about their own axis by a random angle from 0 to this [rad], at most 10,000.
         scale_jitter: Bodies are scaled by a random factor within 1 ± this, below 1.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
         result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
@@ -426,7 +448,7 @@ def _check_result(result: object) -> bpy.types.Object | None:
     if not isinstance(result, bpy.types.Object):
         raise ProblemError(f"`result` must be an object that an earlier scatter made, or None; got {show(result)}")
     check_exists(result, "`result`")
-    if not result.get(RESULT_TAG) or result.type != "MESH":
+    if not is_result(result):
         raise ProblemError(f'`result` must be an object that an earlier scatter made; "{result.name}" is not one')
     return result
 
@@ -478,7 +500,7 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
             raise ProblemError(
                 f'`source` of {key} must not hold the target "{target.name}", which would stand on itself'
             )
-        if member.get(RESULT_TAG):
+        if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
     return sorted(members, key=lambda member: member.name_full)
 
