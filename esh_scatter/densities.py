@@ -181,13 +181,12 @@ def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
         ending = ".exr" if image.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") else ".png"
         try:
             image.save(filepath=str(Path(folder) / f"tile.<UDIM>{ending}"), save_copy=True)
-        except RuntimeError as error:
-            reason = " ".join(str(error).removeprefix("Error:").split()).rstrip(".")
-            raise ProblemError(f'{key}: image "{image.name}" must have tiles that can be read; {reason}') from None
+        except RuntimeError:  # Blender names the image, not the tile
+            raise ProblemError(f'{key}: image "{image.name}" must have pixels in all its tiles; one has none') from None
         for tile in image.tiles:
             path = Path(folder) / f"tile.{tile.number}{ending}"
             if not path.is_file():
-                raise ProblemError(f'{key}: image "{image.name}" must have pixels in tile {tile.number}; it has none')
+                raise ProblemError(f'{key}: image "{image.name}" must have pixels in all its tiles; {tile.number} has none')
             loaded = bpy.data.images.load(str(path))
             try:
                 loaded.alpha_mode = image.alpha_mode
