@@ -186,7 +186,9 @@ def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
         for tile in image.tiles:
             path = Path(folder) / f"tile.{tile.number}{ending}"
             if not path.is_file():
-                raise ProblemError(f'{key}: image "{image.name}" must have pixels in all its tiles; {tile.number} has none')
+                raise ProblemError(
+                    f'{key}: image "{image.name}" must have pixels in all its tiles; {tile.number} has none'
+                )
             loaded = bpy.data.images.load(str(path))
             try:
                 loaded.alpha_mode = image.alpha_mode

@@ -229,7 +229,7 @@ def _read_line(table: _Table) -> Line:
     length: Any = table.take("length", _check_length)
     if isinstance(length, str):
         low, high = table.take("length_range", _check_length_range)
-        grey = table.read("length", lambda path: read_color(path)).mean(axis=2)
+        grey = table.read("length", lambda path: read_color(path, reduced=True)).mean(axis=2)
         length = low + (high - low) * grey
     elif "length_range" in table.entries:
         raise table.error("length_range", f"is only for a `length` that is an image; `length` is {show(length)}")
@@ -263,7 +263,7 @@ def _read_image(
     table: _Table, domain: Domain, class_separation: float, size_emphasis: float | tuple[float, ...], seed: int
 ) -> Problem:
     table.check_keys("file", "model", "inks", "non_overlap", "area", "size", "density_correction")
-    image = table.read("file", read_color)
+    image = table.read("file", lambda path: read_color(path, reduced=True))
     model: str | InkModel = table.take("model", _check_model, "CMYK")
     if "inks" in table.entries:
         if "model" in table.entries:
