@@ -17,26 +17,18 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
-from ..errors import ProblemError
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
-from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from ..space.space import space_for_kernels
 from ..space.target_deposit import deposit_images, mix_images
 from ..transforms.convolution import Convolution
 from . import kernels_field, kernels_splines
+from .field_meshes import charge_mesh, split_of
 from .influence import open_influence, smoothed_influence
 from .target_correction import TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
 
-# Split width over mesh spacing; with the cut-off it gives a force error of 1e-3 to 3e-3 of the local force scale.
-SPLIT_OVER_MESH = 2.0
-# Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
-MESH_OVER_SPACING = 0.72
-SMALLEST_MESH = 48
-# Periods over the cut-off at least: neighbours on both sides must not meet behind. A long and narrow domain takes a long mesh.
-PERIOD_OVER_CUTOFF = 3.0
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
 
@@ -96,7 +88,15 @@ class Field:
         self.group_count = len(targets)
         self.charge_count = len(charge)
         device = launcher.device
-        self.layout = self._choose_mesh(spacing)
+        self.layout = charge_mesh(
+            size,
+            periodic,
+            spacing,
+            charge_count=self.charge_count,
+            group_count=self.group_count,
+            on_gpu=device.is_cuda,
+        )
+        self.split = split_of(self.layout)
         self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
@@ -138,29 +138,6 @@ class Field:
         )
         self.blur = self._correction.blur
         self._fine_mesh = self._correction.layout.for_kernels()
-
-    def _choose_mesh(self, spacing: float) -> MeshLayout:
-        """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
-
-        The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
-        a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
-        """
-        on_gpu = self.launcher.device.is_cuda
-        crowding = max(1.0, self.size[0] * self.size[1] / (self.charge_count * spacing**2))
-        coarsening = (self.group_count * crowding) ** 0.25
-        wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
-        if self.periodic:
-            most = min(self.size) / (PERIOD_OVER_CUTOFF * kernels_field.CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH)
-            layout = periodic_mesh(self.size, min(wanted, most), on_gpu=on_gpu)
-            if max(layout.spacing) > 1.001 * most:
-                raise ProblemError(
-                    f"a periodic domain must not be {max(self.size) / min(self.size):,.0f} times longer than wide on this GPU; "
-                    'use `device` "cpu"'
-                )
-        else:
-            layout = open_mesh(self.size, wanted, on_gpu=on_gpu)
-        self.split = SPLIT_OVER_MESH * max(layout.spacing)
-        return layout
 
     def _choose_cells(self) -> None:
         counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.size]

@@ -337,7 +337,10 @@ class BodyClass:
         key = f"`density` of {where}"
         if self.unsharp is not None:
             sharpened, clipped = unsharp_mask(image, self.unsharp.amount, self.unsharp.radius)
-            image = sharpened.astype(np.float32)
+            with np.errstate(over="ignore"):
+                image = sharpened.astype(np.float32)
+            if not np.isfinite(image).all():
+                raise ProblemError(f"`unsharp` of {where} must leave a finite density; lower its amount")
             if not image.any():
                 raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
             if clipped > 0.0:

@@ -11,6 +11,7 @@ import warp as wp
 from ..device.launcher import Launcher, resolve_device
 from ..field.influence import product_influence
 from ..problem.problem import Domain
+from ..space.comparison_grid import comparison_cells
 from ..space.target_deposit import integrate_boxes
 from ..transforms.convolution import Convolution, good_length
 from . import kernels_coverage
@@ -18,11 +19,6 @@ from .measured_bodies import MeasuredBodies, measured_bodies
 
 __all__ = ["Coverage", "coverage_error"]
 
-# Cells along the longer side of the domain, on which charge and target are compared: so many, or so many for each mean spacing,
-# below which what is left is the pattern of the cells, but never more than at most.
-COVERAGE_CELLS = 512
-CELLS_PER_SPACING = 4.0
-MOST_CELLS = 4096
 # A Gaussian has fallen to 1e-8 of its height here.
 REACH_OVER_SIGMA = 6.0
 # An image's density, and the charge that its integral stands for.
@@ -73,8 +69,7 @@ class Coverage:
         self._total = np.bincount(class_index, weights=charge)
         self._count = np.bincount(class_index)
         longer = max(self.domain.size)
-        wanted = CELLS_PER_SPACING * longer / bodies.unit
-        cell = longer / min(max(COVERAGE_CELLS, math.ceil(wanted)), MOST_CELLS)
+        cell = longer / comparison_cells(self.domain, bodies.count)
         columns, rows = (max(1, round(length / cell)) for length in self.domain.size)
         if self.domain.periodic:
             # What wraps is as long as its transform.

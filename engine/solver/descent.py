@@ -15,10 +15,9 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field, FieldTarget
-from ..problem.problem import Problem
 from ..space.full_pixels import images_for_kernels
 from ..space.space import space_for_kernels
-from ..space.survey import survey
+from ..space.survey import typical_spacing
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction
 from .contact import Contact
@@ -70,7 +69,7 @@ class Descent:
                 FieldTarget(problem.classes[c].density_image, charge, c)
                 for c, charge in zip(classes, model.group_charge, strict=True)
             ],
-            spacing=_typical_spacing(problem) / model.unit,
+            spacing=typical_spacing(problem) / model.unit,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
         )
@@ -239,11 +238,3 @@ def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodi
     bodies.place = wp.array(charge.place, dtype=float, device=device)
     bodies.charge = wp.array(charge.charge, dtype=float, device=device)
     return bodies
-
-
-def _typical_spacing(problem: Problem) -> float:
-    """Spacing [m] of charges at the number density that the average body sees."""
-    number = survey(problem)
-    cell_area = problem.domain.area / number.size
-    spacing = math.sqrt(cell_area * number.sum() / (number**2).sum())
-    return spacing * math.sqrt(problem.body_count / problem.charge_count)
