@@ -20,7 +20,7 @@ import numpy as np
 
 from .problem import BodyClass, Problem
 
-__all__ = ["LEVELS", "Groups", "group_bodies"]
+__all__ = ["LEVELS", "Groups", "group_bodies", "most_levels"]
 
 # Levels of a range of areas: the continuous matrix min(A_j², A_k²) is a sum of thresholds, and so many steps of it leave the
 # coverage errors where more would.
@@ -107,11 +107,16 @@ def _size_emphases(problem: Problem, body_class: BodyClass) -> list[float]:
     return (emphasis ** rank.astype(np.float64)).tolist()
 
 
+def most_levels(count: int) -> int:
+    """Levels that a range of so many areas is cut into at most: a handful has no use for many, each of which costs a transform."""
+    # Counts may be larger than any float.
+    return max(4, min(LEVELS, math.ceil(0.5 * math.sqrt(min(count, 10**6)))))
+
+
 def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut areas into levels of equal width: the level of every body, and the mean emphasis of every level that has bodies."""
     if most == LEVELS:
-        # A handful of bodies has no use for so many, each of which costs a transform.
-        most = max(4, min(most, math.ceil(0.5 * math.sqrt(len(area)))))
+        most = most_levels(len(area))
     low, high = float(area.min()), float(area.max())
     width = (high - low) / most
     if width <= 0.0:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..field.field_meshes import charge_mesh, split_of, target_mesh
-from ..problem.interaction import LEVELS
+from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
 from ..problem.validation import MOST_BODIES, show
 from ..space.comparison_grid import comparison_cells
@@ -104,7 +104,8 @@ def _influence(layout: MeshLayout) -> int:
 
 
 def _group_count(problem: Problem) -> int:
-    return sum(LEVELS if size.is_range else 1 for body_class in problem.classes for size in body_class.sizes)
+    sizes = [size for body_class in problem.classes for size in body_class.sizes]
+    return sum(most_levels(size.count or 0) if size.is_range else 1 for size in sizes)
 
 
 def _bytes_per_charge(problem: Problem) -> int:

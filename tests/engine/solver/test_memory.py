@@ -110,7 +110,7 @@ print(memory.required_memory(problem), peak, idle)
 
 
 def test_groups_on_long_meshes_are_refused_before_any_is_laid(monkeypatch):
-    ranges = [BodyClass(f"{k}", [Size("s", (1e-3, 1e-2), 100)]) for k in range(12)]
+    ranges = [BodyClass(f"{k}", [Size("s", (1e-3, 1e-2), 3000)]) for k in range(12)]
     problem = Problem(Domain((3000.0, 1.0), "periodic"), ranges)
     required = required_memory(problem)
     assert required > 5e9
