@@ -21,15 +21,19 @@ if TYPE_CHECKING:
     from .engine.files.image_files import read_color, read_density
     from .engine.files.placement_files import write_placement
     from .engine.files.recipe import read_recipe
+    from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.placement import Placement
+    from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.problem.scatter_settings import ScatterSettings
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
+    from .engine.surface.instances import Instances
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.footprint import measure_footprint
@@ -50,8 +54,10 @@ __all__ = [
     "Ink",
     "InkModel",
     "InputFileError",
+    "Instances",
     "Line",
     "Placement",
+    "PreparedClass",
     "Problem",
     "ProblemError",
     "Profile",
@@ -60,6 +66,7 @@ __all__ = [
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
+    "ScatterSettings",
     "ScatterSize",
     "Size",
     "SizeReport",
@@ -81,6 +88,7 @@ __all__ = [
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
+    "write_recipe",
     "register",
     "unregister",
 ]
@@ -101,8 +109,10 @@ _MODULES = {
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
+    "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.problem",
     "Placement": ".engine.problem.placement",
+    "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
@@ -111,6 +121,7 @@ _MODULES = {
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
     "ScatterResult": ".esh_scatter.api",
+    "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
@@ -132,6 +143,7 @@ _MODULES = {
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",
+    "write_recipe": ".engine.files.recipe_writer",
 }
 
 

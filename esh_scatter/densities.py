@@ -5,16 +5,16 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
+from ..engine.problem.image_filters import luminance
 from ..engine.problem.validation import check_density, show
 from ..engine.surface import kernels_chart
 from ..engine.surface.launching import launch_on_cpu
-from ..engine.surface.surface_points import LUMINANCE
 from .target import check_exists
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class AttributeDensity:
     invert: bool = False
 
 
-Density = ImageDensity | VertexGroupDensity | AttributeDensity | bpy.types.Image | np.ndarray | float
+Density: TypeAlias = ImageDensity | VertexGroupDensity | AttributeDensity | bpy.types.Image | np.ndarray | float
 
 
 def density_at(density: Density, points: SurfacePoints, key: str) -> np.ndarray:
@@ -120,7 +120,7 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
     """
     pixels = image_pixels(image, key)
     channels = pixels.shape[2]
-    grey = pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0]
+    grey = luminance(pixels) if channels >= 3 else pixels[..., 0]
     return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
 
 

@@ -23,15 +23,14 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..native_output import muted
+from ..problem.image_filters import luminance
 from ..problem.validation import check_density
 
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["read_color", "read_density"]
+__all__ = ["read_array", "read_color", "read_density"]
 
-# Rec. 709 weights of red, green and blue.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 # A square of 16384: more than any texture, and 4 GB of work already. A file of a few bytes can claim any size.
 MOST_PIXELS = 2**28
 ACCEPTED = "a density is a PNG, JPEG, EXR or .npy file"
@@ -65,7 +64,7 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
     path = Path(path)
 
     def density_of(color: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
-        value = color @ LUMINANCE if color.ndim == 3 else color
+        value = luminance(color) if color.ndim == 3 else color
         if invert:
             if np.isfinite(value).all() and value.max() > 1.0:
                 raise InputFileError(
@@ -108,6 +107,25 @@ def read_color(path: str | Path, *, reduced: bool = False) -> np.ndarray:
         return np.asarray(color, dtype=np.float32)
 
     return np.asarray(_read(path, color_of, reduced=reduced), dtype=np.float32)
+
+
+def read_array(path: str | Path) -> np.ndarray:
+    """Read the numbers of a ``.npy`` file as they are.
+
+    Returns:
+        Shape ``[height, width]`` or ``[height, width, channels]``.
+
+    Raises:
+        InputFileError: A missing or damaged file, or something else than such an array of numbers.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npy":
+        raise InputFileError(f"{path} must be a .npy file; got the ending {path.suffix!r}")
+    _check_is_file(path)
+    try:
+        return np.array(_map_npy(path, "[height, width] or [height, width, channels]", {2, 3}))
+    except MemoryError:
+        raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
 
 
 def _read(path: Path, wanted: Callable[[np.ndarray, np.ndarray | None], np.ndarray], *, reduced: bool) -> np.ndarray:
@@ -407,24 +425,8 @@ def _window(window: tuple) -> tuple[int, int, int, int]:
 
 
 def _read_npy(path: Path) -> _Stored:
-    """Return the array; never unpickles, and never allocates what the file only claims to hold."""
-    try:
-        # Mapping the file compares the claimed shape with the file's size, and refuses Python objects.
-        stored = np.lib.format.open_memmap(path, mode="r")
-    except Exception as error:  # NumPy's parser lets Python's own tokenizer, and more, shine through
-        if "object" in str(error).lower():
-            raise InputFileError(
-                f"{path} holds Python objects, which are never loaded; {ACCEPTED} of numbers"
-            ) from None
-        raise InputFileError(f"{path} is damaged, or not a .npy file ({_reason(error)}); {ACCEPTED}") from None
-    if stored.ndim != 2 or stored.size == 0:
-        shape = list(stored.shape)
-        raise InputFileError(
-            f"{path} must hold an array of shape [height, width], neither of them 0; got shape {shape}"
-        )
-    if stored.dtype.kind not in "buif":
-        raise InputFileError(f"{path} must hold numbers; got the type {stored.dtype}")
-    _check_pixel_count(path, stored.shape[1], stored.shape[0])
+    """Return the values of an image, whole numbers of 8 and 16 bits and truth values as numbers 0..1."""
+    stored = _map_npy(path, "[height, width]", {2})
 
     def strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
         for top in range(0, len(stored), rows):
@@ -434,3 +436,23 @@ def _read_npy(path: Path) -> _Stored:
             yield (value.astype(np.float32) if value.dtype == bool else value), None
 
     return _Stored(stored.shape[0], stored.shape[1], strips)
+
+
+def _map_npy(path: Path, accepted: str, dimensions: set[int]) -> np.ndarray:
+    """Return the array, mapped from its file; never unpickles, and never allocates what the file only claims to hold."""
+    try:
+        # Mapping the file compares the claimed shape with the file's size, and refuses Python objects.
+        stored = np.lib.format.open_memmap(path, mode="r")
+    except Exception as error:  # NumPy's parser lets Python's own tokenizer, and more, shine through
+        if "object" in str(error).lower():
+            raise InputFileError(
+                f"{path} holds Python objects, which are never loaded; {ACCEPTED} of numbers"
+            ) from None
+        raise InputFileError(f"{path} is damaged, or not a .npy file ({_reason(error)}); {ACCEPTED}") from None
+    if stored.ndim not in dimensions or stored.size == 0:
+        shape = list(stored.shape)
+        raise InputFileError(f"{path} must hold an array of shape {accepted}, neither of them 0; got shape {shape}")
+    if stored.dtype.kind not in "buif":
+        raise InputFileError(f"{path} must hold numbers; got the type {stored.dtype}")
+    _check_pixel_count(path, stored.shape[1], stored.shape[0])
+    return stored

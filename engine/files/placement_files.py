@@ -1,4 +1,7 @@
-"""Placements as files: ``.npz`` for programs, ``.csv`` for everything else; written so that none is half done."""
+"""Placements as files, written so that none is half done. The ending of a file chooses its writer, in :data:`WRITERS`.
+
+Writers import what takes time to load when they are called: the command line looks at the table before it loads anything.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +11,43 @@ import io
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
-from ..problem.placement import Placement
 
-__all__ = ["check_writable", "placement_writer", "write_files", "write_placement"]
+if TYPE_CHECKING:
+    from ..problem.placement import Placement
+
+__all__ = [
+    "WRITERS",
+    "PlacementWriter",
+    "check_ending",
+    "check_writable",
+    "one_of",
+    "placement_writer",
+    "write_files",
+    "write_placement",
+]
 
 # What formulas begin with in spreadsheets, those of East Asian keyboards among them.
 FORMULAS = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 Writer = Callable[[BinaryIO], None]
+
+
+@dataclass(frozen=True)
+class PlacementWriter:
+    """How placements are written as files of one ending.
+
+    Attributes:
+        what: What such a file is, for help texts.
+        write: Writes a placement to an open binary file; equal placements as equal bytes.
+    """
+
+    what: str
+    write: Callable[[BinaryIO, Placement], None]
 
 
 def write_placement(path: str | Path, placement: Placement) -> None:
@@ -43,10 +69,31 @@ def write_placement(path: str | Path, placement: Placement) -> None:
 
 def placement_writer(path: str | Path, placement: Placement) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
-    writer = {".npz": _write_npz, ".csv": _write_csv}.get(Path(path).suffix.lower())
-    if writer is None:
-        raise EshError(f"{path} must end in .npz or .csv; got the ending {Path(path).suffix!r}")
-    return lambda file: writer(file, placement)
+    write = WRITERS[check_ending(path, WRITERS)].write
+    return lambda file: write(file, placement)
+
+
+def check_ending(path: str | Path, endings: Iterable[str], option: str = "") -> str:
+    """Return which of ``endings`` (``".csv"``; small letters) a file has; the longest, where one is the end of another.
+
+    Raises:
+        EshError: None of them, or nothing before it. The sentence begins with ``option``.
+    """
+    path, endings = Path(path), tuple(endings)
+    subject = f"{option} {path}" if option else str(path)
+    name = path.name.lower()
+    if name in endings:
+        raise EshError(f"{subject} must have a name before its ending, for example plan{path.name}")
+    found = [ending for ending in endings if name.endswith(ending)]
+    if not found:
+        raise EshError(f"{subject} must end in {one_of(endings)}; got the ending {path.suffix!r}")
+    return max(found, key=len)
+
+
+def one_of(words: Iterable[str]) -> str:
+    """Return words as a sentence lists them: ``a, b or c``."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def check_writable(path: str | Path) -> None:
@@ -189,6 +236,8 @@ class _FirstErrorKept:
 
 
 def _write_npz(file: BinaryIO, placement: Placement) -> None:
+    import numpy as np
+
     # np.savez dates its members 1980-01-01, so equal arrays give equal bytes.
     np.savez(
         file,
@@ -205,6 +254,8 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
 
 
 def _write_csv(file: BinaryIO, placement: Placement) -> None:
+    import numpy as np
+
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(
@@ -231,6 +282,13 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
 def _as_text(name: str) -> str:
     """A name as a cell that no spreadsheet takes for a formula: those that begin like one get a quote in front."""
     return f"'{name}" if name.lstrip().startswith(FORMULAS) else name
+
+
+# A new format is one entry here: the API, the command line, its help and its messages read this table.
+WRITERS: dict[str, PlacementWriter] = {
+    ".npz": PlacementWriter("NumPy arrays", _write_npz),
+    ".csv": PlacementWriter("a table of text", _write_csv),
+}
 
 
 def _reason(error: Exception) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,7 +11,12 @@ if TYPE_CHECKING:
     from .problem import Problem
     from .report import Report
 
-__all__ = ["Placement"]
+__all__ = ["Placement", "disc_radius"]
+
+
+def disc_radius(area: np.ndarray | float) -> Any:
+    """Radius [m] of discs of these areas [m²]: the footprints of dots."""
+    return np.sqrt(np.asarray(area) / np.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +31,7 @@ class Placement:
         angle: Direction of the body's long axis [rad], counter-clockwise from x, shape ``[n]``, float64; 0 for dots.
         length: Length of a line body's axis [m], from its first to its last charge, shape ``[n]``, float64; 0 for dots.
         width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
-        report: What was reached.
+        report: What was reached; None before it is measured.
         bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
             ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
     """
@@ -38,7 +43,7 @@ class Placement:
     angle: np.ndarray
     length: np.ndarray
     width: np.ndarray
-    report: Report
+    report: Report | None = None
     bends: np.ndarray | None = None
 
     @property
@@ -50,3 +55,8 @@ class Placement:
     def area(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[n]``, float64."""
         return self.problem.body_areas()
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radius of every dot's disc, half the thickness of every line's capsule [m], shape ``[n]``, float64."""
+        return np.where(self.width > 0.0, 0.5 * self.width, disc_radius(self.area))

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.interaction import Groups, group_bodies
-from ..problem.problem import BodyClass, Line, Problem
+from ..problem.prepared_class import PreparedClass
+from ..problem.problem import Line, Problem
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
@@ -25,7 +26,7 @@ LARGEST_INTERACTION = 2.0**16
 class LineKind:
     """A size whose bodies are lines: its class and what they are to do."""
 
-    body_class: BodyClass
+    body_class: PreparedClass
     line: Line
 
 

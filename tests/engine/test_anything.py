@@ -163,7 +163,8 @@ def test_any_argument_of_the_functions_is_used_or_refused_in_a_sentence(value, w
                 return
             esh.solve(small, **{"device": "cpu", "max_steps": 1, where: value})
     except esh.EshError as error:
-        assert "\n" not in str(error)
+        # The name of a file is shown as it is.
+        assert "\n" not in str(error).replace(str(value), "")
     except FOREIGN_ERRORS as error:
         # A name that no file can have is the system's to refuse.
         assert isinstance(value, str) and where == "path", error
