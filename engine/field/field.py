@@ -21,11 +21,10 @@ from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.space import space_for_kernels
 from ..space.target_deposit import deposit_images, mix_images
-from ..transforms.convolution import Convolution
 from . import kernels_field, kernels_splines
 from .field_meshes import charge_mesh, split_of
-from .influence import open_influence, smoothed_influence
-from .target_correction import TargetCorrection
+from .influence import convolution_of, open_influence, smoothed_influence
+from .target_correction import FEWEST_NODES, TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
 
@@ -37,11 +36,13 @@ BANDS_PER_THREAD = 8
 class FieldTarget:
     """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
 
-    Groups of one ``class_index`` follow one image. Those of several may, too; then it is laid on the mesh once.
+    Groups of one ``class_index`` follow one image. Those of several may, too; then it is laid on the mesh once. ``more`` are others
+    that are added to it.
     """
 
     image: np.ndarray
     charge: float
+    more: tuple[FieldTarget, ...] = ()
     class_index: int | None = None
 
 
@@ -57,6 +58,7 @@ class Field:
         spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
+        fewest_nodes: Of the targets' mesh; None for the usual.
 
     Attributes:
         layout: The charges' mesh.
@@ -65,6 +67,7 @@ class Field:
         cutoff: Distance beyond which the near part is left out.
         blur: Standard deviation of the Gaussian by which the targets are smoothed.
         images: The images of the targets, one per class.
+        image_of_class: Index of every class's image among them, where bodies follow it.
         deposited: Share of every image's integral at every node, flat, one image after the other.
         attraction: Sum over h of M[g, h] u_h as charge per node, flat, one group after the other.
         mean_attraction: Its mean as charge per area, shape ``[group_count]``.
@@ -81,6 +84,7 @@ class Field:
         spacing: float,
         charge: np.ndarray,
         charge_group: np.ndarray,
+        fewest_nodes: int | None = None,
     ) -> None:
         self.launcher = launcher
         self.size = size
@@ -100,7 +104,7 @@ class Field:
         self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
-        self._convolution = Convolution(launcher, self.layout.shape, self.layout.padded, self.group_count)
+        self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
         self._charge = wp.array(charge, dtype=float, device=device)
         self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
@@ -115,17 +119,13 @@ class Field:
         self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
         self._potential = launcher.empty(self.group_count * node_count, float)
 
-        images, charge_of_image = _distinct_images(targets)
+        images, charge_of_image, self.image_of_class = _distinct_images(targets)
         attracting = interaction @ charge_of_image
         self.images = images
         self.deposited = deposit_images(launcher, images, self.layout)
         self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
         self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
-        if periodic:
-            # The mean potential has no force.
-            self._influence = smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
-        else:
-            self._influence = open_influence(self._convolution, self.layout, self.split)
+        self._influence = launcher.kept(("influence", self.layout, self.split), self._make_influence)
         self._correction = TargetCorrection(
             launcher,
             size=size,
@@ -135,9 +135,16 @@ class Field:
             spacing=spacing,
             charge_count=n,
             split=self.split,
+            fewest_nodes=fewest_nodes or FEWEST_NODES,
         )
         self.blur = self._correction.blur
         self._fine_mesh = self._correction.layout.for_kernels()
+
+    def _make_influence(self) -> wp.array:
+        if self.periodic:
+            # The mean potential has no force.
+            return smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
+        return open_influence(self._convolution, self.layout, self.split)
 
     def _choose_cells(self) -> None:
         counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.size]
@@ -234,17 +241,19 @@ class Field:
         self._convolution.apply(self._influence, self._potential)
 
 
-def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
-    """The images that groups follow, one per class, and the charge of each group by image, shape ``[groups, images]``."""
+def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray, dict[int, int]]:
+    """Images that groups follow, one per class; the charge of each group by image, shape ``[groups, images]``; each class's image."""
     images: list[np.ndarray] = []
     place: dict[tuple[str, int], int] = {}
-    index = []
-    for target in targets:
-        key = ("image", id(target.image)) if target.class_index is None else ("class", target.class_index)
-        if key not in place:
-            place[key] = len(images)
-            images.append(target.image)
-        index.append(place[key])
+    entries = []
+    for group, target in enumerate(targets):
+        for part in (target, *target.more):
+            key = ("image", id(part.image)) if part.class_index is None else ("class", part.class_index)
+            if key not in place:
+                place[key] = len(images)
+                images.append(part.image)
+            entries.append((group, place[key], part.charge))
     charge = np.zeros((len(targets), len(images)))
-    charge[np.arange(len(targets)), index] = [target.charge for target in targets]
-    return images, charge
+    for group, index, amount in entries:
+        charge[group, index] += amount
+    return images, charge, {number: index for (kind, number), index in place.items() if kind == "class"}

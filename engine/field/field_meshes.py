@@ -6,7 +6,7 @@ from ..errors import ProblemError
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from .kernels_field import CUTOFF_OVER_SPLIT
 
-__all__ = ["BLUR_OVER_MESH", "BLUR_OVER_SPACING", "charge_mesh", "split_of", "target_mesh"]
+__all__ = ["BLUR_OVER_MESH", "BLUR_OVER_SPACING", "FEWEST_NODES", "charge_mesh", "split_of", "target_mesh"]
 
 # Split width over mesh spacing; with the cut-off it gives a force error of 1e-3 to 3e-3 of the local force scale.
 SPLIT_OVER_MESH = 2.0
@@ -66,10 +66,17 @@ def split_of(layout: MeshLayout) -> float:
 
 
 def target_mesh(
-    size: tuple[float, float], periodic: bool, spacing: float, *, charge_count: int, split: float, on_gpu: bool
+    size: tuple[float, float],
+    periodic: bool,
+    spacing: float,
+    *,
+    charge_count: int,
+    split: float,
+    on_gpu: bool,
+    fewest_nodes: int = FEWEST_NODES,
 ) -> MeshLayout:
     """Lay a mesh that shows every detail of the targets which bodies can follow; arguments as for :func:`charge_mesh`."""
-    coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, FEWEST_NODES)) ** 0.5
+    coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
     wanted = max(BLUR_OVER_SPACING / BLUR_OVER_MESH * spacing, coarsest)
     if periodic:
         return periodic_mesh(size, wanted, on_gpu=on_gpu)

@@ -14,11 +14,10 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..space.mesh_layout import MeshLayout
 from ..space.target_deposit import deposit_images, mix_images
-from ..transforms.convolution import Convolution
-from .field_meshes import BLUR_OVER_MESH, BLUR_OVER_SPACING, target_mesh
-from .influence import smoothed_influence
+from .field_meshes import BLUR_OVER_MESH, BLUR_OVER_SPACING, FEWEST_NODES, target_mesh
+from .influence import convolution_of, smoothed_influence
 
-__all__ = ["TargetCorrection"]
+__all__ = ["FEWEST_NODES", "TargetCorrection"]
 
 
 class TargetCorrection:
@@ -33,6 +32,7 @@ class TargetCorrection:
         spacing: Typical distance of neighbouring bodies where they are dense.
         charge_count: Number of charges.
         split: Standard deviation of the Gaussian that the far part is smoothed by.
+        fewest_nodes: Nodes of the fine mesh at least, where charges are few.
 
     Attributes:
         layout: The fine mesh.
@@ -53,9 +53,16 @@ class TargetCorrection:
         spacing: float,
         charge_count: int,
         split: float,
+        fewest_nodes: int = FEWEST_NODES,
     ) -> None:
         self.layout = target_mesh(
-            size, periodic, spacing, charge_count=charge_count, split=split, on_gpu=launcher.device.is_cuda
+            size,
+            periodic,
+            spacing,
+            charge_count=charge_count,
+            split=split,
+            on_gpu=launcher.device.is_cuda,
+            fewest_nodes=fewest_nodes,
         )
         self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * max(self.layout.spacing))
         row, scale, distinct = _distinct_rows(attraction)
@@ -82,8 +89,11 @@ def _potentials(
     images: Sequence[np.ndarray],
     rows: np.ndarray,
 ) -> wp.array:
-    convolution = Convolution(launcher, layout.shape, layout.padded, len(rows))
-    influence = smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2))
+    convolution = convolution_of(launcher, layout, len(rows))
+    influence = launcher.kept(
+        ("influence", layout, blur, split),
+        lambda: smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2)),
+    )
     result = mix_images(launcher, deposit_images(launcher, images, layout), rows, layout.node_count)
     convolution.apply(influence, result)
     return result

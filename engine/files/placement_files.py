@@ -56,9 +56,9 @@ def write_placement(path: str | Path, placement: Placement) -> None:
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
             ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
-            charges, 2]``, where lines may bend; readable without pickle; equal placements give
-            equal bytes) or in ``.csv`` (one line per body, its columns named in the first;
-            a name that a spreadsheet would take for a formula has a ``'`` in front).
+            charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where bodies are fixed or
+            were edited; readable without pickle; equal placements give equal bytes) or in ``.csv`` (one line per body, its
+            columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front).
         placement: What to write.
 
     Raises:
@@ -250,6 +250,9 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
         area=placement.area,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
+        # Where nothing is fixed and nothing was edited they say nothing that the order does not.
+        **({"id": placement.id, "fixed": placement.fixed} if _is_marked(placement) else {}),
+        **({"size_name": np.array(_size_names(placement), dtype=np.str_)} if _is_marked(placement) else {}),
     )
 
 
@@ -258,11 +261,14 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
 
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
+    marked = _is_marked(placement)
     rows.writerow(
         ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
+        + (("id", "fixed") if marked else ())
     )
     class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
     size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
+    marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
         placement.class_index.tolist(),
@@ -270,7 +276,7 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
-    shape = zip(placement.width.tolist(), placement.area.tolist(), strict=True)
+    shape = zip(placement.width.tolist(), placement.area.tolist(), *marks, strict=True)
     # Python writes the shortest digits that read back as the same number.
     rows.writerows(
         (*row, class_name[row[2]], size_name[row[2]][row[3]], *thickness_and_area)
@@ -282,6 +288,19 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
 def _as_text(name: str) -> str:
     """A name as a cell that no spreadsheet takes for a formula: those that begin like one get a quote in front."""
     return f"'{name}" if name.lstrip().startswith(FORMULAS) else name
+
+
+def _is_marked(placement: Placement) -> bool:
+    """Whether bodies have identities of their own, or are fixed."""
+    import numpy as np
+
+    return bool(placement.fixed.any() or (placement.id != np.arange(len(placement.id))).any())
+
+
+def _size_names(placement: Placement) -> list[str]:
+    names = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    pairs = zip(placement.class_index.tolist(), placement.size_index.tolist(), strict=True)
+    return [names[c][s] for c, s in pairs]
 
 
 # A new format is one entry here: the API, the command line, its help and its messages read this table.

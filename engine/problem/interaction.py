@@ -26,6 +26,10 @@ __all__ = ["LEVELS", "Groups", "group_bodies", "most_levels"]
 # Levels of a range of areas: the continuous matrix min(A_j², A_k²) is a sum of thresholds, and so many steps of it leave the
 # coverage errors where more would.
 LEVELS = 24
+# A handful of bodies has no use for so many, each of which costs a transform: this many times the square root of their number, and at
+# least so many. Measured, 10, 20 and 24 levels of 1,500 bodies leave coverage errors within 2 % of each other.
+LEVELS_PER_ROOT = 0.5
+FEWEST_LEVELS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +115,7 @@ def _size_emphases(problem: Problem, body_class: PreparedClass) -> list[float]:
 def most_levels(count: int) -> int:
     """Levels that a range of so many areas is cut into at most: a handful has no use for many, each of which costs a transform."""
     # Counts may be larger than any float.
-    return max(4, min(LEVELS, math.ceil(0.5 * math.sqrt(min(count, 10**6)))))
+    return max(FEWEST_LEVELS, min(LEVELS, math.ceil(LEVELS_PER_ROOT * math.sqrt(min(count, 10**6)))))
 
 
 def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:
