@@ -513,6 +513,6 @@ def test_classes_of_equal_densities_share_one_image():
     problem = Problem(Domain((3.0, 2.0)), classes)
     first, second, third = (c.density_image for c in problem.classes)
     assert first is second and third is not first
-    np.testing.assert_array_equal(third, classes[2].density_image)
+    np.testing.assert_array_equal(third, classes[2].density)
     # What was given is as it was.
-    assert classes[0].density_image is not classes[1].density_image
+    assert classes[0].density is not classes[1].density
