@@ -7,12 +7,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from .device.profile import Profile
+from .errors import ProblemError
 from .problem.placement import Placement
 from .problem.problem import Problem
-from .problem.validation import check_count
+from .problem.validation import check_count, show
 from .quality.measurement import measure
 from .solver.solver import Progress, Solver
 
@@ -45,10 +44,15 @@ def solve(
         RMS move below 0.005 of the local spacing, and no outlines overlap where they are to keep apart.
 
     Raises:
-        ProblemError: The problem does not fit into memory, or ``max_steps`` is below 1.
+        ProblemError: No problem, one that does not fit into memory or leaves the range of float32, a ``progress`` that cannot be
+            called, or ``max_steps`` below 1.
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
     start_time = time.perf_counter()
+    if not isinstance(problem, Problem):
+        raise ProblemError(f"`problem` must be a Problem; got {show(problem)}")
+    if progress is not None and not callable(progress):
+        raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
         watched = _Watched(progress)
@@ -57,8 +61,7 @@ def solve(
         with solver.launcher.phase("report"):
             placement = solver.placement()
             report = measure(placement, solver.launcher)
-        finite = bool(np.isfinite(placement.position).all() and np.isfinite(placement.angle).all())
-        converged = converged and finite and (parted or not report.overlaps)
+        converged = converged and (parted or not report.overlaps)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
 

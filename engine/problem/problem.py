@@ -11,6 +11,7 @@ Halftoning, 2012.
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -75,6 +76,7 @@ class Domain(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        validation.check_period(self.size, self.boundary)
         if self.inset and self.periodic:
             raise ProblemError("`domain.inset` must be false where the `boundary` is periodic, which has no edges")
 
@@ -219,7 +221,8 @@ class Line(Settings):
     middle_charge: float = field(
         default=6.0,
         metadata=setting(
-            "Charge of the middle one over that of an end, where their number is odd", check=validation.check_positive
+            "Charge of the middle one over that of an end, where their number is odd",
+            check=validation.check_middle_charge,
         ),
     )
     turn_weights: tuple[float, float] = field(
@@ -256,6 +259,11 @@ class Line(Settings):
     def longest(self) -> float:
         """The largest preferred length [m]."""
         return float(np.max(self.length))
+
+    @property
+    def shortest(self) -> float:
+        """The smallest preferred length [m]."""
+        return float(np.min(self.length))
 
     def charge_shares(self) -> np.ndarray:
         """Share of the body's charge at every place along the axis, shape ``[charges]``, float64, sum 1."""
@@ -376,13 +384,30 @@ class Size(Settings):
         """Smallest width of the widest body that there may be [m]."""
         if self.footprint is not None:
             given = self._footprints
-            scale = float(np.max(1.0 if given.scale is None else given.scale)) * (1.0 + given.scale_jitter)
-            if given.scale is None and isinstance(self.area, tuple):
-                scale *= max(math.sqrt(self.area[1] / outline.area) for outline in given.outlines)
-            return max(outline.width for outline in given.outlines) * scale * given.room + given.gap
+            return max(outline.width for outline in given.outlines) * self._largest_scale * given.room + given.gap
         if self.line is not None:
             return self.line.width or 0.0
         return 2.0 * math.sqrt(self.area_span[1] / math.pi)
+
+    @property
+    def outlines(self) -> tuple[Footprint, ...]:
+        """The outlines that bodies may have; none where they are discs or capsules."""
+        return () if self.footprint is None else self._footprints.outlines
+
+    @property
+    def longest_reach(self) -> float:
+        """Farthest that an outline reaches from a body's position, with the room that it keeps [m]."""
+        given = self._footprints
+        longest = max(outline.circumradius for outline in given.outlines)
+        return longest * self._largest_scale * given.room + 0.5 * given.gap
+
+    @property
+    def _largest_scale(self) -> float:
+        given = self._footprints
+        scale = float(np.max(1.0 if given.scale is None else given.scale)) * (1.0 + given.scale_jitter)
+        if given.scale is None and isinstance(self.area, tuple):
+            scale *= max(math.sqrt(self.area[1] / outline.area) for outline in given.outlines)
+        return scale
 
     @property
     def _footprints(self) -> Footprints:
@@ -395,6 +420,15 @@ class Size(Settings):
         if isinstance(self.distribution, np.ndarray):
             return float(self.distribution.mean())
         return self._footprints.mean_area if self.area is None else float(np.mean(self.area))
+
+    @property
+    def mean_ground(self) -> float:
+        """Mean ground that a body covers [m²]: its outline, the capsule of a line with a width of its own, or else its area."""
+        if self.footprint is not None and not isinstance(self.area, tuple):
+            return self._footprints.mean_area
+        if self.line is None or self.line.width is None:
+            return self.mean_area
+        return self.line.width * (float(np.mean(self.line.length)) + 0.25 * math.pi * self.line.width)
 
     def areas(self, seed: Sequence[int]) -> np.ndarray:
         """Footprint of every body [m²], shape ``[count]``, float64; ``seed`` draws those of a uniform range."""
@@ -610,7 +644,7 @@ class Problem(SamplingSettings):
             (c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain.area, apart=avoid_overlap, share=share)
             for c in classes
         )
-        prepared = tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases
+        prepared = _sharing_images(tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
         settle(self, include_fixed=include_fixed, obstacles=obstacles)
         super().__post_init__()
@@ -621,6 +655,9 @@ class Problem(SamplingSettings):
             raise ProblemError("a problem must have at least one body to place; all of them are fixed")
         self._check_balance()
         self._check_lines()
+        self._check_areas()
+        self._check_emphasis()
+        self._check_extents()
         self._check_footprints()
 
     def _with_fixed(self, index: int, body_class: PreparedClass) -> PreparedClass:
@@ -673,27 +710,80 @@ class Problem(SamplingSettings):
                         f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
                         f"got {size.line.longest:g}"
                     )
+                if size.line is not None and size.line.shortest < validation.SHORTEST_LINE * most:
+                    raise ProblemError(
+                        f'`line.length` of size "{size.name}" of class "{c.name}" must not be shorter than '
+                        f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}"
+                    )
+
+    def _check_areas(self) -> None:
+        sizes = [(c, size) for c in self.classes for size in c.sizes]
+        small = min(sizes, key=lambda pair: pair[1].area_span[0])
+        large = max(sizes, key=lambda pair: pair[1].area_span[1])
+        low, high = small[1].area_span[0], large[1].area_span[1]
+        if high > validation.MOST_AREA_RATIO * low:
+            raise ProblemError(
+                f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
+                f'{validation.MOST_AREA_RATIO:g} times that of size "{small[1].name}" of class "{small[0].name}"; got {high:g} and '
+                f"{low:g} m²"
+            )
+        # Counts may be larger than any float.
+        covered = sum(float(min(size.count or 0, 10**18)) * (size.mean_ground / self.domain.area) for _, size in sizes)
+        if self.avoid_overlap and covered > validation.MOST_COVERED:
+            raise ProblemError(
+                f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
+                "the areas, or let them overlap"
+            )
+
+    def _check_emphasis(self) -> None:
+        emphasis = self.balance.size_emphasis
+        for c in self.classes:
+            areas = [area for size in c.sizes for area in (size.area_span if size.is_range else (size.mean_area,))]
+            if not isinstance(emphasis, float):
+                powers = math.log(max((1.0, *emphasis[: len(set(areas)) - 1])))
+            elif any(size.is_range for size in c.sizes):
+                powers = 2.0 * math.log2(emphasis) * math.log(max(areas) / min(areas))
+            else:
+                powers = (len(set(areas)) - 1) * math.log(emphasis)
+            if powers > math.log(validation.MOST_EMPHASIS):
+                raise ProblemError(
+                    f'`balance.size_emphasis` must not give the largest bodies of class "{c.name}" more than '
+                    f"{validation.MOST_EMPHASIS:g} times the weight of its smallest; {show(emphasis)} gives them "
+                    f"1e{powers / math.log(10.0):.0f} times as much"
+                )
+
+    def _check_extents(self) -> None:
+        side, most, which = max(self.domain.size), validation.MOST_EXTENT, "longer side of the domain"
+        if self.domain.periodic:
+            side, most, which = min(self.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
+        for c in self.classes:
+            for size in c.sizes:
+                disc = 2.0 * math.sqrt(size.area_span[1] / math.pi)
+                key, extent = "area", disc
+                if size.line is not None:
+                    key, extent = "line", size.line.longest + (size.line.width or disc)
+                if size.footprint is not None:
+                    key, extent = "footprint", max(extent, size.longest_reach * 2.0)
+                if extent > most * side:
+                    raise ProblemError(
+                        f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
+                        f"{which}, {side:g} m; they are {extent:g} m long"
+                    )
 
     def _check_footprints(self) -> None:
-        """Refuse what contact can do nothing about: bodies wider than a period or than the walls are apart."""
-        domain = self.domain
-        if domain.inset and not self.avoid_overlap:
+        """Refuse what contact can do nothing about: bodies wider than the walls are apart."""
+        if not self.domain.inset:
+            return
+        if not self.avoid_overlap:
             raise ProblemError(
                 "`domain.inset` must be false without `avoid_overlap`: it is contact that keeps footprints inside"
             )
-        if not self.avoid_overlap or not (domain.periodic or domain.inset):
-            return
-        most = min(domain.size)
-        why = (
-            "of the periodic domain, or they overlap themselves"
-            if domain.periodic
-            else "of the domain that they are to lie in"
-        )
+        most = min(self.domain.size)
         for c in self.classes:
             for size in c.sizes:
                 if size.widest > most * (1.0 + 1e-9):
                     raise ProblemError(
-                        f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the shorter side {why}, '
+                        f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the domain that they are to lie in, '
                         f"{most:g} m; got {size.widest:.4g}"
                     )
 
@@ -760,3 +850,19 @@ def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
     fits = [packable_share(c.sizes) for c in covering]
     images = [np.minimum(prepare_density(c).image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
     return scale_to_fit(images, max(fits))
+
+
+def _sharing_images(classes: Sequence[PreparedClass]) -> tuple[PreparedClass, ...]:
+    """Let classes whose densities are equal share one image, so that whatever is made of an image is made once."""
+    result: list[PreparedClass] = []
+    seen: dict[tuple[tuple[int, ...], int], list[np.ndarray]] = {}
+    for body_class in classes:
+        image = body_class.density_image
+        alike = seen.setdefault((image.shape, zlib.crc32(np.ascontiguousarray(image).data)), [])
+        shared = next((other for other in alike if other is image or np.array_equal(other, image)), None)
+        if shared is None:
+            alike.append(image)
+        elif shared is not image:
+            body_class = replace(body_class, density_image=shared)
+        result.append(body_class)
+    return tuple(result)

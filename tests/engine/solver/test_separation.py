@@ -174,10 +174,10 @@ def test_bodies_of_many_periods_end_well():
     line = Size("line", 1e-4, 2, line=Line(2.5, width=0.015))
     dots = Size("dot", (1e-6, 1e-4), 2)
     for avoid in (False, True):
-        problem = Problem(Domain((100.0, 0.02), "periodic"), [BodyClass("a", [line, dots], 0.5)], avoid_overlap=avoid)
+        problem = Problem(Domain((100.0, 0.2), "periodic"), [BodyClass("a", [line, dots], 0.5)], avoid_overlap=avoid)
         placement = solve(problem, device="cpu", max_steps=3)
         assert np.isfinite(placement.position).all()
-        assert (placement.position >= 0.0).all() and (placement.position <= [100.0, 0.02]).all()
+        assert (placement.position >= 0.0).all() and (placement.position <= [100.0, 0.2]).all()
 
 
 def test_what_cannot_fit_is_not_converged_and_says_why():
