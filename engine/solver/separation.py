@@ -330,7 +330,14 @@ class Separation:
             self._home.assign(self._start)
             parted = self._try(go_on, hot=True)
         self._write_back()
+        self._forget()
         return bool(parted)
+
+    def _forget(self) -> None:
+        """Let go of what was recorded, where there is something."""
+        for recording in self._one_round or ():
+            self.launcher.release(recording)
+        self._one_round = None
 
     @property
     def _swappable(self) -> bool:
@@ -420,7 +427,7 @@ class Separation:
             pairs.push = launcher.empty(self._slots, wp.vec4)
             pairs.depth = launcher.empty(self._slots, float)
             self._seconds = CellSort(launcher, self._slots, n + 1)
-            self._one_round = None
+            self._forget()
         pairs.start.assign(start.astype(np.int32))
         launcher.launch(kernels_separation.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
         self._seconds.sort(kernels_separation.second_keys, [pairs.start, pairs, n])
