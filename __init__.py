@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from .engine.drawing.halftone import render_halftone, write_halftone_png, write_halftone_svg
     from .engine.drawing.plan import draw_plan
     from .engine.errors import DeviceError, EshError, InputFileError, ProblemError
+    from .engine.files.bodies import Bodies, Prototype
     from .engine.files.image_files import read_color, read_density
-    from .engine.files.placement_files import write_placement
+    from .engine.files.placement_files import write_bodies, write_placement
+    from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.placement import Placement
@@ -38,6 +40,7 @@ __all__ = [
     "__version__",
     "AttributeDensity",
     "Balance",
+    "Bodies",
     "BodyClass",
     "BodyFlags",
     "ClassReport",
@@ -56,6 +59,7 @@ __all__ = [
     "ProblemError",
     "Profile",
     "Progress",
+    "Prototype",
     "Report",
     "ScatterClass",
     "ScatterJob",
@@ -70,6 +74,7 @@ __all__ = [
     "draw_plan",
     "halftone_problem",
     "ink_colors",
+    "load_placement",
     "measure_footprint",
     "read_color",
     "read_density",
@@ -78,6 +83,7 @@ __all__ = [
     "scatter",
     "separate",
     "solve",
+    "write_bodies",
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
@@ -89,6 +95,7 @@ __all__ = [
 _MODULES = {
     "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
+    "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.problem",
     "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
@@ -107,6 +114,7 @@ _MODULES = {
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
     "Progress": ".engine.solver.solver",
+    "Prototype": ".engine.files.bodies",
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
@@ -121,6 +129,7 @@ _MODULES = {
     "draw_plan": ".engine.drawing.plan",
     "halftone_problem": ".engine.problem.color_separation",
     "ink_colors": ".engine.problem.color_separation",
+    "load_placement": ".engine.files.placement_reader",
     "measure_footprint": ".esh_scatter.footprint",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
@@ -129,6 +138,7 @@ _MODULES = {
     "scatter": ".esh_scatter.api",
     "separate": ".engine.problem.color_separation",
     "solve": ".engine.solve",
+    "write_bodies": ".engine.files.placement_files",
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
 from ..errors import EshError, ProblemError
+from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    formats = one_of(f"{ending} ({writer.what})" for ending, writer in WRITERS.items())
     parser = _Parser(
         prog="esh-scatter",
         description="Place objects by electrostatic sampling: exact counts, density images, several classes and sizes at once.",
@@ -98,7 +100,15 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         action="append",
         required=True,
-        help="file for the placement: .npz (NumPy) or .csv; may be given several times",
+        help=f"file for the placement: {formats}; may be given several times",
+    )
+    solve.add_argument(
+        "--asset",
+        metavar="CLASS[/SIZE]=FILE",
+        type=_asset,
+        action="append",
+        default=[],
+        help="file of the object itself, for .usd and .glb; may be given several times",
     )
     solve.add_argument("--report", metavar="R.json", type=Path, help="also write the report, as JSON")
     solve.add_argument("--plot", metavar="P.png", type=Path, help="draw a plan: each body as a disc of its size")
@@ -156,6 +166,13 @@ def _positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"must be a number above 0; got {text!r}")
 
 
+def _asset(text: str) -> tuple[str, Path]:
+    name, equals, file = text.partition("=")
+    if not (name and equals and file):
+        raise argparse.ArgumentTypeError(f"must be CLASS=FILE or CLASS/SIZE=FILE; got {text!r}")
+    return name, Path(file)
+
+
 class _whole:
     """Type of an argument: a whole number of at least ``least`` and below 2**63."""
 
@@ -178,16 +195,24 @@ class _whole:
 
 def _solve(options: argparse.Namespace) -> int:
     _check_outputs(options)
-    from ..files.placement_files import placement_writer, write_files
     from ..files.recipe import read_recipe, recipe_densities
 
     problem = read_recipe(options.recipe, seed=options.seed)
-    _check_not_inputs(options, [options.recipe, *recipe_densities(options.recipe)])
+    assets: dict[str, list[Path]] = {}
+    for name, path in options.asset:
+        assets.setdefault(name, []).append(path)
+    _check_not_inputs(
+        options, [options.recipe, *recipe_densities(options.recipe), *(path for _, path in options.asset)]
+    )
+    if assets:
+        from ..files.bodies import check_assets
+
+        check_assets(problem, assets)
     from ..device.profile import Profile
 
     profile = Profile() if options.profile else None
     placement = _run(problem, options, profile)
-    writers = {path: placement_writer(path, placement) for path in options.output}
+    writers = {path: placement_writer(path, placement, assets=assets) for path in options.output}
     if options.report is not None:
         writers[options.report] = lambda file: _write_report(file, placement)
     if options.plot is not None:
@@ -210,7 +235,6 @@ def _solve(options: argparse.Namespace) -> int:
 
 def _separate(options: argparse.Namespace) -> int:
     from ..files.channel_files import channel_writers
-    from ..files.placement_files import write_files
     from ..problem.color_separation import MODELS
 
     folder: Path = options.output
@@ -357,17 +381,12 @@ def _strict(value: Any) -> Any:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Find out before the run, not after it, that something cannot be written."""
-    from ..files.placement_files import check_writable
-
-    endings = {"-o": (".npz", ".csv"), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
+    endings = {"-o": tuple(WRITERS), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
     seen: dict[Path, Path] = {}
     for option, path in _outputs(options):
-        if path.name.lower() in endings[option]:
-            raise EshError(f"{option} {path} must have a name before its ending, for example plan{path.name}")
-        if path.suffix.lower() not in endings[option]:
-            raise EshError(
-                f"{option} {path} must end in {' or '.join(endings[option])}; got the ending {path.suffix!r}"
-            )
+        ending = check_ending(path, endings[option], option)
+        if option == "-o":
+            WRITERS[ending].check()
         check_writable(path)
         place = path.resolve()
         if place in seen:

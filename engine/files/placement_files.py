@@ -1,4 +1,7 @@
-"""Placements as files: ``.npz`` for programs, ``.csv`` for everything else; written so that none is half done."""
+"""Placements as files, written so that none is half done. The ending of a file chooses its writer, in :data:`WRITERS`.
+
+Writers import what takes time to load when they are called: the command line looks at the table before it loads anything.
+"""
 
 from __future__ import annotations
 
@@ -8,42 +11,126 @@ import io
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
-
-import numpy as np
+from typing import TYPE_CHECKING, BinaryIO
 
 from ..errors import EshError
-from ..problem.placement import Placement
+from .body_formats import FORMATS, BodyFormat
 
-__all__ = ["check_writable", "placement_writer", "write_files", "write_placement"]
+if TYPE_CHECKING:
+    from ..problem.placement import Placement
+    from .bodies import AssetFiles, Bodies
+
+__all__ = [
+    "WRITERS",
+    "Assets",
+    "PlacementWriter",
+    "check_ending",
+    "check_writable",
+    "one_of",
+    "placement_writer",
+    "write_bodies",
+    "write_files",
+    "write_placement",
+]
 
 Writer = Callable[[BinaryIO], None]
 
 
-def write_placement(path: str | Path, placement: Placement) -> None:
+@dataclass(frozen=True)
+class Assets:
+    """Files that hold the objects themselves, for formats that can refer to them or take them in.
+
+    Attributes:
+        files: By ``"class"`` or ``"class/size"``, one or several; see :func:`~.bodies.bodies_of`.
+        folder: Where the placement's file will lie.
+    """
+
+    files: AssetFiles
+    folder: Path
+
+
+@dataclass(frozen=True)
+class PlacementWriter:
+    """How placements are written as files of one ending.
+
+    Attributes:
+        what: What such a file is, for help texts.
+        write: Writes a placement to an open binary file; equal placements as equal bytes.
+        check: Finds out whether what it needs is installed, and raises an EshError if it is not.
+    """
+
+    what: str
+    write: Callable[[BinaryIO, Placement, Assets], None]
+    check: Callable[[], None] = lambda: None
+
+
+def write_placement(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> None:
     """Write a placement; an older file is replaced only once the new one is complete.
 
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
             ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
             charges, 2]``, where lines may bend; readable without pickle; equal placements give
-            equal bytes) or in ``.csv`` (one line per body, its columns named in the first).
+            equal bytes), in ``.csv`` (one line per body, its columns named in the first), or in ``.usd``, ``.usdc``, ``.usda``,
+            ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
         placement: What to write.
+        assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
+            formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
+            and it stands upright. Prisms stand in for objects without a file.
 
     Raises:
-        EshError: Another ending, or a file that cannot be written.
+        EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    write_files({Path(path): placement_writer(path, placement)})
+    write_files({Path(path): placement_writer(path, placement, assets=assets)})
 
 
-def placement_writer(path: str | Path, placement: Placement) -> Writer:
+def write_bodies(path: str | Path, bodies: Bodies) -> None:
+    """Write bodies in space, for other programs; an older file is replaced only once the new one is complete.
+
+    Args:
+        path: Ends in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson``.
+        bodies: What to write.
+
+    Raises:
+        EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
+    """
+    body_format = FORMATS[check_ending(path, FORMATS)]
+    body_format.check()
+    write_files({Path(path): lambda file: body_format.write(file, bodies, Path(path).parent)})
+
+
+def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
-    writer = {".npz": _write_npz, ".csv": _write_csv}.get(Path(path).suffix.lower())
-    if writer is None:
-        raise EshError(f"{path} must end in .npz or .csv; got the ending {Path(path).suffix!r}")
-    return lambda file: writer(file, placement)
+    writer = WRITERS[check_ending(path, WRITERS)]
+    writer.check()
+    beside = Assets(assets or {}, Path(path).parent)
+    return lambda file: writer.write(file, placement, beside)
+
+
+def check_ending(path: str | Path, endings: Iterable[str], option: str = "") -> str:
+    """Return which of ``endings`` (``".csv"``; small letters) a file has; the longest, where one is the end of another.
+
+    Raises:
+        EshError: None of them, or nothing before it. The sentence begins with ``option``.
+    """
+    path, endings = Path(path), tuple(endings)
+    subject = f"{option} {path}" if option else str(path)
+    name = path.name.lower()
+    if name in endings:
+        raise EshError(f"{subject} must have a name before its ending, for example plan{path.name}")
+    found = [ending for ending in endings if name.endswith(ending)]
+    if not found:
+        raise EshError(f"{subject} must end in {one_of(endings)}; got the ending {path.suffix!r}")
+    return max(found, key=len)
+
+
+def one_of(words: Iterable[str]) -> str:
+    """Return words as a sentence lists them: ``a, b or c``."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def check_writable(path: str | Path) -> None:
@@ -93,6 +180,8 @@ def write_files(writers: Mapping[Path, Writer]) -> None:
         for beside, target in staged:
             path = target
             beside.replace(target)
+    except EshError:
+        raise
     except (OSError, ValueError, MemoryError) as error:
         raise EshError(f"{path} cannot be written: {_reason(error)}") from None
     finally:
@@ -101,7 +190,9 @@ def write_files(writers: Mapping[Path, Writer]) -> None:
                 beside.unlink(missing_ok=True)
 
 
-def _write_npz(file: BinaryIO, placement: Placement) -> None:
+def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
+    import numpy as np
+
     # np.savez dates its members 1980-01-01, so equal arrays give equal bytes.
     np.savez(
         file,
@@ -117,7 +208,9 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
     )
 
 
-def _write_csv(file: BinaryIO, placement: Placement) -> None:
+def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
+    import numpy as np
+
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(
@@ -139,6 +232,23 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
+
+
+# A new format is one entry here: the API, the command line, its help and its messages read this table.
+def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:
+    def write(file: BinaryIO, placement: Placement, assets: Assets) -> None:
+        from .bodies import bodies_of
+
+        body_format.write(file, bodies_of(placement, assets.files), assets.folder)
+
+    return PlacementWriter(body_format.what, write, body_format.check)
+
+
+WRITERS: dict[str, PlacementWriter] = {
+    ".npz": PlacementWriter("NumPy arrays", _write_npz),
+    ".csv": PlacementWriter("a table of text", _write_csv),
+    **{ending: _exchange_writer(body_format) for ending, body_format in FORMATS.items()},
+}
 
 
 def _reason(error: Exception) -> str:

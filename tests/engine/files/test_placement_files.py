@@ -114,8 +114,8 @@ def test_what_cannot_be_written_is_said_in_one_sentence(tmp_path, placement):
         tmp_path / "absent" / "a.npz": "cannot be written: there is no folder",
         tmp_path / "file" / "a.npz": "cannot be written: there is no folder",
         tmp_path / "folder.npz": "cannot be written: it is a folder",
-        tmp_path / "a.txt": r"must end in \.npz or \.csv; got the ending '\.txt'",
-        tmp_path / "npz": r"must end in \.npz or \.csv; got the ending ''",
+        tmp_path / "a.txt": r"must end in \.npz, \.csv, .* or \.geojson; got the ending '\.txt'",
+        tmp_path / "npz": r"must end in \.npz, \.csv, .* or \.geojson; got the ending ''",
         tmp_path / "nul\0.npz": "cannot be written",
         tmp_path / ("x" * 300 + ".npz"): "cannot be written",
     }.items():
