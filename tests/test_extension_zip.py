@@ -139,7 +139,9 @@ def test_the_zip_holds_the_package_and_its_wheels_only(zip_path: Path):
         if path.is_file() and not {"__pycache__", "fonts"} & set(path.parts)
     }
     wheels = {wheel.removeprefix("./") for wheel in manifest["wheels"]}
-    assert names == {"blender_manifest.toml", "__init__.py", "LICENSE", *sources, *wheels}
+    prebuilt = {name for name in names if name.startswith("engine/device/prebuilt/")}
+    assert {Path(name).suffix for name in prebuilt} == {".o", ".meta", ".json"}
+    assert names - prebuilt == {"blender_manifest.toml", "__init__.py", "LICENSE", *sources, *wheels}
     assert [len(manifest["platforms"]), len(wheels)] == [1, 2]
     assert zip_path.name == f"esh_scatter-{manifest['version']}-{manifest['platforms'][0]}.zip"
 
@@ -199,6 +201,40 @@ answer(points=len(heights), height=max(map(abs, heights)), instances=instances,
     assert seen["points"] == seen["instances"] == 110
     assert seen["height"] < 1e-5
     assert seen["warnings"] == {}
+
+
+def test_the_first_run_of_the_extension_waits_for_no_compiler(
+    installed: dict, run_in_blender: Callable[[str], dict], tmp_path: Path
+):
+    seen = run_in_blender(
+        f"""
+os.environ["WARP_CACHE_PATH"] = {str(tmp_path)!r}
+addon_utils.enable({MODULE!r})
+from bl_ext.user_default import esh_scatter as esh
+import warp._src.build
+
+def refuse(output, source, *args, **settings):
+    raise RuntimeError("compiles " + source)
+
+warp._src.build.build_cpu = refuse
+bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, size=10)
+ground = bpy.context.object
+bpy.ops.mesh.primitive_cone_add(radius1=0.1, depth=0.5)
+tree = bpy.context.object
+bpy.ops.mesh.primitive_cube_add(size=0.1)
+log = bpy.context.object
+log.scale = (4, 1, 1)
+classes = [
+    esh.ScatterClass("pine", [esh.ScatterSize("all", 40, tree, 0.1)], density=esh.ImageDensity(
+        bpy.data.images.new("density", 16, 16))),
+    esh.ScatterClass("log", [esh.ScatterSize("all", 20, log)], density=1.0),
+]
+bpy.data.images["density"].generated_type = "COLOR_GRID"
+result = esh.scatter(ground, classes, device="cpu", max_steps=5, avoid_overlap=True)
+answer(placed=[size.placed for entry in result.report.classes for size in entry.sizes])
+"""
+    )
+    assert seen["placed"] == [40, 20]
 
 
 def test_the_first_script_of_the_documents_runs_in_the_installed_extension(

@@ -1,7 +1,8 @@
 """Build the extension's zip for one platform, with its wheels: ``python tools/build_extension.py --platform linux-x64``.
 
 1. Download the wheels that the manifest lists for the platform into ``build/wheels`` (kept for the next time).
-2. Stage the package with a manifest that names only this platform and these wheels.
+2. Stage the package with a manifest that names only this platform and these wheels, and with its CPU kernels compiled where the
+   platform is this machine's.
 3. Let Blender's own builder, found in pip's ``bpy``, check and pack it; Blender itself is not started.
 
 The result is ``dist/esh_scatter-<version>-<platform>.zip``.
@@ -109,6 +110,18 @@ def staged_manifest(text: str, target: str, wheels: list[str]) -> str:
     return text
 
 
+def compile_kernels(folder: Path) -> None:
+    """Put the CPU kernels into the package, compiled.
+
+    Raises:
+        BuildError: They do not compile.
+    """
+    command = [sys.executable, str(ROOT / "tools" / "build_kernels.py"), str(folder)]
+    outcome = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if outcome.returncode:
+        raise BuildError(f"the kernels could not be compiled:\n{outcome.stdout.strip()}")
+
+
 def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
     """Build the zip of one platform and return its path.
 
@@ -131,6 +144,9 @@ def build(target: str, output_folder: Path, wheel_folder: Path) -> Path:
                 shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy2(source, stage / name)
+        if target == current_platform():
+            # Objects can be made only on the system that they are for; elsewhere the first run compiles.
+            compile_kernels(stage / "engine" / "device" / "prebuilt")
         for name in LEFT_OUT:
             shutil.rmtree(stage / name, ignore_errors=True)
         for wheel in wheels:

@@ -21,10 +21,10 @@ LARGEST_ARGUMENTS = 4096
 # Room for a lock or a condition variable of any system [bytes], and threads at most.
 BYTES_OF_A_CONDITION = 128
 MOST_THREADS = 64
-# How long a thread that waits stays awake, about 0.4 milliseconds: in ticks of the clock of x86 processors, 2 to 5 GHz, and as a share of
-# a second for others. Waking a thread costs whoever wakes it several microseconds, on virtual machines most of all, so that none should
-# sleep between the operations of a step. It does not give way to others while it is awake: on a busy machine that costs it a whole turn
-# of theirs, and all threads wait for it, while one that slept is let in again soon.
+# How long a thread that waits stays awake, about 0.4 milliseconds: in ticks of the clock of x86 processors, 2 to 5 GHz, and as a share
+# of a second for others. Waking a thread costs whoever wakes it several microseconds, on virtual machines most of all, so that none
+# should sleep between the operations of a step. It does not give way to others while it is awake: on a busy machine that costs it a
+# whole turn of theirs, and all threads wait for it, while one that slept is let in again soon.
 TICKS_AWAKE = 1_000_000
 AWAKE_PER_SECOND = 2500
 

@@ -20,6 +20,7 @@ import warp as wp
 
 from ..errors import DeviceError
 from . import kernels_threads
+from .prebuilt_kernels import load_prebuilt
 
 __all__ = ["Operation", "Program", "ThreadTeam", "ticks"]
 
@@ -139,6 +140,7 @@ class ThreadTeam:
         Returns:
             The operation, and what has to be kept alive for it.
         """
+        load_prebuilt(kernel.module)
         numbers = (0, 0) if per_thread else (0,)
         launch = wp.launch(kernel, dim=1, inputs=[*numbers, *arguments], device="cpu", record_cmd=True)
         packed = _pack(launch)
@@ -250,12 +252,14 @@ def ticks() -> int:
     """Reading of the clock that operations are timed by."""
     reading = (ctypes.c_int64 * 1)()
     array = wp.array(ptr=ctypes.addressof(reading), shape=(1,), dtype=wp.int64, device="cpu")
+    load_prebuilt(kernels_threads.read_clock.module)
     wp.launch(kernels_threads.read_clock, dim=1, outputs=[array], device="cpu")
     return reading[0]
 
 
 def _native(kernel: wp.Kernel) -> Any:
     """The compiled function behind a kernel, which takes launch bounds and arguments."""
+    load_prebuilt(kernel.module)
     module = kernel.module.load(wp.get_device("cpu"), 1)
     return module.get_kernel_hooks(kernel).forward
 

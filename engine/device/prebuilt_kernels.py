@@ -1,0 +1,77 @@
+"""CPU kernels that were compiled when the extension's zip was built, so that the first run waits for no compiler.
+
+A build puts them into the folder ``prebuilt`` beside this file (``tools/build_kernels.py``), once for every *tier* of processors: a
+set of instructions that all processors of a generation have. A source checkout has no such folder, and a kernel that was edited since
+has no file in it; Warp then compiles it at its first launch, as ever.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import warp as wp
+
+__all__ = ["FOLDER", "INDEX", "TIERS", "load_prebuilt", "stem_of"]
+
+FOLDER = Path(__file__).parent / "prebuilt"
+INDEX = "index.json"
+# What LLVM calls the levels of x86-64 in its own processor names, best first, and the features that each asks for.
+_V2 = {"cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4.2", "ssse3"}
+_V3 = _V2 | {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"}
+_V4 = _V3 | {"avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"}
+TIERS: dict[str, frozenset[str]] = {
+    "x86-64-v4": frozenset(_V4),
+    "x86-64-v3": frozenset(_V3),
+    "x86-64-v2": frozenset(_V2),
+    # The first processor that macOS runs on with this instruction set.
+    "apple-m1": frozenset({"neon", "fullfp16", "sha3"}),
+}
+
+
+@cache
+def load_prebuilt(module: wp.Module) -> bool:
+    """Load a module's prebuilt kernels for the CPU, before its first launch there; False where there are none for it."""
+    flags = _compiler_flags()
+    if flags is None:
+        return False
+    # They are a part of the name that is looked for; a module of which nothing is found is compiled with them, too.
+    wp.set_module_options({"cpu_compiler_flags": flags}, module)
+    package = __name__.removesuffix(".engine.device.prebuilt_kernels")
+    binary = FOLDER / f"{stem_of(module, package)}.o"
+    if not binary.is_file():
+        return False
+    module.load(wp.get_device("cpu"), 1, binary_path=binary, meta_path=binary.with_suffix(".meta"))
+    return True
+
+
+def stem_of(module: wp.Module, package: str) -> str:
+    """Name of a module's files: the same in whichever package the engine lies, and another after every edit."""
+    return str(module.get_module_identifier(1)).removeprefix(f"wp_{package}.")
+
+
+@cache
+def _compiler_flags() -> str | None:
+    """Compiler flags of the best tier that this processor belongs to; None where nothing is prebuilt for it."""
+    try:
+        index = json.loads((FOLDER / INDEX).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if index.get("warp") != wp.__version__:
+        return None
+    features = _processor_features()
+    for tier, needed in TIERS.items():
+        if tier in index["flags"] and needed <= features:
+            return str(index["flags"][tier])
+    return None
+
+
+def _processor_features() -> frozenset[str]:
+    """What LLVM finds in this processor; nothing where Warp does not tell."""
+    from warp._src import context
+
+    try:
+        return frozenset(context._get_cpu_feature_set())
+    except AttributeError:
+        return frozenset()

@@ -1,0 +1,112 @@
+"""Kernels that were compiled ahead of time are those that a launch asks for, and only on processors that can carry them out."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from esh.engine.device import prebuilt_kernels
+from esh.engine.device.prebuilt_kernels import INDEX, TIERS
+
+ROOT = Path(__file__).resolve().parents[3]
+
+SOLVE = """
+import sys
+from pathlib import Path
+import esh
+import warp as wp
+from esh.engine.device import prebuilt_kernels
+import warp._src.build
+
+prebuilt_kernels.FOLDER = Path(sys.argv[1])
+compiled = []
+build = warp._src.build.build_cpu
+def count(output, source, *args, **settings):
+    compiled.append(source)
+    return build(output, source, *args, **settings)
+warp._src.build.build_cpu = count
+from esh.engine.device.threads import ticks
+first, second = ticks(), ticks()
+assert second > first
+print(len(compiled))
+"""
+
+
+@pytest.fixture(autouse=True)
+def asked_anew():
+    prebuilt_kernels._compiler_flags.cache_clear()
+    yield
+    prebuilt_kernels._compiler_flags.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def prebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The one module that every run on the CPU begins with, for all tiers."""
+    folder = tmp_path_factory.mktemp("kernels")
+    script = (
+        "import sys; sys.path.insert(0, 'tools'); import build_kernels as b; from pathlib import Path; "
+        "b.kernel_modules = lambda: ['esh.engine.device.kernels_threads']; print(b.build(Path(sys.argv[1])))"
+    )
+    outcome = subprocess.run(
+        [sys.executable, "-c", script, folder / "prebuilt"], capture_output=True, text=True, cwd=ROOT
+    )
+    assert outcome.returncode == 0, outcome.stderr[-2000:]
+    if not json.loads((folder / "prebuilt" / INDEX).read_text())["flags"]:
+        pytest.skip("nothing is built ahead of time for this kind of processor")
+    return folder / "prebuilt"
+
+
+def compiled_with(folder: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    """How many modules a new process with an empty cache compiles."""
+    monkeypatch.setenv("WARP_CACHE_PATH", str(cache))
+    outcome = subprocess.run([sys.executable, "-c", SOLVE, folder], capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr[-2000:]
+    return int(outcome.stdout.splitlines()[-1])
+
+
+def test_what_is_prebuilt_is_not_compiled(prebuilt: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    assert compiled_with(prebuilt, tmp_path / "with", monkeypatch) == 0
+    assert compiled_with(tmp_path / "nothing", tmp_path / "without", monkeypatch) == 1
+
+
+def test_an_edited_kernel_is_compiled(prebuilt: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    edited = tmp_path / "edited"
+    edited.mkdir()
+    for file in prebuilt.iterdir():
+        stem, _, rest = file.name.rpartition("_")
+        name = file.name if file.name == INDEX else f"{stem}_0000000.{rest.partition('.')[2]}"
+        (edited / name).write_bytes(file.read_bytes())
+    assert compiled_with(edited, tmp_path / "cache", monkeypatch) == 1
+
+
+def write_index(folder: Path, warp: str) -> None:
+    (folder / INDEX).write_text(json.dumps({"warp": warp, "flags": {tier: f"for {tier}" for tier in TIERS}}))
+
+
+def test_the_best_tier_that_the_processor_belongs_to_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    import warp as wp
+
+    write_index(tmp_path, wp.__version__)
+    monkeypatch.setattr(prebuilt_kernels, "FOLDER", tmp_path)
+    for features, expected in (
+        (TIERS["x86-64-v4"] | {"amx-tile"}, "for x86-64-v4"),
+        (TIERS["x86-64-v4"] - {"avx512vl"}, "for x86-64-v3"),
+        (TIERS["x86-64-v3"] - {"fma"}, "for x86-64-v2"),
+        (frozenset({"sse3"}), None),
+        (frozenset(), None),
+    ):
+        monkeypatch.setattr(prebuilt_kernels, "_processor_features", lambda features=features: frozenset(features))
+        prebuilt_kernels._compiler_flags.cache_clear()
+        assert prebuilt_kernels._compiler_flags() == expected
+
+
+def test_another_version_of_warp_compiles_for_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_index(tmp_path, "1.18.0")
+    monkeypatch.setattr(prebuilt_kernels, "FOLDER", tmp_path)
+    assert prebuilt_kernels._compiler_flags() is None
+    (tmp_path / INDEX).write_text("{ cut of")
+    prebuilt_kernels._compiler_flags.cache_clear()
+    assert prebuilt_kernels._compiler_flags() is None
