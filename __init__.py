@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .engine.surface.footprint import Footprint
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
+    from .esh_scatter.exchange import export_result, import_placement
     from .esh_scatter.footprint import measure_footprint
 
 __all__ = [
@@ -72,7 +73,9 @@ __all__ = [
     "Unsharp",
     "VertexGroupDensity",
     "draw_plan",
+    "export_result",
     "halftone_problem",
+    "import_placement",
     "ink_colors",
     "load_placement",
     "measure_footprint",
@@ -127,7 +130,9 @@ _MODULES = {
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
     "draw_plan": ".engine.drawing.plan",
+    "export_result": ".esh_scatter.exchange",
     "halftone_problem": ".engine.problem.color_separation",
+    "import_placement": ".esh_scatter.exchange",
     "ink_colors": ".engine.problem.color_separation",
     "load_placement": ".engine.files.placement_reader",
     "measure_footprint": ".esh_scatter.footprint",

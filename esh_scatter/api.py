@@ -6,6 +6,7 @@ one, which does not touch Blender, in a thread.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +37,7 @@ from ..engine.surface.footprint import Footprint
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .result import body_rotations, find_result, rotate, write_result
+from .result import CLASS_NAMES, body_rotations, find_result, rotate, write_result
 from .target import RESULT_TAG, check_exists, check_target, read_target
 
 __all__ = [
@@ -249,6 +250,8 @@ class ScatterJob:
             position,
             self._attributes(rotation, drawn),
         )
+        names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
+        item[CLASS_NAMES] = json.dumps(names)
         return ScatterResult(item, self.placement.report, self.placement)
 
     def _source_index(self, member: bpy.types.Object) -> int:

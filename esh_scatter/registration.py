@@ -4,11 +4,11 @@ import atexit
 
 import bpy
 
-from . import lists, operators, panels, properties, running
+from . import exchange, lists, operators, panels, properties, running
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (properties, lists, operators, panels)
+_MODULES = (properties, lists, operators, panels, exchange)
 
 
 def register() -> None:
@@ -17,6 +17,7 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     properties.attach()
+    exchange.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
 
@@ -25,6 +26,7 @@ def unregister() -> None:
     """Stop a run that is under way and take everything away again."""
     atexit.unregister(unregister)
     running.end(wait=True)
+    exchange.detach()
     properties.detach()
     for module in reversed(_MODULES):
         for cls in reversed(module.CLASSES):

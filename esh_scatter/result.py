@@ -10,11 +10,13 @@ import numpy as np
 from .node_group import build_node_group
 from .target import RESULT_TAG
 
-__all__ = ["body_rotations", "find_result", "rotate", "write_result"]
+__all__ = ["CLASS_NAMES", "body_rotations", "find_result", "rotate", "write_result"]
 
 # Custom properties of a result: what made it.
 TARGET = "esh_scatter_target"
 NAME = "esh_scatter_name"
+# And what its indices count: names of classes, and for each the names of its sizes, as JSON.
+CLASS_NAMES = "esh_scatter_classes"
 
 _WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color"}
 
@@ -58,7 +60,7 @@ def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> 
 def write_result(
     scene: bpy.types.Scene,
     replaced: bpy.types.Object | None,
-    target: bpy.types.Object,
+    target: bpy.types.Object | None,
     name: str,
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,
@@ -69,7 +71,7 @@ def write_result(
     Args:
         scene: Where a new object is linked.
         replaced: Result of an earlier run; its name, transform, collections and other modifiers stay.
-        target: Remembered on the object, to find it again.
+        target: Remembered on the object, to find it again; None where there is none.
         name: Of a new object; also remembered.
         sources: What ``instance_index`` counts.
         position: Points in the world [m], shape ``[n, 3]``.
@@ -93,7 +95,8 @@ def write_result(
         bpy.data.node_groups.remove(old)
         group.name = old_name
     item[RESULT_TAG] = True
-    item[TARGET] = target
+    if target is not None:
+        item[TARGET] = target
     item[NAME] = name
     return item
 
