@@ -38,7 +38,7 @@ def charges(placement: Placement, lines: np.ndarray) -> tuple[np.ndarray, np.nda
     return position, np.repeat([1.0, 6.0, 1.0], int(lines.sum()))
 
 
-def report_lines(run: Run, figure: str, name: str, placement: Placement, lines: np.ndarray, desired: float) -> None:
+def report_lines(run: Run, figure: str, name: str, placement: Placement, lines: np.ndarray, preferred: float) -> None:
     """Rows on length, direction, crossings and coverage of some lines."""
     problem = placement.problem
     image = problem.classes[int(placement.class_index[lines][0])].density_image
@@ -58,7 +58,11 @@ def report_lines(run: Run, figure: str, name: str, placement: Placement, lines: 
     # k = 2 in mean spacings of the lines, each of which is three charges.
     covered = coverage_error(position, charge, image, problem.domain, 2.0 * np.sqrt(3.0))
     run.row(
-        figure, f"{name}: mean length", f"{length:.3f}", f"{desired:g} within 10 %", abs(length / desired - 1.0) <= 0.1
+        figure,
+        f"{name}: mean length",
+        f"{length:.3f}",
+        f"{preferred:g} within 10 %",
+        abs(length / preferred - 1.0) <= 0.1,
     )
     run.row(
         figure,
@@ -67,7 +71,7 @@ def report_lines(run: Run, figure: str, name: str, placement: Placement, lines: 
         "<= 8°",
         bool(angle <= 8.0),
     )
-    most = 0.02 if desired <= 2 else 0.05
+    most = 0.02 if preferred <= 2 else 0.05
     run.row(figure, f"{name}: lines that cross another", f"{crossing:.2%}", f"<= {most:.0%}", crossing <= most)
     run.row(figure, f"{name}: coverage error of the charges, k = 2", f"{covered:.4f}", "<= 0.03", covered <= 0.03)
 

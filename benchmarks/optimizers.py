@@ -9,7 +9,7 @@ the scenes of dots, with a seed that is not used again.
 
 The scenes: uniform, scikit-image's photograph "camera", three classes of two sizes each, and lines on the photograph. Where there
 are several classes the error is the mean of that of all bodies and that of the first class. Lines have as many charges as the
-others have bodies; their turns and stretches are preconditioned as the engine does it, wishes included.
+others have bodies; their turns and stretches are preconditioned as the engine does it, preferred directions and lengths included.
 """
 
 from __future__ import annotations
@@ -113,29 +113,29 @@ class Dots:
         ahead = x if ahead is None else ahead
         wanted = ahead + self.limited(ahead, move)
         new = self.inside(wanted)
-        empty = ~self._on_full_pixels(new)
+        empty = ~self._in_support(new)
         if empty.any():
             # Along the edge of the empty pixel, if that is possible, else not at all.
             for axis in (1, 0):
                 along = wanted.copy()
                 along[:, axis] = x[:, axis]
                 along = self.inside(along)
-                may = empty & self._on_full_pixels(along)
+                may = empty & self._in_support(along)
                 new[may] = along[may]
                 empty &= ~may
             new[empty] = x[empty]
         return new
 
-    def _on_full_pixels(self, x: np.ndarray) -> np.ndarray:
-        full = np.ones(len(x), dtype=bool)
+    def _in_support(self, x: np.ndarray) -> np.ndarray:
+        inside = np.ones(len(x), dtype=bool)
         for k, body_class in enumerate(self.problem.classes):
             image = body_class.density_image
             own = self.class_index == k
             share = x[own] / self.size
             column = np.minimum((share[:, 0] * image.shape[1]).astype(int), image.shape[1] - 1)
             row = np.clip(((1.0 - share[:, 1]) * image.shape[0]).astype(int), 0, image.shape[0] - 1)
-            full[own] = image[row, column] > 0.0
-        return full
+            inside[own] = image[row, column] > 0.0
+        return inside
 
     def errors(self, x: np.ndarray) -> np.ndarray:
         """Coverage error of ``x`` for every blur; with several classes the mean of that of all and of the first class."""
@@ -159,8 +159,8 @@ class Lines(Dots):
         descent = self.descent
         self.body = body = np.repeat(np.arange(descent.model.body_count), np.diff(descent.bodies.first_charge.numpy()))
         self.body_charge = np.bincount(body, weights=self.charge)
-        place = descent.bodies.place.numpy()
-        self.inertia = np.bincount(body, weights=self.charge * place**2) / self.body_charge
+        axial = descent.bodies.axial.numpy()
+        self.inertia = np.bincount(body, weights=self.charge * axial**2) / self.body_charge
         return descent.state.pose.numpy().astype(np.float64)
 
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -169,11 +169,11 @@ class Lines(Dots):
         descent.place_charges()
         descent.field.evaluate(descent.charge_position, descent.field_at_charge)
         self.evaluations += self.cost
-        # The lengths reached decide how far the desired one is raised, which is the engine's matter whatever moves the lines.
+        # The lengths reached decide how far the preferred one is raised, which is the engine's matter whatever moves the lines.
         descent.propose()
         descent.decide()
         move = descent.state.move.numpy().astype(np.float64)
-        # Mean square of the way of a line's charges.
+        # Mean square of the displacement of a line's charges.
         half = 0.5 * x[:, 3]
         one = np.ones(len(x))
         metric = np.stack([one, one, self.inertia * half**2, 0.25 * self.inertia], axis=1)
@@ -191,14 +191,14 @@ class Lines(Dots):
         descent.state.pose.assign(x.astype(np.float32))
         descent.state.move.assign((self.inside(ahead + self.limited(ahead, move)) - x).astype(np.float32))
         descent.direction.assign(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32))
-        # What keeps lines on full pixels and apart is the engine's.
+        # What keeps lines in the support and apart is the engine's.
         descent.move()
         descent.contact.push(descent.state.pose, descent.state.bend, descent.state.displacement)
         return descent.state.pose.numpy().astype(np.float64)
 
     def errors(self, x: np.ndarray) -> np.ndarray:
         body = self.body
-        along = (0.5 * x[body, 3] * self.descent.bodies.place.numpy())[:, None]
+        along = (0.5 * x[body, 3] * self.descent.bodies.axial.numpy())[:, None]
         position = x[body, :2] + along * np.stack([np.cos(x[body, 2]), np.sin(x[body, 2])], axis=1)
         position = np.clip(position * self.descent.model.unit, 0.0, self.problem.domain.size)
         return coverage_errors(position, self.charge, self.problem.classes[0].density_image)
@@ -241,15 +241,15 @@ def nesterov(
     while True:
         move, weight = system.pull(ahead)
         new = system.shifted(x, step * move, ahead)
-        way = new - x
-        speed = np.sum(weight * way * way)
-        if (np.sum(weight * move * way) < 0.0) if restart == "gradient" else (t > 1.0 and speed < slowest):
+        displacement = new - x
+        speed = np.sum(weight * displacement * displacement)
+        if (np.sum(weight * move * displacement) < 0.0) if restart == "gradient" else (t > 1.0 and speed < slowest):
             t = 1.0
         slowest = speed
         following = 0.5 * (growth + math.sqrt(growth**2 + 4.0 * t * t))
         momentum = min(cap, max(0.0, t - 1.0) / following)
         t, x = following, new
-        ahead = system.inside(x + momentum * way)
+        ahead = system.inside(x + momentum * displacement)
         yield x
 
 
@@ -284,15 +284,15 @@ def barzilai_borwein(system: Dots, x: np.ndarray, *, largest: float, long: bool)
         new = system.shifted(x, step * move)
         yield new
         last = move
-        way, x = new - x, new
+        displacement, x = new - x, new
         move, weight = system.pull(x)
         change = last - move
-        curvature = np.sum(weight * way * change)
+        curvature = np.sum(weight * displacement * change)
         count += 1
         if curvature <= 0.0:
             step = largest
         elif long or count % 2:
-            step = np.sum(weight * way * way) / curvature
+            step = np.sum(weight * displacement * displacement) / curvature
         else:
             step = curvature / np.sum(weight * change * change)
         step = min(max(step, 0.3), largest)
@@ -309,25 +309,25 @@ def limited_memory(system: Dots, x: np.ndarray, *, pairs: int, largest: float) -
     scale = SAFE_STEP
     while True:
         direction, shares = move.copy(), []
-        for way, change, inverse in reversed(known):
-            shares.append(inverse * np.sum(weight * way * direction))
+        for displacement, change, inverse in reversed(known):
+            shares.append(inverse * np.sum(weight * displacement * direction))
             direction -= shares[-1] * change
         direction *= scale
-        for (way, change, inverse), share in zip(known, reversed(shares), strict=True):
-            direction += way * (share - inverse * np.sum(weight * change * direction))
+        for (displacement, change, inverse), share in zip(known, reversed(shares), strict=True):
+            direction += displacement * (share - inverse * np.sum(weight * change * direction))
         if np.sum(weight * direction * move) <= 0.0:
             known, scale = [], SAFE_STEP
             direction = scale * move
         new = system.shifted(x, direction)
         yield new
         last = move
-        way, x = new - x, new
+        displacement, x = new - x, new
         move, weight = system.pull(x)
         change = last - move
-        curvature = np.sum(weight * way * change)
-        squares = np.sum(weight * way * way), np.sum(weight * change * change)
+        curvature = np.sum(weight * displacement * change)
+        squares = np.sum(weight * displacement * displacement), np.sum(weight * change * change)
         if curvature > SMALLEST_COSINE * math.sqrt(squares[0] * squares[1]):
-            known = [*known, (way, change, 1.0 / curvature)][-pairs:]
+            known = [*known, (displacement, change, 1.0 / curvature)][-pairs:]
             scale = min(curvature / squares[1], largest)
         elif curvature < 0.0:
             known, scale = [], SAFE_STEP
@@ -338,7 +338,7 @@ def memoryless_bfgs(
 ) -> Iterator[np.ndarray]:
     """BFGS that remembers the last step alone (Shanno, 1978), without line search.
 
-    With the way s of the last step, the moves m and what they changed by, y = m' - m, all dot products in the metric of the
+    With the displacement s of the last step, the moves m and what they changed by, y = m' - m, all dot products in the metric of the
     preconditioner: direction = g m + [s·m / s·y (1 + g y·y / s·y) - g y·m / s·y] s - g s·m / s·y y, where
     g = |s| / |y|, the geometric mean of both steps of Barzilai and Borwein. So three vectors and six sums over the bodies.
     """
@@ -348,29 +348,29 @@ def memoryless_bfgs(
         new = system.shifted(x, direction)
         yield new
         last = move
-        way, x = new - x, new
+        displacement, x = new - x, new
         move, weight = system.pull(x)
         change = last - move
         sy, ss, yy, sm, ym, mm = (
             float(np.sum(weight * a * b))
             for a, b in (
-                (way, change),
-                (way, way),
+                (displacement, change),
+                (displacement, displacement),
                 (change, change),
-                (way, move),
+                (displacement, move),
                 (change, move),
                 (move, move),
             )
         )
-        of_move, of_way, of_change = first, 0.0, 0.0
+        of_move, of_displacement, of_change = first, 0.0, 0.0
         if sy > SMALLEST_COSINE * math.sqrt(ss * yy):
             scale = min(max(math.sqrt(ss / yy), smallest), largest)
-            of_way = sm / sy * (1.0 + scale * yy / sy) - scale * ym / sy
+            of_displacement = sm / sy * (1.0 + scale * yy / sy) - scale * ym / sy
             of_change = -scale * sm / sy
             of_move = scale
-            if of_move * mm + of_way * sm + of_change * ym <= 0.0:
-                of_move, of_way, of_change = first, 0.0, 0.0
-        direction = of_move * move + of_way * way + of_change * change
+            if of_move * mm + of_displacement * sm + of_change * ym <= 0.0:
+                of_move, of_displacement, of_change = first, 0.0, 0.0
+        direction = of_move * move + of_displacement * displacement + of_change * change
 
 
 def multilevel(system: Dots, _x: np.ndarray, *, coarse: int, then: Optimizer) -> Iterator[np.ndarray]:

@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
+from ..engine.problem.image_filters import luminance
 from ..engine.problem.validation import check_density, show
 from ..engine.surface import kernels_chart
 from ..engine.surface.launching import launch_on_cpu
-from ..engine.surface.surface_points import LUMINANCE
 from .target import check_exists
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
     """
     pixels = image_pixels(image, key)
     channels = pixels.shape[2]
-    grey = pixels[..., :3] @ LUMINANCE if channels >= 3 else pixels[..., 0]
+    grey = luminance(pixels) if channels >= 3 else pixels[..., 0]
     return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
 
 

@@ -9,6 +9,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from ..engine.errors import EshError
+from ..engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from . import running
 from .properties import active_scatter
 
@@ -219,8 +220,8 @@ class ESH_OT_classes_from_image(_Edit):
     model: EnumProperty(
         name="Inks",
         description="Which inks the image is split into",
-        items=[(name, name, f"Use the inks {name}") for name in ("CMY", "CMYK", "CMY-RG-K", "CMY-RB-K", "CMY-RGB-K")],
-        default="CMYK",
+        items=[(name, name, f"Use the inks {name}") for name in INK_MODELS],
+        default=DEFAULT_MODEL,
     )
     dots: IntProperty(
         name="Dots",

@@ -18,10 +18,12 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
 from ..errors import EshError, ProblemError
 from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
+from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
 
 if TYPE_CHECKING:
     from ..device.profile import Profile
+    from ..files.recipe import ParsedRecipe
     from ..problem.placement import Placement
     from ..problem.problem import Problem
     from ..solver.solver import Progress
@@ -78,6 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     formats = one_of(f"{ending} ({writer.what})" for ending, writer in WRITERS.items())
+    models = one_of(f"{name} (default)" if name == DEFAULT_MODEL else name for name in INK_MODELS)
     parser = _Parser(
         prog="esh-scatter",
         description="Place objects by electrostatic sampling: exact counts, density images, several classes and sizes at once.",
@@ -141,9 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     separate.add_argument(
         "image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR file; transparent places count as white"
     )
-    separate.add_argument(
-        "--model", metavar="M", default="CMYK", help="CMY, CMYK (default), CMY-RG-K, CMY-RB-K or CMY-RGB-K"
-    )
+    separate.add_argument("--model", metavar="M", default=DEFAULT_MODEL, help=models)
     separate.add_argument(
         "--area", metavar="A", type=_positive, default=1.0, help="area of a dot, in pixels of the image (default: 1)"
     )
@@ -195,15 +196,14 @@ class _whole:
 
 def _solve(options: argparse.Namespace) -> int:
     _check_outputs(options)
-    from ..files.recipe import read_recipe, recipe_densities
+    from ..files.recipe import parse_recipe, read_recipe, recipe_densities
 
-    problem = read_recipe(options.recipe, seed=options.seed)
+    recipe = parse_recipe(options.recipe)
+    problem = read_recipe(recipe, seed=options.seed)
     assets: dict[str, list[Path]] = {}
     for name, path in options.asset:
         assets.setdefault(name, []).append(path)
-    _check_not_inputs(
-        options, [options.recipe, *recipe_densities(options.recipe), *(path for _, path in options.asset)]
-    )
+    _check_not_inputs(options, [options.recipe, *recipe_densities(recipe), *(path for _, path in options.asset)])
     if assets:
         from ..files.bodies import check_assets
 
@@ -220,7 +220,7 @@ def _solve(options: argparse.Namespace) -> int:
 
         writers[options.plot] = lambda file: draw_plan(placement, file)
     if options.halftone is not None:
-        writers[options.halftone] = _halftone_writer(options, placement)
+        writers[options.halftone] = _halftone_writer(options, placement, recipe)
     # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
     with _on_interruption(signal.SIG_IGN):
         write_files(writers)
@@ -235,11 +235,10 @@ def _solve(options: argparse.Namespace) -> int:
 
 def _separate(options: argparse.Namespace) -> int:
     from ..files.channel_files import channel_writers
-    from ..problem.color_separation import MODELS
 
     folder: Path = options.output
-    if options.model not in MODELS:
-        raise EshError(f"--model must be one of {', '.join(MODELS)}; got {options.model!r}")
+    if options.model not in INK_MODELS:
+        raise EshError(f"--model must be one of {', '.join(INK_MODELS)}; got {options.model!r}")
     if folder.exists() and not folder.is_dir():
         raise EshError(f"-o {folder} must be a folder; it is a file")
     if not folder.resolve().parent.is_dir():
@@ -264,11 +263,13 @@ def _separate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _halftone_writer(options: argparse.Namespace, placement: Placement) -> Callable[[BinaryIO], None]:
+def _halftone_writer(
+    options: argparse.Namespace, placement: Placement, recipe: ParsedRecipe
+) -> Callable[[BinaryIO], None]:
     from ..drawing.halftone import write_halftone_png, write_halftone_svg
     from ..files.recipe import recipe_colors
 
-    colors = recipe_colors(options.recipe, placement.problem)
+    colors = recipe_colors(recipe, placement.problem)
     if options.halftone.suffix.lower() == ".svg":
         return lambda file: write_halftone_svg(file, placement, colors=colors)
     return lambda file: write_halftone_png(file, placement, pixels_per_metre=options.scale, colors=colors)
@@ -388,12 +389,12 @@ def _check_outputs(options: argparse.Namespace) -> None:
         if option == "-o":
             WRITERS[ending].check()
         check_writable(path)
-        place = path.resolve()
-        if place in seen:
+        target = path.resolve()
+        if target in seen:
             raise EshError(
-                f"{option} {path} is the same file as {seen[place]}, which was given before; choose another name"
+                f"{option} {path} is the same file as {seen[target]}, which was given before; choose another name"
             )
-        seen[place] = path
+        seen[target] = path
 
 
 def _check_not_inputs(options: argparse.Namespace, inputs: list[Path]) -> None:

@@ -18,6 +18,7 @@ from ..files.placement_files import write_files
 from ..problem import validation
 from ..problem.placement import Placement
 from ..problem.validation import show
+from .periodic_copies import copies_of_bodies, copies_within
 
 __all__ = ["ink_coverage", "line_axis", "render_halftone", "write_halftone_png", "write_halftone_svg"]
 
@@ -109,8 +110,8 @@ def write_halftone_svg(
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.9g} {height:.9g}" style="isolation:isolate">',
         f'<rect width="{width:.9g}" height="{height:.9g}" fill="white"/>',
     ]
-    radius = np.sqrt(placement.area / math.pi)
-    shifts = _shifts_of_bodies(placement)
+    radius = placement.radius
+    shifts = copies_of_bodies(placement)
     for c, color in enumerate(colors):
         paint = "#" + "".join(f"{round(255 * value):02x}" for value in color)
         parts.append(
@@ -243,7 +244,7 @@ def _strokes(placement: Placement, c: int, chosen: np.ndarray | None) -> _Stroke
     bodies = np.flatnonzero((placement.class_index == c) & (True if chosen is None else chosen))
     dots = bodies[placement.width[bodies] <= 0.0]
     starts, ends = [placement.position[dots]], [placement.position[dots]]
-    radii = [np.sqrt(placement.area[dots] / math.pi)]
+    radii = [placement.radius[dots]]
     lines = bodies[placement.width[bodies] > 0.0]
     bent = np.zeros(len(lines), dtype=bool)
     if placement.bends is not None:
@@ -263,41 +264,12 @@ def _strokes(placement: Placement, c: int, chosen: np.ndarray | None) -> _Stroke
     domain = placement.problem.domain
     if not domain.periodic:
         return once
-    seen = _shifts(once.low(), once.high(), domain.size)
+    seen = copies_within(once.low(), once.high(), domain.size)
     return _Strokes(
         np.concatenate([once.a[which] + shift for shift, which in seen]),
         np.concatenate([once.b[which] + shift for shift, which in seen]),
         np.concatenate([once.radius[which] for _, which in seen]),
     )
-
-
-def _shifts(low: np.ndarray, high: np.ndarray, size: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By how much a periodic domain repeats its bodies [m], and which of them can then be seen, shape ``[k]``."""
-    if not len(low):
-        return [(np.zeros(2), np.zeros(0, dtype=bool))]
-    first = np.floor(-high.max(axis=0) / size).astype(int) + 1
-    last = np.ceil((np.array(size) - low.min(axis=0)) / size).astype(int) - 1
-    result = []
-    for y in range(min(first[1], 0), max(last[1], 0) + 1):
-        for x in range(min(first[0], 0), max(last[0], 0) + 1):
-            shift = np.array([x, y]) * size
-            result.append((shift, ((high + shift > 0.0) & (low + shift < size)).all(axis=1)))
-    return result
-
-
-def _shifts_of_bodies(placement: Placement) -> list[tuple[np.ndarray, np.ndarray]]:
-    """As :func:`_shifts`, for whole bodies; in an open domain, every body once."""
-    if not placement.problem.domain.periodic:
-        return [(np.zeros(2), np.ones(len(placement.position), dtype=bool))]
-    half = 0.5 * placement.length[:, None] * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)
-    low = placement.position - np.abs(half)
-    high = placement.position + np.abs(half)
-    if placement.bends is not None:
-        bent = np.isfinite(placement.bends[:, 0, 0])
-        if bent.any():
-            low[bent], high[bent] = np.nanmin(placement.bends[bent], axis=1), np.nanmax(placement.bends[bent], axis=1)
-    radius = np.where(placement.width > 0.0, 0.5 * placement.width, np.sqrt(placement.area / math.pi))
-    return _shifts(low - radius[:, None], high + radius[:, None], placement.problem.domain.size)
 
 
 def _mask(strokes: _Strokes, samples: _Samples) -> np.ndarray:

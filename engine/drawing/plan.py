@@ -16,7 +16,9 @@ import numpy as np
 
 from ..errors import EshError
 from ..files.placement_files import write_files
+from ..problem.placement import disc_radius
 from .halftone import line_axis
+from .periodic_copies import copies_of_bodies
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -128,17 +130,11 @@ def _draw_bodies(
 
     # A disc larger than the picture fills it; Pillow need not know by how much.
     most = 4.0 * math.hypot(*image.size)
-    radius = np.minimum(np.sqrt(placement.area / math.pi) * fine, most)
-    lines = placement.width > 0.0
-    radius = np.where(lines, np.minimum(0.5 * placement.width * fine, most), radius)
-    center = np.column_stack(
-        [margin + placement.position[:, 0] * fine, margin + fine_height - placement.position[:, 1] * fine]
-    )
-    body = np.arange(len(radius))
-    if domain.periodic:
-        reach = radius + 0.5 * placement.length * fine
-        period = (domain.size[0] * fine, domain.size[1] * fine)
-        center, radius, body = _with_wrapped(center, radius, reach, margin, period)
+    copies = copies_of_bodies(placement)
+    body = np.concatenate([np.flatnonzero(seen) for _, seen in copies])
+    position = np.concatenate([placement.position[seen] + shift for shift, seen in copies])
+    radius = np.minimum(placement.radius[body] * fine, most)
+    center = np.column_stack([margin + position[:, 0] * fine, margin + fine_height - position[:, 1] * fine])
     # Large ones first: whatever overlaps, nothing is hidden altogether.
     order = np.argsort(-radius, kind="stable")
     class_index, size_index = placement.class_index[body].tolist(), placement.size_index[body].tolist()
@@ -147,7 +143,8 @@ def _draw_bodies(
     rim_color = [[_mix(color, (0, 0, 0), 0.28) for color in shades] for shades in size_color]
     # Points along the axes of lines, from the middles of their bodies, in pixels.
     axes = {
-        int(i): (line_axis(placement, int(i)) - placement.position[i]) * [fine, -fine] for i in np.flatnonzero(lines)
+        int(i): (line_axis(placement, int(i)) - placement.position[i]) * [fine, -fine]
+        for i in np.flatnonzero(placement.width > 0.0)
     }
     for index in order.tolist():
         c, s = class_index[index], size_index[index]
@@ -175,24 +172,6 @@ def _draw_capsule(draw: Any, points: np.ndarray, radius: float, color: Color | i
             draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=color)
 
 
-def _with_wrapped(
-    center: np.ndarray, radius: np.ndarray, reach: np.ndarray, margin: int, period: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Add the copies of bodies that reach over a border and come in again at the opposite one."""
-    centers, radii, bodies = [center], [radius], [np.arange(len(radius))]
-    for step_x in (-1, 0, 1):
-        for step_y in (-1, 0, 1):
-            if step_x == step_y == 0:
-                continue
-            moved = center + np.array([step_x * period[0], step_y * period[1]])
-            low, high = moved - reach[:, None], moved + reach[:, None]
-            seen = ((high > margin) & (low < margin + np.array(period))).all(axis=1)
-            centers.append(moved[seen])
-            radii.append(radius[seen])
-            bodies.append(np.flatnonzero(seen))
-    return np.concatenate(centers), np.concatenate(radii), np.concatenate(bodies)
-
-
 # What stands on one line of the legend, laid out from left to right: colour, radius of the swatch, half the length of
 # its axis (0: a disc), text.
 _Entry = tuple[Color, float, float, str]
@@ -213,7 +192,7 @@ def _legend_lines(
             if isinstance(size.area, tuple):
                 text += f", areas {size.area[0]:.3g} to {size.area[1]:.3g}"
             if size.line is None:
-                radius, half = min(max(math.sqrt(size.mean_area / math.pi) * scale, 5.0), 15.0), 0.0
+                radius, half = min(max(disc_radius(size.mean_area) * scale, 5.0), 15.0), 0.0
             else:
                 radius, half = SWATCH_LINE
             entries.append((size_color[c][s], radius, half, text))

@@ -49,11 +49,11 @@ def open_influence(convolution: Convolution, layout: MeshLayout, split: float) -
     rows, columns = layout.padded
     quarter = launcher.empty((rows // 2 + 1) * columns, float)
     # A constant potential has no force. Of a kernel whose mean is near 0 little is lost to rounding.
-    lift = math.log(0.4 * max(rows, columns) * layout.spacing[0])
+    constant = math.log(0.4 * max(rows, columns) * layout.spacing[0])
     launcher.launch(
         kernels_influence.sample_smoothed,
         len(quarter),
-        [columns, layout.spacing[0], split, lift],
+        [columns, layout.spacing[0], split, constant],
         [quarter],
     )
     influence = convolution.influence_of(quarter)

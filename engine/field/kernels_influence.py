@@ -35,7 +35,7 @@ class Waves:
 
 @wp.func
 def wave_at(i: int, waves: Waves):
-    """Row and column of a wave number, folded, and its place in the influence function."""
+    """Row and column of a wave number, folded, and its index in the influence function."""
     row = i / waves.count_x
     column = i - row * waves.count_x
     return wp.min(row, waves.period_y - row), column, row * waves.stride_y + column * waves.stride_x
@@ -52,14 +52,14 @@ def transform_of_smoothed(
     influence: wp.array(dtype=float),
 ):
     """Transform of -log r * (gauss(narrow) - gauss(wide)), 2 pi / k² (exp(-narrow² k² / 2) - exp(-wide² k² / 2)), times the window."""
-    row, column, place = wave_at(first + wp.tid(), waves)
+    row, column, index = wave_at(first + wp.tid(), waves)
     kx = wp.float64(column) * waves.step_x
     ky = wp.float64(row) * waves.step_y
     half = wp.float64(0.5) * (kx * kx + ky * ky)
     value = at_zero
     if half > wp.float64(0.0):
         value = wp.float64(wp.pi) / half * (wp.exp(-narrow * narrow * half) - wp.exp(-wide * wide * half))
-    influence[place] = float(value * waves.window_x[column] * waves.window_y[row])
+    influence[index] = float(value * waves.window_x[column] * waves.window_y[row])
 
 
 @wp.kernel
@@ -69,8 +69,8 @@ def multiply_window(
     # outputs
     influence: wp.array(dtype=float),
 ):
-    row, column, place = wave_at(first + wp.tid(), waves)
-    influence[place] = float(wp.float64(influence[place]) * waves.window_x[column] * waves.window_y[row])
+    row, column, index = wave_at(first + wp.tid(), waves)
+    influence[index] = float(wp.float64(influence[index]) * waves.window_x[column] * waves.window_y[row])
 
 
 @wp.func
@@ -98,15 +98,15 @@ def sample_smoothed(
     columns: int,
     step: wp.float64,
     split: wp.float64,
-    lift: wp.float64,
+    constant: wp.float64,
     # outputs
     quarter: wp.array(dtype=float),
 ):
-    """-log r convolved with a Gaussian of standard deviation ``split``, -(log r² + E1(r² / 2s²)) / 2, plus ``lift``, around node 0."""
+    """-log r convolved with a Gaussian of deviation ``split``, -(log r² + E1(r² / 2s²)) / 2, plus ``constant``, around node 0."""
     i = first + wp.tid()
     row = i / columns
     column = i - row * columns
     y = wp.float64(row) * step
     x = wp.float64(wp.min(column, columns - column)) * step
     twice = wp.float64(2.0) * split * split
-    quarter[i] = float(lift - wp.float64(0.5) * (log_plus_e1((x * x + y * y) / twice) + wp.log(twice)))
+    quarter[i] = float(constant - wp.float64(0.5) * (log_plus_e1((x * x + y * y) / twice) + wp.log(twice)))

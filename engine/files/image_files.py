@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..native_output import muted
+from ..problem.image_filters import luminance
 from ..problem.validation import check_density
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["read_color", "read_density"]
 
-# Rec. 709 weights of red, green and blue.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 # A square of 16384: more than any texture, and 4 GB of work already. A file of a few bytes can claim any size.
 MOST_PIXELS = 2**28
 ACCEPTED = "a density is a PNG, JPEG, EXR or .npy file"
@@ -53,7 +52,7 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
     """
     path = Path(path)
     color, alpha = _read(path)
-    value = color @ LUMINANCE if color.ndim == 3 else color
+    value = luminance(color) if color.ndim == 3 else color
     if invert:
         if np.isfinite(value).all() and value.max() > 1.0:
             raise InputFileError(

@@ -234,7 +234,6 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     text.detach()
 
 
-# A new format is one entry here: the API, the command line, its help and its messages read this table.
 def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:
     def write(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         from .bodies import bodies_of
@@ -244,6 +243,7 @@ def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:
     return PlacementWriter(body_format.what, write, body_format.check)
 
 
+# A new format is one entry here: the API, the command line, its help and its messages read this table.
 WRITERS: dict[str, PlacementWriter] = {
     ".npz": PlacementWriter("NumPy arrays", _write_npz),
     ".csv": PlacementWriter("a table of text", _write_csv),

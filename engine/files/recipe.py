@@ -46,7 +46,7 @@ import difflib
 import re
 import tomllib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -56,11 +56,12 @@ from ..errors import InputFileError, ProblemError
 from ..problem import validation
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
+from ..problem.ink_models import DEFAULT_MODEL
 from ..problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
 from ..problem.validation import show
 from .image_files import read_color, read_density
 
-__all__ = ["read_recipe", "recipe_colors", "recipe_densities"]
+__all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "recipe_densities"]
 
 VERSION = 1
 # Directions that are no names of images.
@@ -70,19 +71,32 @@ MOST_BYTES = 2**24
 Value = TypeVar("Value")
 
 
-def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
+@dataclass(frozen=True)
+class ParsedRecipe:
+    """A recipe as TOML has it, not checked yet; whoever asks it several things parses the file once."""
+
+    path: Path
+    entries: dict[str, Any]
+
+
+def parse_recipe(path: str | Path) -> ParsedRecipe:
+    """Read a TOML file; raises InputFileError where it cannot be read as one."""
+    return ParsedRecipe(Path(path), _read_toml(Path(path)))
+
+
+def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> Problem:
     """Read the problem that a recipe describes, and the density images that it names.
 
     Args:
-        path: The TOML file; density images are looked for beside it.
+        path: The TOML file, or what :func:`parse_recipe` made of it; density images are looked for beside it.
         seed: Used instead of the recipe's.
 
     Raises:
         InputFileError: The recipe or an image cannot be read, or a key is missing, unknown or has no meaning.
         ProblemError: A ``seed`` that is not a whole number >= 0.
     """
-    path = Path(path)
-    recipe = _Table(path, "", "", _read_toml(path))
+    parsed = _parsed(path)
+    recipe = _Table(parsed.path, "", "", parsed.entries)
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
     recipe.check_keys("version", "seed", "avoid_overlap", "domain", "balance", "class", "image")
@@ -116,16 +130,16 @@ def read_recipe(path: str | Path, *, seed: int | None = None) -> Problem:
     )
 
 
-def recipe_colors(path: str | Path, problem: Problem) -> list[tuple[float, float, float]] | None:
+def recipe_colors(path: str | Path | ParsedRecipe, problem: Problem) -> list[tuple[float, float, float]] | None:
     """Return the colours that a halftone of a recipe is printed in, one per class; None where it names none.
 
     Those of an [image] are its inks'; classes without a colour are black beside those that have one.
 
     Args:
-        path: A recipe that has been read without complaint.
+        path: A recipe that has been read without complaint, or what :func:`parse_recipe` made of it.
         problem: What :func:`read_recipe` made of it.
     """
-    recipe = _read_toml(Path(path))
+    recipe = _parsed(path).entries
     image = recipe.get("image")
     if not isinstance(image, dict):
         colors = [table.get("color") for table in recipe["class"]]
@@ -133,20 +147,20 @@ def recipe_colors(path: str | Path, problem: Problem) -> list[tuple[float, float
     inks = (
         [Ink(ink["name"], ink["cmy"]) for ink in image["inks"]]
         if "inks" in image
-        else MODELS[image.get("model", "CMYK")].inks
+        else MODELS[image.get("model", DEFAULT_MODEL)].inks
     )
     color = {ink.name: ink.rgb for ink in inks}
     return [color[body_class.name] for body_class in problem.classes]
 
 
-def recipe_densities(path: str | Path) -> list[Path]:
+def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
     """Return the density files that a recipe names, in its order; it need not be free of mistakes.
 
     Raises:
         InputFileError: The recipe cannot be read as TOML.
     """
-    path = Path(path)
-    recipe = _read_toml(path)
+    parsed = _parsed(path)
+    recipe = parsed.entries
     classes = recipe.get("class")
     tables = [table for table in classes if isinstance(table, dict)] if isinstance(classes, list) else []
     names = [table.get("density") for table in tables]
@@ -158,7 +172,7 @@ def recipe_densities(path: str | Path) -> list[Path]:
                 names += [line.get("length"), line.get("direction") if line.get("direction") not in WORDS else None]
     image = recipe.get("image")
     names.append(image.get("file") if isinstance(image, dict) else None)
-    return [path.parent / name for name in names if isinstance(name, str)]
+    return [parsed.path.parent / name for name in names if isinstance(name, str)]
 
 
 def _read_class(table: _Table) -> BodyClass:
@@ -260,7 +274,7 @@ def _read_image(
 ) -> Problem:
     table.check_keys("file", "model", "inks", "non_overlap", "area", "size", "density_correction")
     image = table.read("file", read_color)
-    model: str | InkModel = table.take("model", _check_model, "CMYK")
+    model: str | InkModel = table.take("model", _check_model, DEFAULT_MODEL)
     if "inks" in table.entries:
         if "model" in table.entries:
             raise table.error("inks", "cannot be combined with `model`: give one of the two")
@@ -372,6 +386,10 @@ def _check_inks(value: object, key: str) -> list[Ink]:
     ):
         raise ProblemError(f"{key} must be a list of {{ name = ..., cmy = [0, 1, 1] }}; got {show(value)}")
     return [Ink(entry["name"], entry["cmy"]) for entry in value]
+
+
+def _parsed(path: str | Path | ParsedRecipe) -> ParsedRecipe:
+    return path if isinstance(path, ParsedRecipe) else parse_recipe(path)
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

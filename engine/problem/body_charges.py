@@ -21,25 +21,25 @@ class BodyCharges:
     Attributes:
         body: Body of every charge, shape ``[charge_count]``, int32.
         first: Index of the first charge of every body and, at the end, the number of charges, shape ``[body_count + 1]``, int32.
-        place: Place along the body's axis, -1 at one end to 1 at the other, shape ``[charge_count]``; 0 on a dot.
+        axial: Coordinate along the body's axis, -1 at one end to 1 at the other, shape ``[charge_count]``; 0 on a dot.
         charge: Charges, shape ``[charge_count]``, of mean 1; those of a body are in proportion to its area.
     """
 
     body: np.ndarray
     first: np.ndarray
-    place: np.ndarray
+    axial: np.ndarray
     charge: np.ndarray
 
 
 def charges_of(problem: Problem) -> BodyCharges:
     """Return the charges of all bodies of ``problem``."""
-    counts, places, shares = [], [], []
+    counts, axials, shares = [], [], []
     for body_class in problem.classes:
         for size in body_class.sizes:
             n = size.count or 0
-            place, share = _along(size)
-            counts.append(np.full(n, len(place)))
-            places.append(np.tile(place, n))
+            axial, share = _along(size)
+            counts.append(np.full(n, len(axial)))
+            axials.append(np.tile(axial, n))
             shares.append(np.tile(share, n))
     count = np.concatenate(counts)
     body = np.repeat(np.arange(len(count)), count)
@@ -47,7 +47,7 @@ def charges_of(problem: Problem) -> BodyCharges:
     return BodyCharges(
         body.astype(np.int32),
         np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
-        np.concatenate(places),
+        np.concatenate(axials),
         charge * (len(charge) / charge.sum()),
     )
 

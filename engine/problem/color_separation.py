@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from .apportionment import apportion
+from .ink_models import DEFAULT_MODEL, INK_MODELS
 from .problem import Balance, BodyClass, Domain, Problem, Size
 from .validation import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
 
@@ -103,20 +104,10 @@ def _model(name: str, letters: str, may_overlap: Sequence[str]) -> InkModel:
     return InkModel(name, tuple(Ink(letter, _INKS[letter]) for letter in letters), matrix)
 
 
-# Two inks may overlap where no ink has the colour of their union.
-MODELS: dict[str, InkModel] = {
-    model.name: model
-    for model in (
-        _model("CMY", "CMY", ["CM", "CY", "MY"]),
-        _model("CMYK", "CMYK", ["CM", "CY", "MY"]),
-        _model("CMY-RG-K", "CMYRGK", ["CM"]),
-        _model("CMY-RB-K", "CMYRBK", ["CY"]),
-        _model("CMY-RGB-K", "CMYRGBK", []),
-    )
-}
+MODELS: dict[str, InkModel] = {name: _model(name, *letters_and_pairs) for name, letters_and_pairs in INK_MODELS.items()}
 
 
-def separate(image: np.ndarray, model: str | InkModel = "CMYK") -> np.ndarray:
+def separate(image: np.ndarray, model: str | InkModel = DEFAULT_MODEL) -> np.ndarray:
     """Split an image into ink channels by achromatic composition (section 5).
 
     Inks that hold several colours are taken out first, from black downwards: each gets the minimum of the channels that it
@@ -146,7 +137,7 @@ def separate(image: np.ndarray, model: str | InkModel = "CMYK") -> np.ndarray:
 
 def halftone_problem(
     image: np.ndarray,
-    model: str | InkModel = "CMYK",
+    model: str | InkModel = DEFAULT_MODEL,
     *,
     area: float = 1.0,
     sizes: Sequence[Size] | None = None,

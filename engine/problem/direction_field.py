@@ -1,4 +1,4 @@
-"""Desired directions of lines: from the structure tensor of a density, or given.
+"""Preferred directions of lines: from the structure tensor of a density, or given.
 
 The structure tensor is equation 8 of the paper (Schmaltz, Gwosdek and Weickert 2012).
 

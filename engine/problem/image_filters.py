@@ -1,4 +1,4 @@
-"""Filters of density images: Gaussian blur, unsharp masking."""
+"""Filters of density images: Gaussian blur, unsharp masking, luminance."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import math
 
 import numpy as np
 
-__all__ = ["gaussian_blur", "unsharp_mask"]
+__all__ = ["gaussian_blur", "luminance", "unsharp_mask"]
+
+# Red, green and blue of Rec. 709, the primaries of sRGB and of Blender's default colour space.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 
 # Standard deviations after which the Gaussian is cut, where it is summed directly.
 TRUNCATE = 4.0
@@ -17,6 +20,11 @@ LONGEST_DIRECT_REACH = 12
 BLOCK_BYTES = 1 << 20
 # exp(-0.5 * x²) is below 1e-300 beyond, and x² must not overflow.
 LARGEST_EXPONENT = 37.0
+
+
+def luminance(color: np.ndarray) -> np.ndarray:
+    """Weighted sum of red, green and blue, shape ``[...]``, of colours of shape ``[..., 3 or more]``."""
+    return color[..., :3] @ LUMINANCE
 
 
 def gaussian_blur(image: np.ndarray, sigma: float) -> np.ndarray:

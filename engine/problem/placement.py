@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,7 +11,12 @@ if TYPE_CHECKING:
     from .problem import Problem
     from .report import Report
 
-__all__ = ["Placement"]
+__all__ = ["Placement", "disc_radius"]
+
+
+def disc_radius(area: np.ndarray | float) -> Any:
+    """Radius [m] of discs of these areas [m²]: the footprints of dots."""
+    return np.sqrt(np.asarray(area) / np.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,3 +55,8 @@ class Placement:
     def area(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[n]``, float64."""
         return self.problem.body_areas()
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radius of every dot's disc, half the thickness of every line's capsule [m], shape ``[n]``, float64."""
+        return np.where(self.width > 0.0, 0.5 * self.width, disc_radius(self.area))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_cells import CellGrid, cell_of
+from ..space.kernels_cells import CellGrid
 from ..space.kernels_images import Images, density_pixel
 from ..space.kernels_space import difference, wrap
 
@@ -28,20 +28,6 @@ def find_number_density(
     for k in range(per_pixel.shape[0]):
         total += per_pixel[k] * images.pixel[density_pixel(at, k, images, domain)]
     number_density[i] = total
-
-
-@wp.kernel
-def compute_cell_keys(
-    first: int,
-    pose: wp.array(dtype=wp.vec4),
-    grid: CellGrid,
-    # outputs
-    key: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),
-):
-    i = first + wp.tid()
-    key[i] = cell_of(wp.vec2(pose[i][0], pose[i][1]), grid)
-    order[i] = i
 
 
 @wp.kernel

@@ -55,20 +55,20 @@ def crossing_lines(position: np.ndarray, angle: np.ndarray, length: np.ndarray, 
     return len(np.unique(crossing_pairs(position, angle, length, domain)))
 
 
-def angle_errors(angle: np.ndarray, desired: np.ndarray) -> np.ndarray:
+def angle_errors(angle: np.ndarray, preferred: np.ndarray) -> np.ndarray:
     """Differences of directions [rad], 0 to pi/2: a line has no front."""
-    difference = np.mod(np.asarray(angle) - desired, np.pi)
+    difference = np.mod(np.asarray(angle) - preferred, np.pi)
     return np.minimum(difference, np.pi - difference)
 
 
-def mean_length_error(length: np.ndarray, desired: np.ndarray | float) -> float:
-    """By which share lines are longer (above 0) or shorter (below 0) than desired, on average.
+def mean_length_error(length: np.ndarray, preferred: np.ndarray | float) -> float:
+    """By which share lines are longer (above 0) or shorter (below 0) than preferred, on average.
 
     Args:
         length: Lengths of the lines [m], shape ``[n]``, n >= 1.
-        desired: Desired ones [m], > 0, shape ``[n]``, or one for all.
+        preferred: Preferred ones [m], > 0, shape ``[n]``, or one for all.
     """
-    return float(np.mean(np.asarray(length, dtype=np.float64) / desired) - 1.0)
+    return float(np.mean(np.asarray(length, dtype=np.float64) / preferred) - 1.0)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from ..device.launcher import Launcher
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
-from ..space.full_pixels import images_for_kernels
+from ..space.support import images_for_kernels
 from ..space.survey import survey
 from . import kernels_spacing
 from .coverage import Coverage
@@ -92,7 +92,7 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
         [
             bodies.pose,
             wp.array(per_pixel, dtype=float, device=device),
-            images_for_kernels(bodies.launcher, images, bodies.size, ways=False),
+            images_for_kernels(bodies.launcher, images, bodies.size, to_support=False),
             wp.vec2(*bodies.size),
         ],
         [result],

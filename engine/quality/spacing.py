@@ -10,7 +10,7 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..problem.problem import Domain
 from ..space import kernels_cells
-from ..space.cell_sort import CellSort
+from ..space.cell_sort import CellSort, position_of
 from ..space.space import space_for_kernels
 from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
@@ -56,7 +56,7 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
     grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
     grid.space = space_for_kernels(bodies.size, domain.periodic)
     cells = CellSort(launcher, n, counts[0] * counts[1])
-    cells.sort(kernels_spacing.compute_cell_keys, [bodies.pose, grid])
+    cells.sort(kernels_cells.compute_cell_keys, [position_of(bodies.pose), grid])
     nearest = launcher.empty(n, float)
     launcher.launch(
         kernels_spacing.find_nearest,

@@ -16,8 +16,8 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field, FieldTarget
 from ..problem.problem import Problem
-from ..space.full_pixels import images_for_kernels
 from ..space.space import space_for_kernels
+from ..space.support import images_for_kernels
 from ..space.survey import survey
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction
@@ -75,9 +75,15 @@ class Descent:
         self.images = images_for_kernels(launcher, [c.density_image for c in problem.classes], model.size)
         self.state = self._first_state()
         n = model.body_count
-        self._change = launcher.zeros(n, wp.vec4)
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
         self.field_at_charge = launcher.zeros(model.charge_count, wp.vec2)
+        self._charges = kernels_descent.Charges()
+        self._charges.position, self._charges.field = self.charge_position, self.field_at_charge
+        self._steps = kernels_descent.Steps()
+        self._steps.length, self._steps.limit, self._steps.mesh = self.step_length, self.step_limit, self.field.mesh
+        self._motion = kernels_descent.Motion()
+        self._motion.displacement, self._motion.move = self.state.displacement, self.state.move
+        self._motion.change = launcher.zeros(n, wp.vec4)
         kinds = kernels_direction.LENGTHS + self.rules.kind_count
         slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
         # Those of no two threads in a line of the cache.
@@ -163,23 +169,21 @@ class Descent:
 
     def propose(self) -> None:
         """What the forces ask for, and the sums over all bodies that the direction depends on."""
-        field = [self.step_length, self.step_limit, self.field.mesh, self._space, int(self.contact is not None)]
-        charges = [self.charge_position, self.field_at_charge, self.bodies]
-        moves = [self.state.move, self._change]
+        where = [self._steps, self._space, int(self.contact is not None)]
         if self.has_dots:
             self.launcher.launch(
                 kernels_descent.propose_dots,
                 self.model.body_count,
-                [*charges, *field, self.state.displacement],
-                [*moves, self._sums],
+                [self._charges, self.bodies, *where],
+                [self._motion, self._sums],
                 per_thread=True,
             )
         if self.rules.kind_count:
             self.launcher.launch(
                 kernels_descent.propose_lines,
                 self.model.body_count,
-                [self.state.pose, *charges, self.rules.lines, *field, self.state.displacement],
-                [*moves, self.state.bend, self._sums],
+                [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
+                [self._motion, self.state.bend, self._sums],
                 grain=GRAIN_OF_NEIGHBOURS,
                 per_thread=True,
             )
@@ -198,20 +202,20 @@ class Descent:
 
     def move(self) -> None:
         """Move them."""
-        where = [self.step_limit, self.field.mesh, self.images, self._space, self.state.move, self._change]
+        where = [self._steps, self.images, self._space]
         if self.has_dots:
             self.launcher.launch(
                 kernels_descent.move_dots,
                 self.model.body_count,
                 [self.direction, self.bodies, *where],
-                [self.state.pose, self.state.displacement, self.charge_position],
+                [self._motion, self.state.pose, self.charge_position],
             )
         if self.rules.kind_count:
             self.launcher.launch(
                 kernels_descent.move_lines,
                 self.model.body_count,
                 [self.direction, self.bodies, self.rules.lines, *where],
-                [self.state.pose, self.state.bend, self.state.displacement],
+                [self._motion, self.state.pose, self.state.bend],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
 
@@ -233,7 +237,7 @@ def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodi
     bodies.line = wp.array(table.kind, dtype=wp.int32, device=device)
     bodies.flags = wp.array(table.flags, dtype=wp.int32, device=device)
     bodies.first_charge = wp.array(charge.first, dtype=wp.int32, device=device)
-    bodies.place = wp.array(charge.place, dtype=float, device=device)
+    bodies.axial = wp.array(charge.axial, dtype=float, device=device)
     bodies.charge = wp.array(charge.charge, dtype=float, device=device)
     return bodies
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..problem.placement import Placement
 from ..problem.report import NO_REPORT
-from ..space.density import settle_on_full_pixels
+from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .model import Model
 from .state import State
@@ -50,13 +50,13 @@ def position_in_metres(model: Model, state: State) -> np.ndarray:
 
 
 def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:
-    """Places of the charges on bodies that may bend; see :class:`Placement`."""
+    """Positions of the charges on bodies that may bend; see :class:`Placement`."""
     most = max((kind.line.charges for kind in model.kinds if kind.line.straightness is not None), default=0)
     if most == 0:
         return None
     first, body = model.charge.first, model.charge.body
     pose = state.pose.numpy()[body]
-    along = 0.5 * pose[:, 3] * model.charge.place.astype(np.float32)
+    along = 0.5 * pose[:, 3] * model.charge.axial.astype(np.float32)
     across = state.bend.numpy()
     angle = pose[:, 2]
     offset = np.stack(
@@ -70,11 +70,11 @@ def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | Non
 
 
 def _settled(model: Model, position: np.ndarray) -> np.ndarray:
-    """Undo what rounding to float32 did to bodies on the very edge of a full pixel."""
+    """Undo what rounding to float32 did to bodies on the very edge of the support."""
     problem = model.problem
     for k, body_class in enumerate(problem.classes):
         if (body_class.density_image > 0.0).all():
             continue
         own = model.body.class_index == k
-        position[own] = settle_on_full_pixels(body_class.density_image, position[own], problem.domain.size)
+        position[own] = move_into_support(body_class.density_image, position[own], problem.domain.size)
     return position

@@ -14,8 +14,8 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
 from ..problem.problem import Problem
-from ..space.full_pixels import images_for_kernels
 from ..space.kernels_images import Images
+from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
 from .model import Model

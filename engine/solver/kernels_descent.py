@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_images import Images, density_pixel, is_full, pixel_at
+from ..space.kernels_images import Images, density_pixel, in_support, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
 from ..space.kernels_space import Space, along_border, confine, difference, overhang
 from .body_flags import BodyFlags
@@ -16,13 +16,16 @@ from .kernels_direction import LENGTHS, add, add_products
 wp.set_module_options({"enable_backward": False})
 
 PINNED = wp.constant(int(BodyFlags.PINNED))
-# Times that a line is pushed back from empty pixels before its move is given up.
+# Times that a line is pushed back into the support before its move is given up.
 PUSHES = wp.constant(3)
 SHORTEST_LINE = wp.constant(0.01)
 LONGEST_LINE = wp.constant(2.0)
 LARGEST_TURN = wp.constant(0.5)
+LARGEST_BEND = wp.constant(0.25)
+SHORTEST_LEVER = wp.constant(0.05)
 SIDE_BY_SIDE = wp.constant(1.0)
-# Forces on lines are weighed against their wishes as so large a share of the moves that the inverse curvature gives.
+# Forces on lines are weighed against preferred directions and lengths as so large a share of the moves that the inverse curvature
+# gives.
 WEIGHING_SHARE = wp.constant(0.5)
 
 
@@ -35,7 +38,7 @@ class Bodies:
     line: wp.array(dtype=wp.int32)
     flags: wp.array(dtype=wp.int32)
     first_charge: wp.array(dtype=wp.int32)
-    place: wp.array(dtype=float)
+    axial: wp.array(dtype=float)
     charge: wp.array(dtype=float)
 
 
@@ -43,15 +46,15 @@ class Bodies:
 class Lines:
     """Rules of every kind of line.
 
-    Weights of forces and wishes in turns and stretches, the share of a bend that is taken back (below 0: no bends), the factor on the
-    desired length that makes up for the pressure of the charges; and images of the desired direction, (cos 2a, sin 2a) times its
-    weight, and length.
+    Weights of forces and preferences in turns and stretches, the share of a bend that is taken back (below 0: no bends), the factor
+    on the preferred length that makes up for the pressure of the charges; and images of the preferred direction, (cos 2a, sin 2a)
+    times its weight, and length.
     """
 
     turn_by_force: wp.array(dtype=float)
-    turn_by_wish: wp.array(dtype=float)
+    turn_by_preference: wp.array(dtype=float)
     stretch_by_force: wp.array(dtype=float)
-    stretch_by_wish: wp.array(dtype=float)
+    stretch_by_preference: wp.array(dtype=float)
     straightness: wp.array(dtype=float)
     length_factor: wp.array(dtype=float)
     direction: wp.array(dtype=wp.vec2)
@@ -64,12 +67,68 @@ class Lines:
     length_width: wp.array(dtype=wp.int32)
 
 
+@wp.struct
+class Charges:
+    """Positions of all charges, and the field at each."""
+
+    position: wp.array(dtype=wp.vec2)
+    field: wp.array(dtype=wp.vec2)
+
+
+@wp.struct
+class Steps:
+    """How far the forces move bodies: inverse curvature at every node for every group, the limit at every node, and the mesh."""
+
+    length: wp.array(dtype=float)
+    limit: wp.array(dtype=float)
+    mesh: Mesh
+
+
+@wp.struct
+class Motion:
+    """Of every body: what the last step changed of its pose, the move that the forces ask for, and what that changed by."""
+
+    displacement: wp.array(dtype=wp.vec4)
+    move: wp.array(dtype=wp.vec4)
+    change: wp.array(dtype=wp.vec4)
+
+
+@wp.struct
+class Axis:
+    """A line: its charges, centre, unit vectors along and across, and length.
+
+    And what its forces are weighed by: index of its group's first step length, node nearest to the centre, and the share of the moves
+    that is weighed against its preferences.
+    """
+
+    begin: int
+    end: int
+    centre: wp.vec2
+    along: wp.vec2
+    across: wp.vec2
+    length: float
+    first_step: int
+    node: int
+    share: float
+
+
+@wp.struct
+class RigidMove:
+    """A line's move without a bend: shift, and the moments that turn and stretch it; beside its charge and moment of inertia."""
+
+    shift: wp.vec2
+    torque: float
+    tension: float
+    charge: float
+    inertia: float
+
+
 @wp.func
-def charge_at(pose: wp.vec4, place: float, bend: float):
-    """Position of a charge at ``place`` along a body's axis and ``bend`` beside it."""
+def charge_at(pose: wp.vec4, axial: float, bend: float):
+    """Position of a charge at ``axial`` (-1..1) along a body's axis and ``bend`` beside it."""
     c = wp.cos(pose[2])
     s = wp.sin(pose[2])
-    along = 0.5 * pose[3] * place
+    along = 0.5 * pose[3] * axial
     return wp.vec2(pose[0] + along * c - bend * s, pose[1] + along * s + bend * c)
 
 
@@ -93,21 +152,21 @@ def nearest_vector(
 
 @wp.func
 def slide(old: wp.vec2, wanted: wp.vec2, k: int, images: Images, space: Space):
-    """Where a dot ends that moves from ``old`` to ``wanted``: it never enters an empty pixel, but slides along its edge."""
+    """Where a dot ends that moves from ``old`` to ``wanted``: it stays in the support, and slides along its edge."""
     new = confine(wanted, space)
-    if not is_full(new, k, images, space.size):
+    if not in_support(new, k, images, space.size):
         along_x = confine(wp.vec2(wanted[0], old[1]), space)
         along_y = confine(wp.vec2(old[0], wanted[1]), space)
         new = old
-        if is_full(along_x, k, images, space.size):
+        if in_support(along_x, k, images, space.size):
             new = along_x
-        elif is_full(along_y, k, images, space.size):
+        elif in_support(along_y, k, images, space.size):
             new = along_y
     return new
 
 
 @wp.func
-def way_back(
+def vector_into_support(
     pose: wp.vec4,
     begin: int,
     end: int,
@@ -117,7 +176,7 @@ def way_back(
     images: Images,
     space: Space,
 ):
-    """(x, y, 1) by which a line must move so that its farthest charge outside stands on a full pixel; (0, 0, 0) if all do."""
+    """(x, y, 1) by which a line must move so that its farthest charge outside is in the support; (0, 0, 0) if all are."""
     # How far charges reach over the edges of an open domain.
     low = wp.vec2(0.0, 0.0)
     high = wp.vec2(0.0, 0.0)
@@ -125,21 +184,21 @@ def way_back(
     away = float(0.0)
     outside = float(0.0)
     for j in range(begin, end):
-        p = charge_at(pose, bodies.place[j], bend[j])
+        p = charge_at(pose, bodies.axial[j], bend[j])
         over = overhang(p, space)
         low = wp.max(low, wp.vec2(over[0], over[1]))
         high = wp.max(high, wp.vec2(over[2], over[3]))
         pixel = density_pixel(confine(p, space), k, images, space.size)
         if images.pixel[pixel] <= 0.0:
             outside = 1.0
-            way = images.way[pixel]
-            if wp.length_sq(way) > away:
-                away = wp.length_sq(way)
-                farthest = way
-    back = low - high
-    if wp.length_sq(back) > 0.0:
+            back = images.to_support[pixel]
+            if wp.length_sq(back) > away:
+                away = wp.length_sq(back)
+                farthest = back
+    inwards = low - high
+    if wp.length_sq(inwards) > 0.0:
         outside = 1.0
-    return wp.vec3(farthest[0] + back[0], farthest[1] + back[1], outside)
+    return wp.vec3(farthest[0] + inwards[0], farthest[1] + inwards[1], outside)
 
 
 @wp.func
@@ -154,21 +213,21 @@ def confine_line(
     images: Images,
     space: Space,
 ):
-    """Where a line ends that moves from ``old``, where it stands on full pixels alone, to ``wanted``: on such again."""
+    """Where a line ends that moves from ``old``, in the support, to ``wanted``: in the support again."""
     new = wanted
     for _attempt in range(PUSHES):
-        way = way_back(new, begin, end, bodies, bend, k, images, space)
-        if way[2] == 0.0:
+        back = vector_into_support(new, begin, end, bodies, bend, k, images, space)
+        if back[2] == 0.0:
             return new
-        new = wp.vec4(new[0] + way[0], new[1] + way[1], new[2], new[3])
-    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
+        new = wp.vec4(new[0] + back[0], new[1] + back[1], new[2], new[3])
+    if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     # A shift without the turn, then a turn without the shift.
     new = wp.vec4(wanted[0], wanted[1], old[2], old[3])
-    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
+    if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     new = wp.vec4(old[0], old[1], wanted[2], wanted[3])
-    if way_back(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
+    if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     return old
 
@@ -182,30 +241,31 @@ def limited(move: wp.vec2, limit: float):
 
 
 @wp.func
-def unsettled(squared_move: float, squared_way: float, limit: float, in_contact: int):
+def squared_residual(squared_move: float, squared_displacement: float, limit: float, in_contact: int):
     """Squared move over squared spacing; what presses against others and does not get away has settled, too."""
     squared = squared_move
     if in_contact != 0:
-        squared = wp.min(squared_move, squared_way)
+        squared = wp.min(squared_move, squared_displacement)
     return squared / (4.0 * limit * limit)
+
+
+@wp.func
+def first_step(group: int, steps: Steps):
+    """Index of a group's first step length."""
+    return group * steps.mesh.count_x * steps.mesh.count_y
 
 
 @wp.kernel
 def propose_dots(
     first: int,
     thread: int,
-    charge_position: wp.array(dtype=wp.vec2),
-    field: wp.array(dtype=wp.vec2),
+    charges: Charges,
     bodies: Bodies,
-    step_length: wp.array(dtype=float),
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     space: Space,
     in_contact: int,
-    displacement: wp.array(dtype=wp.vec4),
     # outputs
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
+    motion: Motion,
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The move that the force on every dot asks for, and what it changed by since the last step."""
@@ -213,83 +273,76 @@ def propose_dots(
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     charge = bodies.first_charge[i]
-    at = charge_position[charge]
-    force = along_border(field[charge], at, space)
-    node = nearest_node(at, mesh)
-    length = step_length[bodies.group[i] * mesh.count_x * mesh.count_y + node]
-    limit = step_limit[node]
+    at = charges.position[charge]
+    force = along_border(charges.field[charge], at, space)
+    node = nearest_node(at, steps.mesh)
+    length = steps.length[first_step(bodies.group[i], steps) + node]
+    limit = steps.limit[node]
     # Beyond a spacing no move is more than a direction.
     wanted = limited(force * length, 2.0 * limit)
     new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
-    changed = move[i] - new
-    way = displacement[i]
-    move[i] = new
-    change[i] = changed
+    changed = motion.move[i] - new
+    last = motion.displacement[i]
+    motion.move[i] = new
+    motion.change[i] = changed
     weight = bodies.charge[charge] / length
-    rest = unsettled(wp.length_sq(wanted), wp.length_sq(way), limit, in_contact)
-    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), way, changed, new, rest)
+    rest = squared_residual(wp.length_sq(wanted), wp.length_sq(last), limit, in_contact)
+    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), last, changed, new, rest)
 
 
-@wp.kernel
-def propose_lines(
-    first: int,
-    thread: int,
-    pose: wp.array(dtype=wp.vec4),
-    charge_position: wp.array(dtype=wp.vec2),
-    field: wp.array(dtype=wp.vec2),
-    bodies: Bodies,
-    lines: Lines,
-    step_length: wp.array(dtype=float),
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
-    space: Space,
-    in_contact: int,
-    displacement: wp.array(dtype=wp.vec4),
-    # outputs
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
-    bend: wp.array(dtype=float),
-    sums: wp.array3d(dtype=wp.int64),
-):
-    """The shift, turn and stretch that the forces on every line and its wishes ask for, and what they changed by."""
-    i = first + wp.tid()
-    kind = bodies.line[i]
-    if kind < 0 or (bodies.flags[i] & PINNED) != 0:
-        return
-    start = pose[i]
-    begin = bodies.first_charge[i]
-    end = bodies.first_charge[i + 1]
-    group_base = bodies.group[i] * mesh.count_x * mesh.count_y
-    centre = wp.vec2(start[0], start[1])
-    middle = nearest_node(centre, mesh)
-    limit = step_limit[middle]
-
-    # Figure 9 (a): the charges' moves as one shift, one turn about the middle and one stretch, which fit them best.
-    along = wp.vec2(wp.cos(start[2]), wp.sin(start[2]))
-    across = wp.vec2(-along[1], along[0])
-    total = float(0.0)
-    inertia = float(0.0)
+@wp.func
+def axis_of(i: int, pose: wp.vec4, bodies: Bodies, steps: Steps):
+    """The axis of line ``i``, and what its forces are weighed with."""
+    axis = Axis()
+    axis.begin = bodies.first_charge[i]
+    axis.end = bodies.first_charge[i + 1]
+    axis.centre = wp.vec2(pose[0], pose[1])
+    axis.along = wp.vec2(wp.cos(pose[2]), wp.sin(pose[2]))
+    axis.across = wp.vec2(-axis.along[1], axis.along[0])
+    axis.length = pose[3]
+    axis.first_step = first_step(bodies.group[i], steps)
+    axis.node = nearest_node(axis.centre, steps.mesh)
     # Lines much longer than their spacing lie side by side, nearer than the mean density tells, and so the energy is steeper.
-    step = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * 0.5 * start[3] / limit)
-    shift = wp.vec2(0.0, 0.0)
-    turn = float(0.0)
-    stretch = float(0.0)
-    for j in range(begin, end):
-        node = nearest_node(charge_position[j], mesh)
-        pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
+    axis.share = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * 0.5 * axis.length / steps.limit[axis.node])
+    return axis
+
+
+@wp.func
+def pull_on(j: int, axis: Axis, charges: Charges, steps: Steps):
+    """The share of the move that the force on a line's charge asks for which is weighed with the line's preferences."""
+    node = nearest_node(charges.position[j], steps.mesh)
+    return limited(charges.field[j] * (axis.share * steps.length[axis.first_step + node]), steps.limit[node])
+
+
+@wp.func
+def fit_rigid_move(axis: Axis, charges: Charges, bodies: Bodies, steps: Steps):
+    """The one shift, turn about the middle and stretch that fit the moves of a line's charges best (figure 9 a of the paper)."""
+    fit = RigidMove()
+    for j in range(axis.begin, axis.end):
+        pull = pull_on(j, axis, charges, steps)
         q = bodies.charge[j]
-        s = bodies.place[j]
-        total += q
-        inertia += q * s * s
-        shift += q * pull
-        turn += q * s * wp.dot(pull, across)
-        stretch += q * s * wp.dot(pull, along)
-    shift = shift / total
-    half = 0.5 * start[3]
-    desired_length = lines.length[
+        s = bodies.axial[j]
+        fit.charge += q
+        fit.inertia += q * s * s
+        fit.shift += q * pull
+        fit.torque += q * s * wp.dot(pull, axis.across)
+        fit.tension += q * s * wp.dot(pull, axis.along)
+    fit.shift = fit.shift / fit.charge
+    return fit
+
+
+@wp.func
+def preferred_length_at(centre: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The length that a kind of line prefers at ``centre``."""
+    return lines.length[
         pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
     ]
-    wish = nearest_vector(
+
+
+@wp.func
+def preferred_direction_at(centre: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The direction that a kind of line prefers at ``centre``: (cos 2a, sin 2a) times its weight."""
+    return nearest_vector(
         centre,
         lines.direction,
         lines.direction_start[kind],
@@ -297,52 +350,117 @@ def propose_lines(
         lines.direction_width[kind],
         space.size,
     )
-    weight = wp.length(wish)
-    turn = lines.turn_by_force[kind] * turn / (inertia * wp.max(half, 0.05 * desired_length))
-    # Difference of the doubled angles, since a line has no front.
+
+
+@wp.func
+def angle_between(along: wp.vec2, preferred: wp.vec2):
+    """Angle from a line's direction to the preferred one, which is given by its doubled angle: a line has no front."""
     c2 = along[0] * along[0] - along[1] * along[1]
     s2 = 2.0 * along[0] * along[1]
+    return 0.5 * wp.atan2(c2 * preferred[1] - s2 * preferred[0], c2 * preferred[0] + s2 * preferred[1])
+
+
+@wp.func
+def weigh_turn(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, lines: Lines, space: Space):
+    """The turn that the forces and the preferred direction ask for together."""
+    lever = wp.max(0.5 * axis.length, SHORTEST_LEVER * preferred_length)
+    turn = lines.turn_by_force[kind] * fit.torque / (fit.inertia * lever)
+    preferred = preferred_direction_at(axis.centre, kind, lines, space)
+    weight = wp.length(preferred)
     if weight > 0.0:
-        turn += (
-            lines.turn_by_wish[kind] * weight * 0.5 * wp.atan2(c2 * wish[1] - s2 * wish[0], c2 * wish[0] + s2 * wish[1])
-        )
-    turn = wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
-    wanted_length = desired_length * lines.length_factor[kind]
-    growth = lines.stretch_by_force[kind] * 2.0 * stretch / inertia
-    growth += lines.stretch_by_wish[kind] * (wanted_length - start[3])
-    shift = limited(shift, limit)
-    straightness = lines.straightness[kind]
-    if straightness >= 0.0:
-        # What the shift and the turn leave of the moves across the axis bends it; part of every bend is taken back.
-        spin = turn * half
-        for j in range(begin, end):
-            node = nearest_node(charge_position[j], mesh)
-            pull = limited(field[j] * (step * step_length[group_base + node]), step_limit[node])
-            rest = wp.dot(pull - shift, across) - spin * bodies.place[j]
-            bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -0.25 * start[3], 0.25 * start[3])
-        # Whatever of the bends is a shift or a turn belongs to the pose.
-        mean = float(0.0)
-        slope = float(0.0)
-        for j in range(begin, end):
-            mean += bodies.charge[j] * bend[j] / total
-            slope += bodies.charge[j] * bodies.place[j] * bend[j] / inertia
-        for j in range(begin, end):
-            bend[j] = bend[j] - mean - slope * bodies.place[j]
-    new = wp.vec4(shift[0], shift[1], turn, growth) / WEIGHING_SHARE
-    changed = move[i] - new
-    way = displacement[i]
-    move[i] = new
-    change[i] = changed
-    # The mean square of the ways of its charges.
-    weight = total / step_length[group_base + middle]
-    of_turn = inertia / total * half * half
-    of_stretch = 0.25 * inertia / total
+        turn += lines.turn_by_preference[kind] * weight * angle_between(axis.along, preferred)
+    return wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
+
+
+@wp.func
+def weigh_stretch(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, lines: Lines):
+    """The change of length that the forces and the preferred length ask for together."""
+    stretch = lines.stretch_by_force[kind] * 2.0 * fit.tension / fit.inertia
+    stretch += lines.stretch_by_preference[kind] * (preferred_length * lines.length_factor[kind] - axis.length)
+    return stretch
+
+
+@wp.func
+def bend_line(
+    axis: Axis,
+    fit: RigidMove,
+    shift: wp.vec2,
+    turn: float,
+    straightness: float,
+    charges: Charges,
+    bodies: Bodies,
+    steps: Steps,
+    bend: wp.array(dtype=float),
+):
+    """Bend a line by what its shift and its turn leave of the moves across the axis; part of every bend is taken back."""
+    spin = turn * (0.5 * axis.length)
+    largest = LARGEST_BEND * axis.length
+    for j in range(axis.begin, axis.end):
+        rest = wp.dot(pull_on(j, axis, charges, steps) - shift, axis.across) - spin * bodies.axial[j]
+        bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -largest, largest)
+    # Whatever of the bends is a shift or a turn belongs to the pose.
+    mean = float(0.0)
+    slope = float(0.0)
+    for j in range(axis.begin, axis.end):
+        mean += bodies.charge[j] * bend[j] / fit.charge
+        slope += bodies.charge[j] * bodies.axial[j] * bend[j] / fit.inertia
+    for j in range(axis.begin, axis.end):
+        bend[j] = bend[j] - mean - slope * bodies.axial[j]
+
+
+@wp.kernel
+def propose_lines(
+    first: int,
+    thread: int,
+    pose: wp.array(dtype=wp.vec4),
+    charges: Charges,
+    bodies: Bodies,
+    lines: Lines,
+    steps: Steps,
+    space: Space,
+    in_contact: int,
+    # outputs
+    motion: Motion,
+    bend: wp.array(dtype=float),
+    sums: wp.array3d(dtype=wp.int64),
+):
+    """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
+    i = first + wp.tid()
+    kind = bodies.line[i]
+    if kind < 0 or (bodies.flags[i] & PINNED) != 0:
+        return
+    axis = axis_of(i, pose[i], bodies, steps)
+    limit = steps.limit[axis.node]
+    fit = fit_rigid_move(axis, charges, bodies, steps)
+    preferred_length = preferred_length_at(axis.centre, kind, lines, space)
+    shift = limited(fit.shift, limit)
+    turn = weigh_turn(kind, axis, fit, preferred_length, lines, space)
+    stretch = weigh_stretch(kind, axis, fit, preferred_length, lines)
+    if lines.straightness[kind] >= 0.0:
+        bend_line(axis, fit, shift, turn, lines.straightness[kind], charges, bodies, steps, bend)
+
+    new = wp.vec4(shift[0], shift[1], turn, stretch) / WEIGHING_SHARE
+    changed = motion.move[i] - new
+    last = motion.displacement[i]
+    motion.move[i] = new
+    motion.change[i] = changed
+    # The mean square of the displacements of its charges.
+    weight = fit.charge / steps.length[axis.first_step + axis.node]
+    half = 0.5 * axis.length
+    of_turn = fit.inertia / fit.charge * half * half
+    of_stretch = 0.25 * fit.inertia / fit.charge
     metric = wp.vec4(1.0, 1.0, of_turn, of_stretch)
     squared_move = wp.dot(wp.cw_mul(metric, new), new)
-    squared_way = wp.dot(wp.cw_mul(metric, way), way)
-    rest = unsettled(squared_move, squared_way, limit, in_contact)
-    add_products(sums, thread, i, weight * metric, way, changed, new, rest)
-    add(sums, thread, LENGTHS + kind, i, start[3] / desired_length)
+    squared_displacement = wp.dot(wp.cw_mul(metric, last), last)
+    rest = squared_residual(squared_move, squared_displacement, limit, in_contact)
+    add_products(sums, thread, i, weight * metric, last, changed, new, rest)
+    add(sums, thread, LENGTHS + kind, i, axis.length / preferred_length)
+
+
+@wp.func
+def move_of(i: int, direction: wp.array(dtype=float), motion: Motion):
+    """How far body ``i`` goes in the direction that :func:`~.kernels_direction.decide_direction` found."""
+    return direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
 
 
 @wp.kernel
@@ -350,28 +468,25 @@ def move_dots(
     first: int,
     direction: wp.array(dtype=float),
     bodies: Bodies,
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     images: Images,
     space: Space,
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
     # outputs
+    motion: Motion,
     pose: wp.array(dtype=wp.vec4),
-    displacement: wp.array(dtype=wp.vec4),
     charge_position: wp.array(dtype=wp.vec2),
 ):
-    """Move every dot in the direction that :func:`decide_direction` found; it never enters empty pixels."""
+    """Move every dot in the direction that was found; it stays in the support."""
     i = first + wp.tid()
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = wp.vec2(pose[i][0], pose[i][1])
-    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
-    wanted = old + limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(old, mesh)])
+    d = move_of(i, direction, motion)
+    wanted = old + limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(old, steps.mesh)])
     new = slide(old, wanted, bodies.class_index[i], images, space)
-    way = difference(old, new, space)
+    shift = difference(old, new, space)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
-    displacement[i] = wp.vec4(way[0], way[1], 0.0, 0.0)
+    motion.displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
     charge_position[bodies.first_charge[i]] = new
 
 
@@ -381,18 +496,15 @@ def move_lines(
     direction: wp.array(dtype=float),
     bodies: Bodies,
     lines: Lines,
-    step_limit: wp.array(dtype=float),
-    mesh: Mesh,
+    steps: Steps,
     images: Images,
     space: Space,
-    move: wp.array(dtype=wp.vec4),
-    change: wp.array(dtype=wp.vec4),
     # outputs
+    motion: Motion,
     pose: wp.array(dtype=wp.vec4),
     bend: wp.array(dtype=float),
-    displacement: wp.array(dtype=wp.vec4),
 ):
-    """Move every line in the direction that :func:`decide_direction` found; its charges never enter empty pixels."""
+    """Move every line in the direction that was found; its charges stay in the support."""
     i = first + wp.tid()
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
@@ -402,23 +514,22 @@ def move_lines(
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
     centre = wp.vec2(old[0], old[1])
-    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
-    shift = limited(wp.vec2(d[0], d[1]), step_limit[nearest_node(centre, mesh)])
+    d = move_of(i, direction, motion)
+    shift = limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(centre, steps.mesh)])
     turn = wp.clamp(d[2], -LARGEST_TURN, LARGEST_TURN)
-    desired_length = lines.length[
-        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
-    ]
-    length = wp.clamp(old[3] + d[3], SHORTEST_LINE * desired_length, LONGEST_LINE * desired_length)
+    preferred_length = preferred_length_at(centre, kind, lines, space)
+    length = wp.clamp(old[3] + d[3], SHORTEST_LINE * preferred_length, LONGEST_LINE * preferred_length)
     wanted = wp.vec4(old[0] + shift[0], old[1] + shift[1], old[2] + turn, length)
     line = confine_line(old, wanted, begin, end, bodies, bend, k, images, space)
-    if lines.straightness[kind] >= 0.0 and way_back(line, begin, end, bodies, bend, k, images, space)[2] != 0.0:
-        # The old pose with a new bend: straight, a line always fits where it stood.
-        for j in range(begin, end):
-            bend[j] = 0.0
+    if lines.straightness[kind] >= 0.0:
+        if vector_into_support(line, begin, end, bodies, bend, k, images, space)[2] != 0.0:
+            # The old pose with a new bend: straight, a line always fits where it stood.
+            for j in range(begin, end):
+                bend[j] = 0.0
     new_centre = confine(wp.vec2(line[0], line[1]), space)
-    way = difference(centre, new_centre, space)
+    moved = difference(centre, new_centre, space)
     pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
-    displacement[i] = wp.vec4(way[0], way[1], line[2] - old[2], line[3] - old[3])
+    motion.displacement[i] = wp.vec4(moved[0], moved[1], line[2] - old[2], line[3] - old[3])
 
 
 @wp.kernel
@@ -433,7 +544,7 @@ def place_charges(
 ):
     i = first + wp.tid()
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        charge_position[j] = confine(charge_at(pose[i], bodies.place[j], bend[j]), space)
+        charge_position[j] = confine(charge_at(pose[i], bodies.axial[j], bend[j]), space)
 
 
 @wp.kernel

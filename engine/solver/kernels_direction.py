@@ -17,7 +17,7 @@ SLOTS_AT_ONCE = 32
 SUM_SCALE = wp.constant(1073741824.0)
 LARGEST_SUMMAND = wp.constant(1.0e6)
 # What is summed: the products of the last displacement s, the moves m that the forces ask for, and what they changed by, y, in the
-# metric of the curvature; the squared move over the squared local spacing; then for every kind of line the length over the desired
+# metric of the curvature; the squared move over the squared local spacing; then for every kind of line the length over the preferred
 # one.
 S_Y = wp.constant(0)
 S_S = wp.constant(1)
@@ -25,7 +25,7 @@ Y_Y = wp.constant(2)
 S_M = wp.constant(3)
 Y_M = wp.constant(4)
 M_M = wp.constant(5)
-UNSETTLED = wp.constant(6)
+RESIDUAL = wp.constant(6)
 LENGTHS = wp.constant(7)
 # Share of the moves that is made where nothing is known of the last step, and bounds on it where something is.
 FIRST_SHARE = wp.constant(0.7)
@@ -33,7 +33,7 @@ SMALLEST_SHARE = wp.constant(0.3)
 LARGEST_SHARE = wp.constant(2.0)
 # A last step whose cosine with the change of the moves is below this says nothing about the curvature.
 SMALLEST_COSINE = wp.constant(1.0e-3)
-# Charges that repel one another compress lines. The desired length is raised until the mean length reached is the one asked for, by
+# Charges that repel one another compress lines. The preferred length is raised until the mean length reached is the one asked for, by
 # this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown.
 LENGTH_GAIN = wp.constant(0.05)
 LARGEST_FACTOR = wp.constant(3.0)
@@ -43,7 +43,7 @@ GROWN = wp.constant(0.6)
 # The sums that every body adds to, in the order of their numbers.
 Sums = wp.types.vector(LENGTHS, wp.float32)
 
-# wp.atomic_add finds its place in an array of three dimensions once for every sum; these lie side by side.
+# wp.atomic_add finds its element in an array of three dimensions once for every sum; these lie side by side.
 _ADD = f"""
     const int slots = sums.shape[2];
     long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + (i & (slots - 1));
@@ -81,7 +81,7 @@ def add_products(
     displacement: wp.vec4,
     change: wp.vec4,
     move: wp.vec4,
-    unsettled: float,
+    residual: float,
 ):
     """Add a body's share to the six products that the direction depends on, and how far it is from being settled."""
     of_displacement = wp.cw_mul(metric, displacement)
@@ -97,7 +97,7 @@ def add_products(
             wp.dot(of_displacement, move),
             wp.dot(of_change, move),
             wp.dot(wp.cw_mul(metric, move), move),
-            unsettled,
+            residual,
         ),
     )
 
@@ -151,21 +151,21 @@ def decide_direction(
     sm = sum_of(totals, S_M)
     ym = sum_of(totals, Y_M)
     of_move = wp.float64(FIRST_SHARE)
-    of_way = wp.float64(0.0)
+    of_displacement = wp.float64(0.0)
     of_change = wp.float64(0.0)
     if sy > wp.float64(SMALLEST_COSINE) * wp.sqrt(ss * yy) and sy > wp.float64(0.0):
         g = wp.clamp(wp.sqrt(ss / yy), wp.float64(SMALLEST_SHARE), wp.float64(LARGEST_SHARE))
-        way = sm / sy * (wp.float64(1.0) + g * yy / sy) - g * ym / sy
+        displacement = sm / sy * (wp.float64(1.0) + g * yy / sy) - g * ym / sy
         change = -g * sm / sy
         # Only downhill.
-        if g * sum_of(totals, M_M) + way * sm + change * ym > wp.float64(0.0):
+        if g * sum_of(totals, M_M) + displacement * sm + change * ym > wp.float64(0.0):
             of_move = g
-            of_way = way
+            of_displacement = displacement
             of_change = change
     direction[0] = float(of_move)
-    direction[1] = float(of_way)
+    direction[1] = float(of_displacement)
     direction[2] = float(of_change)
-    direction[3] = float(sum_of(totals, UNSETTLED))
+    direction[3] = float(sum_of(totals, RESIDUAL))
     for kind in range(kind_count):
         ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
         # While lines still grow, what is missing is no pressure.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_images import Images, density_pixel, is_full
+from ..space.kernels_images import Images, density_pixel, in_support
 
 wp.set_module_options({"enable_backward": False})
 
-# A cell that is partly empty is drawn from again this often before its body is put on a pixel that is known to be full.
+# A cell that is partly empty is drawn from again this often before its body is put into the nearest pixel of the support.
 REDRAWS = wp.constant(12)
 # The largest float32 below 1.
 BELOW_ONE = wp.constant(0.99999994)
@@ -135,20 +135,20 @@ def place_bodies(
     cell = wp.cw_div(domain, wp.vec2(float(1 << order), float(1 << order)))
     corner = wp.cw_mul(cell, wp.vec2(float(column), float(row)))
     position = wp.vec2(0.0, 0.0)
-    full = int(0)
+    inside = int(0)
     for _redraw in range(REDRAWS):
-        if full == 0:
+        if inside == 0:
             position = wp.min(corner + wp.cw_mul(cell, wp.vec2(wp.randf(state), wp.randf(state))), BELOW_ONE * domain)
-            if is_full(position, class_index, images, domain):
-                full = 1
-    if full == 0:
-        # The way leads from one pixel's centre to another's.
+            if in_support(position, class_index, images, domain):
+                inside = 1
+    if inside == 0:
+        # The vector leads from one pixel's centre to another's.
         pixel = density_pixel(position, class_index, images, domain)
         height = images.height[class_index]
         width = images.width[class_index]
-        place = pixel - images.start[class_index]
+        index = pixel - images.start[class_index]
         size = wp.cw_div(domain, wp.vec2(float(width), float(height)))
-        centre = wp.cw_mul(size, wp.vec2(float(place % width) + 0.5, float(height - 1 - place / width) + 0.5))
+        centre = wp.cw_mul(size, wp.vec2(float(index % width) + 0.5, float(height - 1 - index / width) + 0.5))
         within = wp.vec2(wp.randf(state) - 0.5, wp.randf(state) - 0.5)
-        position = centre + images.way[pixel] + 0.98 * wp.cw_mul(size, within)
+        position = centre + images.to_support[pixel] + 0.98 * wp.cw_mul(size, within)
     pose[i] = wp.vec4(position[0], position[1], 0.0, 0.0)

@@ -17,7 +17,7 @@ from .model import Model
 
 __all__ = ["LineRules"]
 
-# Lines start at this share of their desired length: short enough not to cross, and grow while they spread.
+# Lines start at this share of their preferred length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
 
 
@@ -60,9 +60,9 @@ class LineRules:
 
         lines = kernels_descent.Lines()
         lines.turn_by_force = numbers_of([line.turn_weights[0] for line in rules])
-        lines.turn_by_wish = numbers_of([line.turn_weights[1] for line in rules])
+        lines.turn_by_preference = numbers_of([line.turn_weights[1] for line in rules])
         lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
-        lines.stretch_by_wish = numbers_of([line.stretch_weights[1] for line in rules])
+        lines.stretch_by_preference = numbers_of([line.stretch_weights[1] for line in rules])
         lines.straightness = numbers_of([-1.0 if line.straightness is None else line.straightness for line in rules])
         lines.length_factor = numbers_of([1.0] * len(rules))
         lines.direction, *shape = _joined(self._directions, wp.vec2, device)
@@ -85,9 +85,9 @@ class LineRules:
             own = np.flatnonzero(model.body.kind == kind)
             metres = position[own].astype(np.float64) * model.unit
             angle = rng.uniform(0.0, math.pi, len(own))
-            wish = _at(self._directions[kind], metres, size)
-            led = (wish**2).sum(axis=1) > 0.0
-            angle[led] = 0.5 * np.arctan2(wish[led, 1], wish[led, 0])
+            preferred = _at(self._directions[kind], metres, size)
+            led = (preferred**2).sum(axis=1) > 0.0
+            angle[led] = 0.5 * np.arctan2(preferred[led, 1], preferred[led, 0])
             result[own, 0] = angle
             result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, size) / model.unit
         return result

@@ -10,12 +10,20 @@ import warp as wp
 from ..device.launcher import Launcher
 from . import kernels_cells
 
-__all__ = ["CellSort"]
+__all__ = ["CellSort", "position_of"]
 
 # Fewer items are sorted by one thread at once: for them the passes of several would cost more than they save.
 FEW_ITEMS = 4096
 # Buckets for every thread: enough that a full one keeps no thread waiting.
 BUCKETS_PER_THREAD = 8
+
+
+def position_of(pose: wp.array) -> wp.array:
+    """The first two numbers of ``wp.vec4`` poses as ``wp.vec2``, in the same memory."""
+    view = wp.array(ptr=pose.ptr, dtype=wp.vec2, shape=pose.shape, strides=pose.strides, device=pose.device)
+    # The memory must not go before the view does.
+    view.pose = pose
+    return view
 
 
 class CellSort:

@@ -12,9 +12,9 @@ __all__ = [
     "FOLD",
     "Band",
     "box_integrals",
+    "move_into_support",
     "overlap_bands",
     "sample_density",
-    "settle_on_full_pixels",
     "spline_bands",
     "spline_deposit",
 ]
@@ -103,7 +103,7 @@ def sample_density(image: np.ndarray, position: np.ndarray, size: tuple[float, f
     return image[row, column]
 
 
-def settle_on_full_pixels(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+def move_into_support(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
     """Return positions (shape ``[n, 2]``) of which those on zero density moved to the nearest pixel above zero nearby.
 
     They end just inside that pixel, so that rounding cannot put them out again. Of pixels beyond the eight neighbours the

@@ -30,14 +30,15 @@ def cell_of(position: wp.vec2, grid: CellGrid):
 @wp.kernel
 def compute_cell_keys(
     first: int,
-    charge_position: wp.array(dtype=wp.vec2),
+    position: wp.array(dtype=wp.vec2),
     grid: CellGrid,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
+    """The cell of every item, and the item itself."""
     i = first + wp.tid()
-    key[i] = cell_of(charge_position[i], grid)
+    key[i] = cell_of(position[i], grid)
     order[i] = i
 
 
@@ -113,14 +114,14 @@ def fill_buckets(
     count: int,
     parts: int,
     shift: int,
-    place: wp.array2d(dtype=wp.int32),
+    next_free: wp.array2d(dtype=wp.int32),
     # outputs
     bucket_key: wp.array(dtype=wp.int32),
     bucket_item: wp.array(dtype=wp.int32),
 ):
     """Put the items of a part into their buckets, in their order; an element is a part."""
     part = first + wp.tid()
-    own = place[part]
+    own = next_free[part]
     for i in range(first_of_part(part, count, parts), first_of_part(part + 1, count, parts)):
         k = key[i]
         b = k >> shift

@@ -11,11 +11,12 @@ wp.set_module_options({"enable_backward": False})
 class Images:
     """Density images of all classes in one array, row 0 at the top: where each starts, its height and width.
 
-    ``way`` leads from an empty pixel's centre to that of a full one.
+    A class's *support* is where its density is above zero. ``to_support`` leads from an empty pixel's centre to that of the nearest
+    in the support.
     """
 
     pixel: wp.array(dtype=float)
-    way: wp.array(dtype=wp.vec2)
+    to_support: wp.array(dtype=wp.vec2)
     start: wp.array(dtype=wp.int32)
     height: wp.array(dtype=wp.int32)
     width: wp.array(dtype=wp.int32)
@@ -36,6 +37,6 @@ def density_pixel(position: wp.vec2, k: int, images: Images, domain: wp.vec2):
 
 
 @wp.func
-def is_full(position: wp.vec2, k: int, images: Images, domain: wp.vec2):
-    """Whether the density of class ``k`` is above zero at ``position``."""
+def in_support(position: wp.vec2, k: int, images: Images, domain: wp.vec2):
+    """Whether ``position`` lies where the density of class ``k`` is above zero."""
     return images.pixel[density_pixel(position, k, images, domain)] > 0.0

@@ -36,14 +36,14 @@ def confine(position: wp.vec2, space: Space):
 
 @wp.func
 def difference(start: wp.vec2, end: wp.vec2, space: Space):
-    """The way from ``start`` to ``end``, the short way round a periodic space."""
-    way = end - start
+    """The vector from ``start`` to ``end``, the shorter one round a periodic space."""
+    vector = end - start
     if space.periodic != 0:
         return wp.vec2(
-            way[0] - space.size[0] * wp.round(way[0] / space.size[0]),
-            way[1] - space.size[1] * wp.round(way[1] / space.size[1]),
+            vector[0] - space.size[0] * wp.round(vector[0] / space.size[0]),
+            vector[1] - space.size[1] * wp.round(vector[1] / space.size[1]),
         )
-    return way
+    return vector
 
 
 @wp.func

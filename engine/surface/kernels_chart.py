@@ -17,7 +17,7 @@ def blend(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weight: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def weights_at(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, x: wp.float64, y: wp.float64) -> wp.vec3d:
-    """Weights of a triangle's corners at a place seen from above, clamped to within it."""
+    """Weights of a triangle's corners at a position seen from above, clamped to within it."""
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     second = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
     third = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
@@ -61,7 +61,7 @@ def cast_down(
     hit_weight: wp.array(dtype=wp.vec3),
     hit_position: wp.array(dtype=wp.vec3d),
 ):
-    """Find the topmost triangle at every place, or -1; the weights of its corners, and where the place lies on it."""
+    """Find the topmost triangle at every position, or -1; the weights of its corners, and where the position lies on it."""
     i = first + wp.tid()
     x, y = xy[i][0], xy[i][1]
     origin = wp.vec3(wp.float32(x - middle[0]), wp.float32(y - middle[1]), above)
@@ -84,7 +84,7 @@ def find_nearest(
     mesh_triangle: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3d),
     triangle: wp.array(dtype=wp.vec3i),
-    place: wp.array(dtype=wp.vec3d),
+    query: wp.array(dtype=wp.vec3d),
     middle: wp.vec3d,
     reach: float,
     # outputs
@@ -92,9 +92,9 @@ def find_nearest(
     near_weight: wp.array(dtype=wp.vec3),
     near_position: wp.array(dtype=wp.vec3d),
 ):
-    """Find the point of the mesh that is nearest to every place: its triangle, the weights of its corners, and where it is."""
+    """Find the point of the mesh that is nearest to every query: its triangle, the weights of its corners, and where it is."""
     i = first + wp.tid()
-    hit = wp.mesh_query_point_no_sign(mesh, wp.vec3(place[i] - middle), reach)
+    hit = wp.mesh_query_point_no_sign(mesh, wp.vec3(query[i] - middle), reach)
     near_triangle[i] = mesh_triangle[hit.face]
     corner = triangle[near_triangle[i]]
     # They must add up to 1 in float64: far from the world's origin, what float32 rounds off is millimetres.
@@ -133,7 +133,7 @@ def blend_normals(
 
 @wp.func
 def repeated(x: wp.float64) -> wp.float64:
-    """Place in an image that repeats; 1 itself is the image's right or upper edge, not the start of its next copy."""
+    """Coordinate in an image that repeats; 1 itself is the image's right or upper edge, not the start of its next copy."""
     if x >= wp.float64(0.0) and x <= wp.float64(1.0):
         return x
     return x - wp.floor(x)

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import ProblemError
+from ..problem.image_filters import luminance
 from .top_view import TopView
 
 __all__ = ["SurfacePoints"]
-
-# Rec. 709, the primaries of Blender's default colour space.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,7 @@ class SurfacePoints:
             raise ProblemError(f'{key}: {mesh.name} has no attribute "{name}"; it has {_names(mesh.attribute)}')
         domain, values = mesh.attribute[name]
         if values.ndim == 2:
-            values = values[:, :3] @ LUMINANCE
+            values = luminance(values)
         if domain == "FACE":
             return values[mesh.face[self.triangle]]
         return self._blend(values[(mesh.triangle if domain == "POINT" else mesh.corner)[self.triangle]])

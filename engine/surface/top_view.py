@@ -1,4 +1,4 @@
-"""A triangle mesh seen from above: what is topmost at a place, and what of it is nearest to one."""
+"""A triangle mesh seen from above: what is topmost at a position, and what of it is nearest to one."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ class TopView:
         above = 0.5 * (self.high[2] - self.low[2]) + 0.01 * self.extent
         return self._ask(kernels_chart.cast_down, xy, above)
 
-    def nearest(self, place: np.ndarray) -> Spots:
-        """Return the points of the mesh that are nearest to every ``place`` ``[n, 3]``."""
-        return self._ask(kernels_chart.find_nearest, place, 4.0 * self.extent)
+    def nearest(self, position: np.ndarray) -> Spots:
+        """Return the points of the mesh that are nearest to every ``position`` ``[n, 3]``."""
+        return self._ask(kernels_chart.find_nearest, position, 4.0 * self.extent)
 
     def normals(self, triangle: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Return the shading normals of the upper side, shape ``[n, 3]``, float32, of length 1 and never pointing down."""
@@ -67,7 +67,7 @@ class TopView:
         return normal
 
     def _ask(self, kernel: wp.Kernel, where: np.ndarray, reach: float) -> Spots:
-        """Ask the mesh about every place, from its middle as far as ``reach``."""
+        """Ask the mesh about every position, from its middle as far as ``reach``."""
         mesh, count = self.mesh, len(where)
         spots = np.full(count, -1, np.int32), np.empty((count, 3), np.float32), np.empty((count, 3))
         if len(self._seen):

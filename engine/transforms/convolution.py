@@ -83,13 +83,13 @@ class Convolution:
             kernels_fft.convolve_columns,
             self.count * (self._stride // kernels_fft.LANES),
             [self._twiddles[length], rows, length, self._stride, influence],
-            self._halves,
+            [self._halves],
         )
         length = self.padded[1]
         self._each_block(
             kernels_fft.transform_rows_back,
             self.count * _whole_blocks(rows, 2),
-            [self._twiddles[length], rows, columns, length, self._stride, *self._halves],
+            [self._twiddles[length], rows, columns, length, self._stride, self._halves],
             [meshes],
         )
 
@@ -109,24 +109,28 @@ class Convolution:
         self._each_block(
             kernels_fft.transform_even_columns,
             self._stride // kernels_fft.LANES,
-            [self._twiddles[rows], rows, self._stride, halves[0]],
+            [self._twiddles[rows], rows, self._stride, halves],
             [influence],
         )
         return influence
 
-    def _half_rows(self, count: int) -> list[wp.array]:
-        return [self.launcher.empty(count * self._stride, float) for _ in range(2)]
+    def _half_rows(self, count: int) -> kernels_fft.HalfRows:
+        halves = kernels_fft.HalfRows()
+        halves.real, halves.imaginary = (self.launcher.empty(count * self._stride, float) for _ in range(2))
+        return halves
 
-    def _transform_rows(self, count: int, rows: int, columns: int, meshes: wp.array, halves: list[wp.array]) -> None:
+    def _transform_rows(
+        self, count: int, rows: int, columns: int, meshes: wp.array, halves: kernels_fft.HalfRows
+    ) -> None:
         length = self.padded[1]
         self._each_block(
             kernels_fft.transform_rows,
             count * _whole_blocks(rows, 2),
             [self._twiddles[length], rows, columns, length, self._stride, meshes],
-            halves,
+            [halves],
         )
 
-    def _each_block(self, kernel: wp.Kernel, blocks: int, inputs: list[Any], outputs: Sequence[wp.array]) -> None:
+    def _each_block(self, kernel: wp.Kernel, blocks: int, inputs: list[Any], outputs: Sequence[Any]) -> None:
         # The shortest blocks take some microseconds.
         grain = max(1, SHORT_ROW // max(self.padded))
         self.launcher.launch(kernel, blocks, [self._scratch, *inputs], outputs, grain=grain, per_thread=True)

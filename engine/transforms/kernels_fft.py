@@ -154,9 +154,41 @@ def transform(
 ) -> int: ...
 
 
+@wp.struct
+class HalfRows:
+    """Halves of transforms, real and imaginary parts apart."""
+
+    real: wp.array(dtype=float)
+    imaginary: wp.array(dtype=float)
+
+
+@wp.struct
+class Block:
+    """Rows ``row`` to ``end`` (the end of their mesh), or columns from ``column`` on, whose elements are transformed at once.
+
+    ``used`` elements of them are there, padded by zeros to ``length``; half rows are ``stride`` long.
+    """
+
+    row: int
+    end: int
+    column: int
+    used: int
+    length: int
+    stride: int
+
+
+# What the snippets below call the parts of their block.
+_BLOCK = (
+    _VECTORS
+    + """
+    const int row = block.row, end = block.end, column = block.column;
+    const int used = block.used, length = block.length, stride = block.stride;
+"""
+)
+
 # Lane l holds the real rows row + 2 l (as real part) and row + 2 l + 1 (as imaginary part); rows that are not there count as zeros.
 _LOAD_ROWS = (
-    _VECTORS
+    _BLOCK
     + """
     for (int part = 0; part < 2; ++part)
     {
@@ -168,7 +200,7 @@ _LOAD_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + part;
-                t.lane[l] = r < row_count ? VECTOR(real.data + (size_t)r * used + k) : (V)0.0f;
+                t.lane[l] = r < end ? VECTOR(real.data + (size_t)r * used + k) : (V)0.0f;
             }
             transpose(t);
             for (int e = 0; e < L; ++e) to[k + e] = t.lane[e];
@@ -177,7 +209,7 @@ _LOAD_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + part;
-                to[k][l] = r < row_count ? real.data[(size_t)r * used + k] : 0.0f;
+                to[k][l] = r < end ? real.data[(size_t)r * used + k] : 0.0f;
             }
         for (; k < length; ++k) to[k] = (V)0.0f;
     }
@@ -185,7 +217,7 @@ _LOAD_ROWS = (
 )
 
 _STORE_ROWS = (
-    _VECTORS
+    _BLOCK
     + """
     for (int part = 0; part < 2; ++part)
     {
@@ -199,7 +231,7 @@ _STORE_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + part;
-                if (r >= row_count) continue;
+                if (r >= end) continue;
                 float* __restrict__ to = real.data + (size_t)r * used + k;
                 if (k + L <= used) VECTOR(to) = t.lane[l];
                 else for (int e = 0; e < used - k; ++e) to[e] = t.lane[l][e];
@@ -211,7 +243,7 @@ _STORE_ROWS = (
 
 # With Z the transform of a + i b, that of a is (Z[k] + conj Z[-k]) / 2 and that of b (Z[k] - conj Z[-k]) / 2i.
 _STORE_HALF_ROWS = (
-    _VECTORS
+    _BLOCK
     + """
     const V* __restrict__ re = REAL(parity);
     const V* __restrict__ im = IMAGINARY(parity);
@@ -232,11 +264,11 @@ _STORE_HALF_ROWS = (
         for (int i = 0; i < 4; ++i)
         {
             transpose(t[i]);
-            float* __restrict__ to = i % 2 == 0 ? half_real.data : half_imaginary.data;
+            float* __restrict__ to = i % 2 == 0 ? half.real.data : half.imaginary.data;
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + i / 2;
-                if (r < row_count) VECTOR(to + (size_t)r * stride + k) = t[i].lane[l];
+                if (r < end) VECTOR(to + (size_t)r * stride + k) = t[i].lane[l];
             }
         }
     }
@@ -244,7 +276,7 @@ _STORE_HALF_ROWS = (
 )
 
 _LOAD_HALF_ROWS = (
-    _VECTORS
+    _BLOCK
     + """
     V* __restrict__ re = REAL(0);
     V* __restrict__ im = IMAGINARY(0);
@@ -253,11 +285,11 @@ _LOAD_HALF_ROWS = (
         Tile t[4];
         for (int i = 0; i < 4; ++i)
         {
-            const float* __restrict__ from = i % 2 == 0 ? half_real.data : half_imaginary.data;
+            const float* __restrict__ from = i % 2 == 0 ? half.real.data : half.imaginary.data;
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + i / 2;
-                t[i].lane[l] = r < row_count ? VECTOR(from + (size_t)r * stride + k) : (V)0.0f;
+                t[i].lane[l] = r < end ? VECTOR(from + (size_t)r * stride + k) : (V)0.0f;
             }
             transpose(t[i]);
         }
@@ -279,34 +311,34 @@ _LOAD_HALF_ROWS = (
 )
 
 _LOAD_COLUMNS = (
-    _VECTORS
+    _BLOCK
     + """
     V* __restrict__ re = REAL(0);
     V* __restrict__ im = IMAGINARY(0);
     for (int k = 0; k < used; ++k)
     {
-        re[k] = VECTOR(half_real.data + (size_t)(row + k) * stride + column);
-        im[k] = VECTOR(half_imaginary.data + (size_t)(row + k) * stride + column);
+        re[k] = VECTOR(half.real.data + (size_t)(row + k) * stride + column);
+        im[k] = VECTOR(half.imaginary.data + (size_t)(row + k) * stride + column);
     }
     for (int k = used; k < length; ++k) re[k] = im[k] = (V)0.0f;
 """
 )
 
 _STORE_COLUMNS = (
-    _VECTORS
+    _BLOCK
     + """
     const V* __restrict__ re = REAL(parity);
     const V* __restrict__ im = IMAGINARY(parity);
     for (int k = 0; k < used; ++k)
     {
-        VECTOR(half_real.data + (size_t)(row + k) * stride + column) = re[k];
-        VECTOR(half_imaginary.data + (size_t)(row + k) * stride + column) = im[k];
+        VECTOR(half.real.data + (size_t)(row + k) * stride + column) = re[k];
+        VECTOR(half.imaginary.data + (size_t)(row + k) * stride + column) = im[k];
     }
 """
 )
 
 _MULTIPLY = (
-    _VECTORS
+    _BLOCK
     + """
     V* __restrict__ re = REAL(parity);
     V* __restrict__ im = IMAGINARY(parity);
@@ -322,18 +354,18 @@ _MULTIPLY = (
 
 # Columns of a mesh that is even in y, of which rows 0 .. length / 2 are there: their transforms are real and even again.
 _LOAD_EVEN_COLUMNS = (
-    _VECTORS
+    _BLOCK
     + """
     for (int k = 0; k < length; ++k)
     {
-        REAL(0)[k] = VECTOR(half_real.data + (size_t)(k <= length / 2 ? k : length - k) * stride + column);
+        REAL(0)[k] = VECTOR(half.real.data + (size_t)(k <= length / 2 ? k : length - k) * stride + column);
         IMAGINARY(0)[k] = (V)0.0f;
     }
 """
 )
 
 _STORE_EVEN_COLUMNS = (
-    _VECTORS
+    _BLOCK
     + """
     for (int k = 0; k <= length / 2; ++k) VECTOR(influence.data + (size_t)k * stride + column) = REAL(parity)[k];
 """
@@ -341,109 +373,67 @@ _STORE_EVEN_COLUMNS = (
 
 
 @wp.func_native(_compiled_once(_LOAD_ROWS))
-def load_rows(
-    real: wp.array(dtype=float), row: int, row_count: int, used: int, length: int, scratch: wp.array(dtype=float)
-): ...
+def load_rows(real: wp.array(dtype=float), block: Block, scratch: wp.array(dtype=float)): ...
 
 
 @wp.func_native(_compiled_once(_STORE_ROWS))
-def store_rows(
-    scratch: wp.array(dtype=float),
-    parity: int,
-    row: int,
-    row_count: int,
-    used: int,
-    length: int,
-    real: wp.array(dtype=float),
-): ...
-
-
-@wp.func_native(_compiled_once(_STORE_HALF_ROWS))
-def store_half_rows(
-    scratch: wp.array(dtype=float),
-    parity: int,
-    row: int,
-    row_count: int,
-    length: int,
-    stride: int,
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
-): ...
+def store_rows(scratch: wp.array(dtype=float), parity: int, block: Block, real: wp.array(dtype=float)): ...
 
 
 @wp.func_native(_compiled_once(_LOAD_HALF_ROWS))
-def load_half_rows(
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
-    row: int,
-    row_count: int,
-    length: int,
-    stride: int,
-    scratch: wp.array(dtype=float),
-): ...
+def load_half_rows(half: HalfRows, block: Block, scratch: wp.array(dtype=float)): ...
+
+
+@wp.func_native(_compiled_once(_STORE_HALF_ROWS))
+def store_half_rows(scratch: wp.array(dtype=float), parity: int, block: Block, half: HalfRows): ...
 
 
 @wp.func_native(_compiled_once(_LOAD_COLUMNS))
-def load_columns(
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
-    row: int,
-    column: int,
-    stride: int,
-    used: int,
-    length: int,
-    scratch: wp.array(dtype=float),
-): ...
+def load_columns(half: HalfRows, block: Block, scratch: wp.array(dtype=float)): ...
 
 
 @wp.func_native(_compiled_once(_STORE_COLUMNS))
-def store_columns(
-    scratch: wp.array(dtype=float),
-    parity: int,
-    row: int,
-    column: int,
-    stride: int,
-    used: int,
-    length: int,
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
-): ...
+def store_columns(scratch: wp.array(dtype=float), parity: int, block: Block, half: HalfRows): ...
 
 
 @wp.func_native(_compiled_once(_MULTIPLY))
-def multiply(
-    influence: wp.array(dtype=float),
-    column: int,
-    stride: int,
-    length: int,
-    parity: int,
-    scratch: wp.array(dtype=float),
-): ...
+def multiply(influence: wp.array(dtype=float), block: Block, parity: int, scratch: wp.array(dtype=float)): ...
 
 
 @wp.func_native(_compiled_once(_LOAD_EVEN_COLUMNS))
-def load_even_columns(
-    half_real: wp.array(dtype=float), column: int, stride: int, length: int, scratch: wp.array(dtype=float)
-): ...
+def load_even_columns(half: HalfRows, block: Block, scratch: wp.array(dtype=float)): ...
 
 
 @wp.func_native(_compiled_once(_STORE_EVEN_COLUMNS))
-def store_even_columns(
-    scratch: wp.array(dtype=float),
-    parity: int,
-    column: int,
-    stride: int,
-    length: int,
-    influence: wp.array(dtype=float),
-): ...
+def store_even_columns(scratch: wp.array(dtype=float), parity: int, block: Block, influence: wp.array(dtype=float)): ...
 
 
 @wp.func
-def block_of_rows(block: int, row_count: int):
-    """First row of a block, and the end of the mesh of so many rows that it is part of; meshes lie one after the other."""
+def block_of_rows(number: int, row_count: int, used: int, length: int, stride: int):
+    """A block of rows of meshes of ``row_count`` rows, which lie one after the other."""
     blocks = (row_count + 2 * LANES - 1) / (2 * LANES)
-    mesh = block / blocks
-    return mesh * row_count + (block - mesh * blocks) * 2 * LANES, (mesh + 1) * row_count
+    mesh = number / blocks
+    block = Block()
+    block.row = mesh * row_count + (number - mesh * blocks) * 2 * LANES
+    block.end = (mesh + 1) * row_count
+    block.used = used
+    block.length = length
+    block.stride = stride
+    return block
+
+
+@wp.func
+def block_of_columns(number: int, used: int, length: int, stride: int):
+    """A block of columns of meshes of ``used`` rows, which lie one after the other."""
+    blocks = stride / LANES
+    block = Block()
+    block.row = number / blocks * used
+    block.end = block.row + used
+    block.column = number % blocks * LANES
+    block.used = used
+    block.length = length
+    block.stride = stride
+    return block
 
 
 @wp.kernel
@@ -458,15 +448,14 @@ def transform_rows(
     stride: int,
     real: wp.array(dtype=float),
     # outputs
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
+    half: HalfRows,
 ):
     """Transform real rows of ``used`` elements, padded by zeros to ``length``, into half rows of ``stride``."""
-    row, end = block_of_rows(first + wp.tid(), row_count)
+    block = block_of_rows(first + wp.tid(), row_count, used, length, stride)
     own = scratch[thread]
-    load_rows(real, row, end, used, length, own)
+    load_rows(real, block, own)
     parity = transform(own, 0, length, twiddle, 0)
-    store_half_rows(own, parity, row, end, length, stride, half_real, half_imaginary)
+    store_half_rows(own, parity, block, half)
 
 
 @wp.kernel
@@ -480,20 +469,16 @@ def convolve_columns(
     stride: int,
     influence: wp.array(dtype=float),
     # outputs
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
+    half: HalfRows,
 ):
     """Transform columns of ``used`` elements padded to ``length``, multiply by the influence function, transform back."""
-    block = first + wp.tid()
-    blocks = stride / LANES
-    row = block / blocks * used
-    column = block % blocks * LANES
+    block = block_of_columns(first + wp.tid(), used, length, stride)
     own = scratch[thread]
-    load_columns(half_real, half_imaginary, row, column, stride, used, length, own)
+    load_columns(half, block, own)
     parity = transform(own, 0, length, twiddle, 0)
-    multiply(influence, column, stride, length, parity, own)
+    multiply(influence, block, parity, own)
     parity = transform(own, parity, length, twiddle, 1)
-    store_columns(own, parity, row, column, stride, used, length, half_real, half_imaginary)
+    store_columns(own, parity, block, half)
 
 
 @wp.kernel
@@ -506,17 +491,16 @@ def transform_rows_back(
     used: int,
     length: int,
     stride: int,
-    half_real: wp.array(dtype=float),
-    half_imaginary: wp.array(dtype=float),
+    half: HalfRows,
     # outputs
     real: wp.array(dtype=float),
 ):
     """The inverse of :func:`transform_rows`, times ``length``; the padding is left out."""
-    row, end = block_of_rows(first + wp.tid(), row_count)
+    block = block_of_rows(first + wp.tid(), row_count, used, length, stride)
     own = scratch[thread]
-    load_half_rows(half_real, half_imaginary, row, end, length, stride, own)
+    load_half_rows(half, block, own)
     parity = transform(own, 0, length, twiddle, 1)
-    store_rows(own, parity, row, end, used, length, real)
+    store_rows(own, parity, block, real)
 
 
 @wp.kernel
@@ -527,13 +511,13 @@ def transform_even_columns(
     twiddle: wp.array(dtype=float),
     length: int,
     stride: int,
-    half_real: wp.array(dtype=float),
+    half: HalfRows,
     # outputs
     influence: wp.array(dtype=float),
 ):
     """Transform the columns of an even mesh, whose rows are transformed: its real and even transform."""
-    column = (first + wp.tid()) * LANES
+    block = block_of_columns(first + wp.tid(), length / 2 + 1, length, stride)
     own = scratch[thread]
-    load_even_columns(half_real, column, stride, length, own)
+    load_even_columns(half, block, own)
     parity = transform(own, 0, length, twiddle, 0)
-    store_even_columns(own, parity, column, stride, length, influence)
+    store_even_columns(own, parity, block, influence)

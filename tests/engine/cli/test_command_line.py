@@ -370,3 +370,47 @@ def test_assets_are_checked_before_the_run(folder, capfd):
         message = capfd.readouterr().err
         assert complaint in message and message.count("\n") == 1
     assert not (folder / "a.glb").exists()
+
+
+def test_a_new_format_is_known_to_arguments_and_help(folder, capfd, monkeypatch):
+    from esh.engine.files.placement_files import WRITERS, PlacementWriter
+
+    counts = PlacementWriter(
+        "the number of bodies", lambda file, placement, assets: file.write(b"%d" % len(placement.position))
+    )
+    monkeypatch.setitem(WRITERS, ".count", counts)
+    assert solve("-o", "a.count", "--max-steps", 1, "--quiet") == 0
+    assert Path("a.count").read_bytes() == b"72"
+    assert solve("-o", "a.txt") == 2
+    assert "or .count; got the ending '.txt'" in capfd.readouterr().err
+    monkeypatch.setenv("COLUMNS", "1000")
+    with pytest.raises(SystemExit):
+        command_line.main(["solve", "--help"])
+    told = capfd.readouterr().out
+    assert ".npz (NumPy arrays), .csv (a table of text)," in told and " or .count (the number of bodies);" in told
+
+
+def test_a_recipe_is_parsed_once_in_a_run(folder, monkeypatch):
+    from esh.engine.files import recipe
+
+    parsed = []
+    loads = recipe.tomllib.loads
+    monkeypatch.setattr(recipe.tomllib, "loads", lambda text: parsed.append(text) or loads(text))
+    assert solve("-o", "a.npz", "--halftone", "h.png", "--max-steps", 1, "--quiet") == 0
+    assert len(parsed) == 1
+
+
+def test_the_help_of_separate_lists_the_ink_models(capfd, monkeypatch):
+    from esh.engine.problem.color_separation import MODELS
+
+    monkeypatch.setenv("COLUMNS", "1000")
+    with pytest.raises(SystemExit):
+        command_line.main(["separate", "--help"])
+    shown = capfd.readouterr().out
+    assert all(name in shown for name in MODELS) and "CMYK (default)" in shown
+
+
+def test_help_loads_nothing_that_takes_time():
+    code = "import sys; from esh.engine.cli import command_line as c; c._parser(); print({'numpy', 'warp'} & set(sys.modules))"
+    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True)
+    assert outcome.stdout == "set()\n"

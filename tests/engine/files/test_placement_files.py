@@ -10,7 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
-from esh.engine.files.placement_files import check_writable, placement_writer, write_files, write_placement
+from esh.engine.files import placement_files
+from esh.engine.files.placement_files import (
+    WRITERS,
+    PlacementWriter,
+    check_ending,
+    check_writable,
+    one_of,
+    placement_writer,
+    write_files,
+    write_placement,
+)
+
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -59,8 +71,12 @@ def test_csv_reads_back_to_the_same_numbers(tmp_path, placement):
     assert names == [("pine, old", "large")] * 3 + [("pine, old", '"small"')] * 4 + [("Bärlauch 木", "only")] * 2
 
 
-@pytest.mark.parametrize("ending", [".npz", ".csv"])
+@pytest.mark.parametrize("ending", WRITERS)
 def test_equal_placements_give_equal_bytes_at_any_time(tmp_path, placement, ending, monkeypatch):
+    try:
+        WRITERS[ending].check()
+    except EshError as missing:
+        pytest.skip(str(missing))
     write_placement(tmp_path / f"a{ending}", placement)
     now = time.time()
     monkeypatch.setattr(time, "time", lambda: now + 1e7)
@@ -129,3 +145,29 @@ def test_a_folder_without_the_right_to_write(tmp_path: Path):
     tmp_path.chmod(0o500)
     with pytest.raises(EshError, match="no right to write into the folder"):
         check_writable(tmp_path / "a.npz")
+
+
+def test_a_new_writer_is_one_entry(tmp_path, placement, monkeypatch):
+    counts = PlacementWriter("the number of bodies", lambda file, p, assets: file.write(b"%d" % len(p.position)))
+    monkeypatch.setitem(WRITERS, ".count", counts)
+    write_placement(tmp_path / "a.COUNT", placement)
+    assert (tmp_path / "a.COUNT").read_bytes() == b"9"
+    with pytest.raises(EshError, match=r"must end in \.npz, .* or \.count; got the ending '\.txt'"):
+        write_placement(tmp_path / "a.txt", placement)
+
+
+def test_of_endings_that_fit_the_longest_is_taken():
+    assert check_ending("a.geo.JSON", [".json", ".geo.json"]) == ".geo.json"
+    assert check_ending("a.b.json", [".json", ".geo.json"]) == ".json"
+    with pytest.raises(EshError, match=r"^-o \.geo\.json must have a name before its ending, for example plan\.geo"):
+        check_ending(".geo.json", [".json", ".geo.json"], "-o")
+
+
+def test_words_of_a_sentence():
+    assert [one_of("a"), one_of("ab"), one_of("abc")] == ["a", "a or b", "a, b or c"]
+
+
+def test_the_documents_name_every_format():
+    for ending in WRITERS:
+        assert f"``{ending}``" in placement_files.write_placement.__doc__
+        assert f"`{ending}`" in (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")

@@ -45,7 +45,7 @@ def test_is_several_times_more_even_than_independent_draws():
     assert error < 0.5 * coverage_error(independent, ones, np.ones((1, 1)), domain)
 
 
-def test_stands_on_full_pixels_even_where_they_are_thin():
+def test_stands_in_the_support_even_where_it_is_thin():
     image = np.zeros((300, 300))
     image[137, 20:280] = 1.0
     image[5, 5] = 0.001

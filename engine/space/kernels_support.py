@@ -1,4 +1,4 @@
-"""The kernel that finds the nearest full pixel of every empty one."""
+"""Kernels that find the pixel of the support, where the density is above zero, that is nearest to every empty one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
-def find_nearer_full_pixels(
+def find_nearer_support(
     first: int,
     height: int,
     width: int,
@@ -18,7 +18,7 @@ def find_nearer_full_pixels(
     # outputs
     nearer: wp.array(dtype=wp.int32),
 ):
-    """One round of jump flooding: ask the eight pixels ``jump`` away for the full pixel that is nearest to them; -1 for none yet."""
+    """One round of jump flooding: ask the eight pixels ``jump`` away for the pixel of the support nearest to them; -1: none yet."""
     i = first + wp.tid()
     row = i / width
     column = i - row * width
@@ -42,16 +42,16 @@ def find_nearer_full_pixels(
 
 
 @wp.kernel
-def find_ways(
+def find_vectors(
     first: int,
     width: int,
     size: wp.vec2,
     nearest: wp.array(dtype=wp.int32),
     # outputs
-    way: wp.array(dtype=wp.vec2),
+    vector: wp.array(dtype=wp.vec2),
 ):
-    """Vector from every pixel's centre to that of its nearest full one: x to the right, y up."""
+    """Vector from every pixel's centre to that of the nearest in the support: x to the right, y up."""
     i = first + wp.tid()
     row = i / width
     to = nearest[i] / width
-    way[i] = wp.vec2(float(nearest[i] - to * width - (i - row * width)) * size[0], float(row - to) * size[1])
+    vector[i] = wp.vec2(float(nearest[i] - to * width - (i - row * width)) * size[0], float(row - to) * size[1])

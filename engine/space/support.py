@@ -1,4 +1,4 @@
-"""Density images on the device, and the way from their empty pixels back to full ones."""
+"""Density images on the device, and the vectors from their empty pixels to the support: where the density is above zero."""
 
 from __future__ import annotations
 
@@ -8,41 +8,41 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from . import kernels_images, kernels_pixels
+from . import kernels_images, kernels_support
 
-__all__ = ["images_for_kernels", "way_to_full_pixels"]
+__all__ = ["images_for_kernels", "vectors_to_support"]
 
 
 def images_for_kernels(
-    launcher: Launcher, images: Sequence[np.ndarray], size: tuple[float, float], *, ways: bool = True
+    launcher: Launcher, images: Sequence[np.ndarray], size: tuple[float, float], *, to_support: bool = True
 ) -> kernels_images.Images:
-    """Put the density images of all classes on the device, if asked with the way out of their empty pixels.
+    """Put the density images of all classes on the device, if asked with the vectors to the support.
 
     Args:
         launcher: Where to.
         images: One per class, shape ``[height, width]``.
-        size: Extent of the domain, in the unit that the ways are to have.
-        ways: Whether anybody wants to leave empty pixels.
+        size: Extent of the domain, in the unit that the vectors are to have.
+        to_support: Whether anybody wants to leave empty pixels.
     """
     device = launcher.device
     first = np.concatenate([[0], np.cumsum([image.size for image in images])])
     result = kernels_images.Images()
     result.pixel = wp.array(np.concatenate([image.ravel() for image in images]), dtype=float, device=device)
-    result.way = launcher.zeros(int(first[-1]) if ways else 1, wp.vec2)
+    result.to_support = launcher.zeros(int(first[-1]) if to_support else 1, wp.vec2)
     for image, start in zip(images, first[:-1].tolist(), strict=True):
-        if ways and not (image > 0.0).all():
-            wp.copy(result.way, way_to_full_pixels(launcher, image, size), dest_offset=start, count=image.size)
+        if to_support and not (image > 0.0).all():
+            wp.copy(result.to_support, vectors_to_support(launcher, image, size), dest_offset=start, count=image.size)
     result.start = wp.array(first[:-1], dtype=wp.int32, device=device)
     result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
     result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)
     return result
 
 
-def way_to_full_pixels(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> wp.array:
-    """Return the vector from every empty pixel's centre to that of a nearest full one, ``wp.vec2``, shape ``[height * width]``.
+def vectors_to_support(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> wp.array:
+    """Return the vector from every pixel's centre to that of the nearest in the support, ``wp.vec2``, shape ``[height * width]``.
 
-    By jump flooding (Rong and Tan, Jump Flooding in GPU, 2006): x to the right, y up; 0 on full pixels. Now and then a pixel is
-    told of a full one that is not quite the nearest.
+    By jump flooding (Rong and Tan, Jump Flooding in GPU, 2006): x to the right, y up; 0 in the support. Now and then a pixel is
+    told of one that is not quite the nearest.
     """
     height, width = image.shape
     pixel_size = wp.vec2(size[0] / width, size[1] / height)
@@ -55,12 +55,12 @@ def way_to_full_pixels(launcher: Launcher, image: np.ndarray, size: tuple[float,
     # Two more rounds of single steps mend most of what the jumps overlooked.
     for jump in [*(longest >> k for k in range(longest.bit_length())), 1, 1]:
         launcher.launch(
-            kernels_pixels.find_nearer_full_pixels,
+            kernels_support.find_nearer_support,
             image.size,
             [height, width, pixel_size, jump, nearest],
             [nearer],
         )
         nearest, nearer = nearer, nearest
-    way = launcher.empty(image.size, wp.vec2)
-    launcher.launch(kernels_pixels.find_ways, image.size, [width, pixel_size, nearest], [way])
-    return way
+    vector = launcher.empty(image.size, wp.vec2)
+    launcher.launch(kernels_support.find_vectors, image.size, [width, pixel_size, nearest], [vector])
+    return vector

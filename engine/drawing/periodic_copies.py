@@ -1,0 +1,50 @@
+"""The copies of bodies that a periodic domain shows where they reach over its edges."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..problem.placement import Placement
+
+__all__ = ["Copies", "copies_of_bodies", "copies_within"]
+
+# By how much what is drawn is shifted [m], shape [2], and which of it can then be seen, shape [n], bool.
+Copies = list[tuple[np.ndarray, np.ndarray]]
+
+
+def copies_within(low: np.ndarray, high: np.ndarray, size: tuple[float, float]) -> Copies:
+    """By how much a periodic domain repeats what lies in boxes, and which of them can then be seen.
+
+    Args:
+        low: Lower left corners of the boxes [m], shape ``[n, 2]``.
+        high: Upper right ones.
+        size: Extent of the domain [m].
+    """
+    if not len(low):
+        return [(np.zeros(2), np.zeros(0, dtype=bool))]
+    first = np.floor(-high.max(axis=0) / size).astype(int) + 1
+    last = np.ceil((np.array(size) - low.min(axis=0)) / size).astype(int) - 1
+    result = []
+    for y in range(min(first[1], 0), max(last[1], 0) + 1):
+        for x in range(min(first[0], 0), max(last[0], 0) + 1):
+            shift = np.array([x, y]) * size
+            result.append((shift, ((high + shift > 0.0) & (low + shift < size)).all(axis=1)))
+    return result
+
+
+def copies_of_bodies(placement: Placement) -> Copies:
+    """As :func:`copies_within`, for the bodies of a placement; in an open domain, every body once."""
+    if not placement.problem.domain.periodic:
+        return [(np.zeros(2), np.ones(len(placement.position), dtype=bool))]
+    half = 0.5 * placement.length[:, None] * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)
+    low = placement.position - np.abs(half)
+    high = placement.position + np.abs(half)
+    if placement.bends is not None:
+        bent = np.isfinite(placement.bends[:, 0, 0])
+        if bent.any():
+            low[bent], high[bent] = np.nanmin(placement.bends[bent], axis=1), np.nanmax(placement.bends[bent], axis=1)
+    radius = placement.radius[:, None]
+    return copies_within(low - radius, high + radius, placement.problem.domain.size)

@@ -1,0 +1,45 @@
+"""Cells of positions: one kernel for charges, and for poses that hold a position and more."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+import warp as wp
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.space import kernels_cells
+from esh.engine.space.cell_sort import CellSort, position_of
+from esh.engine.space.space import space_for_kernels
+
+
+@pytest.fixture
+def launcher():
+    launcher = Launcher(resolve_device("cpu"))
+    yield launcher
+    launcher.close()
+
+
+@pytest.mark.parametrize("count", [1, 500, 20_000])
+def test_poses_are_sorted_by_their_positions(launcher, count):
+    pose = np.random.default_rng(count).random((count, 4)).astype(np.float32)
+    pose[:, :2] *= (6.0, 4.0)
+    pose[:, 2:] *= 1e6  # angles and lengths say nothing of the cell
+    grid = kernels_cells.CellGrid()
+    grid.count_x, grid.count_y = 12, 8
+    grid.inverse_size = wp.vec2(2.0, 2.0)
+    grid.space = space_for_kernels((6.0, 4.0), False)
+    cell = np.minimum((pose[:, 1] * 2).astype(int), 7) * 12 + np.minimum((pose[:, 0] * 2).astype(int), 11)
+    positions = wp.array(np.ascontiguousarray(pose[:, :2]), dtype=wp.vec2, device="cpu")
+    for given in (positions, position_of(wp.array(pose, dtype=wp.vec4, device="cpu"))):
+        gc.collect()  # a view keeps what it looks at
+        sort = CellSort(launcher, count, 96)
+        sort.sort(kernels_cells.compute_cell_keys, [given, grid])
+        np.testing.assert_array_equal(sort.order.numpy()[:count], np.argsort(cell, kind="stable"))
+
+
+def test_a_view_follows_its_poses():
+    pose = wp.zeros(3, dtype=wp.vec4, device="cpu")
+    view = position_of(pose)
+    pose.assign(np.arange(12, dtype=np.float32).reshape(3, 4))
+    np.testing.assert_array_equal(view.numpy(), [[0, 1], [4, 5], [8, 9]])
