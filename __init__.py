@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .engine.problem.placement import Placement
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Progress, Solver
@@ -86,6 +87,7 @@ __all__ = [
     "scatter",
     "separate",
     "solve",
+    "solve_many",
     "write_bodies",
     "write_halftone_png",
     "write_halftone_svg",
@@ -143,6 +145,7 @@ _MODULES = {
     "scatter": ".esh_scatter.api",
     "separate": ".engine.problem.color_separation",
     "solve": ".engine.solve",
+    "solve_many": ".engine.scenes.solve_many",
     "write_bodies": ".engine.files.placement_files",
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import math
 import os
 import signal
@@ -20,6 +19,7 @@ from ..errors import EshError, ProblemError
 from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
 from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
+from .batch_command import add_batch, batch
 
 if TYPE_CHECKING:
     from ..device.profile import Profile
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
-        return {"solve": _solve, "separate": _separate}[options.command](options)
+        return {"solve": _solve, "separate": _separate, "batch": batch}[options.command](options)
     except EshError as error:
         _complain(str(error))
         return BAD_INPUT
@@ -70,7 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain("there is not enough memory; lower the counts, or use smaller density images")
         return BAD_INPUT
     except KeyboardInterrupt as interruption:
-        _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
+        # Only a batch has parts that stay.
+        kept = "" if options.command == "batch" and str(interruption) else "; nothing was written"
+        _complain(f"stopped by Ctrl-C{interruption}{kept}")
         return INTERRUPTED
     except BrokenPipeError:
         # Whoever read the report has had enough of it. Python flushes once more at exit: into nothing, then.
@@ -136,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--profile", action="store_true", help="print how long each phase took")
     solve.add_argument("--quiet", action="store_true", help="show no progress bar and no report")
+    add_batch(commands, _whole)
     separate = commands.add_parser(
         "separate",
         help="split a colour image into inks",
@@ -214,7 +217,9 @@ def _solve(options: argparse.Namespace) -> int:
     placement = _run(problem, options, profile)
     writers = {path: placement_writer(path, placement, assets=assets) for path in options.output}
     if options.report is not None:
-        writers[options.report] = lambda file: _write_report(file, placement)
+        from ..files.report_files import write_report
+
+        writers[options.report] = lambda file: write_report(file, placement)
     if options.plot is not None:
         from ..drawing.plan import draw_plan
 
@@ -362,22 +367,6 @@ def _progress_bar(body_count: int) -> Iterator[Any]:
             )
 
         yield show
-
-
-def _write_report(file: BinaryIO, placement: Placement) -> None:
-    text = json.dumps(_strict(placement.report.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
-    file.write(text.encode("utf-8") + b"\n")
-
-
-def _strict(value: Any) -> Any:
-    """Return plain JSON values; what JSON has no number for (NaN, infinity) becomes null."""
-    if isinstance(value, dict):
-        return {str(key): _strict(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_strict(entry) for entry in value]
-    if hasattr(value, "item"):  # a NumPy scalar
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _check_outputs(options: argparse.Namespace) -> None:

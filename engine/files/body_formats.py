@@ -20,6 +20,7 @@ class BodyFormat:
     """How bodies are kept in files of one ending.
 
     Attributes:
+        ending: ``".usd"``; small letters.
         what: What such a file is, for help texts.
         module: Module of this package that has ``write_…`` and ``read_…``.
         name: What stands for … there.
@@ -27,6 +28,7 @@ class BodyFormat:
         extra: The extra of the package that installs it.
     """
 
+    ending: str
     what: str
     module: str
     name: str
@@ -36,7 +38,7 @@ class BodyFormat:
     def check(self) -> None:
         """Raise an EshError if the library is not installed."""
         if self.library:
-            import_extra(self.library, self.extra, self.what)
+            import_extra(self.library, self.extra, f"a {self.ending} file")
 
     def write(self, file: BinaryIO, bodies: Bodies, folder: Path) -> None:
         """Write bodies to an open binary file that will lie in ``folder``; equal bodies as equal bytes."""
@@ -53,11 +55,14 @@ class BodyFormat:
 
 
 FORMATS: dict[str, BodyFormat] = {
-    ".usd": BodyFormat("a USD point instancer", "usd_files", "usd", "pxr.Usd", "usd"),
-    ".usdc": BodyFormat("the same", "usd_files", "usd", "pxr.Usd", "usd"),
-    ".usda": BodyFormat("the same as text", "usd_files", "usda", "pxr.Usd", "usd"),
-    ".glb": BodyFormat("glTF instances", "gltf_files", "glb"),
-    ".ply": BodyFormat("points", "table_files", "ply"),
-    ".parquet": BodyFormat("a table", "table_files", "parquet", "pyarrow.parquet", "parquet"),
-    ".geojson": BodyFormat("points as text", "table_files", "geojson"),
+    body_format.ending: body_format
+    for body_format in (
+        BodyFormat(".usd", "a USD point instancer", "usd_files", "usd", "pxr.Usd", "usd"),
+        BodyFormat(".usdc", "the same", "usd_files", "usd", "pxr.Usd", "usd"),
+        BodyFormat(".usda", "the same as text", "usd_files", "usda", "pxr.Usd", "usd"),
+        BodyFormat(".glb", "glTF instances", "gltf_files", "glb"),
+        BodyFormat(".ply", "points", "table_files", "ply"),
+        BodyFormat(".parquet", "rows and columns", "table_files", "parquet", "pyarrow.parquet", "parquet"),
+        BodyFormat(".geojson", "points as text", "table_files", "geojson"),
+    )
 }
