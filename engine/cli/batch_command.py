@@ -21,7 +21,8 @@ Solve many variations of a recipe, each into a folder of its own, and list them 
 The same command continues a batch that was stopped or killed: scenes that are done stay, and none is made twice. Scenes that cannot
 be solved are listed, and the others go on.
 
-Exit status: 0 if all scenes were solved. 1 if some could not be. 2 if something in the input is wrong. 130 after Ctrl-C.
+Exit status: 0 if all scenes were solved, or with --part and --collect. 1 if some could not be. 2 if something in the input is
+wrong. 130 after Ctrl-C.
 """
 FAILED = 1
 # Failures that are listed one by one.
@@ -66,6 +67,7 @@ def add_batch(commands: Any, whole: Any) -> None:
     parser.add_argument(
         "--part", metavar="I/N", type=_part, default=(1, 1), help="make only every N-th scene, from the I-th on"
     )
+    parser.add_argument("--collect", action="store_true", help="make no scene; write the table if all are done")
     parser.add_argument(
         "--workers", metavar="N", type=whole(0), help="processes (default: one per processor; on a GPU: none)"
     )
@@ -111,6 +113,7 @@ def batch(options: argparse.Namespace) -> int:
                 ray=options.ray,
                 gpus=options.gpus,
                 part=options.part,
+                collect=options.collect,
                 retry=options.retry,
                 progress=on_progress,
             )
@@ -127,7 +130,7 @@ def batch(options: argparse.Namespace) -> int:
         print(f"esh-scatter: scene {number:06d} failed: {why}", file=sys.stderr)
     if len(state.failed) > LISTED:
         print(f"esh-scatter: and {len(state.failed) - LISTED:,} more; the manifest has them all", file=sys.stderr)
-    return FAILED if state.failed else 0
+    return FAILED if state.failed and options.part == (1, 1) and not options.collect else 0
 
 
 def _summary(state: BatchState, folder: Path) -> str:

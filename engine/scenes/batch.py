@@ -25,7 +25,6 @@ from ..files.recipe import ParsedRecipe, parse_recipe
 from ..files.report_files import strict_json
 from .ray_pool import RayPool
 from .scene import Scene, input_files, read_scene, scene_files
-from .solve_many import make_pool
 from .variations import DESIGNS, Variation, parse_variation, scene_parameters
 from .worker import Failure, carry_out
 
@@ -104,6 +103,7 @@ def run_batch(
     ray: str | None = None,
     gpus: float = 0.0,
     part: tuple[int, int] = (1, 1),
+    collect: bool = False,
     retry: bool = False,
     progress: Callable[[BatchState], None] | None = None,
 ) -> BatchState:
@@ -117,6 +117,7 @@ def run_batch(
         gpus: GPUs that a scene asks of Ray.
         part: ``(i, n)``: only every n-th scene, from the i-th (counted from 1), so that several machines share the work. A run without
             it then finds all of them done, and writes the manifest.
+        collect: Make no scene, only the manifest.
         retry: Try the scenes again that failed.
         progress: Called at the beginning and after every scene.
 
@@ -139,7 +140,7 @@ def run_batch(
     inputs = _inputs(recipe, variations)
     _open_folder(batch, recipe, inputs)
 
-    mine = scenes[part[0] - 1 :: part[1]]
+    mine = [] if collect else scenes[part[0] - 1 :: part[1]]
     _remove_remains(batch.folder, mine)
     done = _done(batch.folder)
     failed = {n: why for n in done if (why := _read_report(batch.folder, n).get("error")) is not None}
@@ -263,6 +264,9 @@ def _solve(
 ) -> Iterator[tuple[Scene, Any]]:
     if not scenes:
         return
+    # Not before: a run that only collects needs no Warp.
+    from .solve_many import make_pool
+
     if ray is not None:
         cluster = RayPool(ray, gpus)
         shared = cluster.share(dict(inputs))

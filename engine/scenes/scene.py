@@ -18,7 +18,6 @@ from ..files.placement_files import placement_writer
 from ..files.recipe import ParsedRecipe, read_recipe
 from ..files.report_files import strict_json
 from ..problem.problem import Problem
-from ..solve import solve
 from .variations import varied
 
 __all__ = ["Scene", "input_files", "read_scene", "scene_files"]
@@ -67,6 +66,8 @@ def scene_files(scene: Scene, inputs: Mapping[str, bytes] | None = None) -> dict
         scene: What to do.
         inputs: The files that the recipe names, where the recipe's folder is on another machine; by their names in the recipe.
     """
+    from ..solve import solve
+
     files: dict[str, bytes] = {}
     report: dict[str, Any] = {"scene": scene.number, "seed": scene.seed, "parameters": dict(scene.parameters)}
     with tempfile.TemporaryDirectory(prefix="esh-scene-") as beside:
