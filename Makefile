@@ -75,7 +75,7 @@ docs: $(VENV)/.with-docs
 lint: $(VENV)/.with-lint
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
-	$(RUN) -m mypy
+	$(RUN) tools/check_types.py
 
 format: $(VENV)/.with-lint
 	$(RUN) -m ruff check --fix .

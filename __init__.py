@@ -23,16 +23,20 @@ if TYPE_CHECKING:
     from .engine.files.placement_files import write_bodies, write_placement
     from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
+    from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.placement import Placement
+    from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
+    from .engine.problem.scatter_settings import ScatterSettings
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
+    from .engine.surface.instances import Instances
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.exchange import export_result, import_placement
@@ -55,8 +59,10 @@ __all__ = [
     "Ink",
     "InkModel",
     "InputFileError",
+    "Instances",
     "Line",
     "Placement",
+    "PreparedClass",
     "Problem",
     "ProblemError",
     "Profile",
@@ -66,6 +72,7 @@ __all__ = [
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
+    "ScatterSettings",
     "ScatterSize",
     "Size",
     "SizeReport",
@@ -92,6 +99,7 @@ __all__ = [
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
+    "write_recipe",
     "register",
     "unregister",
 ]
@@ -113,8 +121,10 @@ _MODULES = {
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
+    "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.problem",
     "Placement": ".engine.problem.placement",
+    "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
@@ -124,6 +134,7 @@ _MODULES = {
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
     "ScatterResult": ".esh_scatter.api",
+    "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
@@ -150,6 +161,7 @@ _MODULES = {
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",
+    "write_recipe": ".engine.files.recipe_writer",
 }
 
 

@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
-from esh.engine.problem.report import NO_REPORT
+from esh.engine.problem.report import Report
 from esh.engine.solver.initial_placement import initial_placement
 from esh.esh_scatter.api import (
     AttributeDensity,
@@ -38,6 +38,7 @@ VERTICES = 700
 PIXELS = 2048
 # Seconds that everything may take for a million instances on two cores.
 LIMIT = 2.0
+NOT_MEASURED = Report(0, False, 0.0, "", 0.0, None, 0, 0.0, ())
 
 # What is timed, as functions of files of esh_scatter, none of which calls another.
 PHASES = {
@@ -47,7 +48,7 @@ PHASES = {
     "vertex group": [("vertex_groups", "read_vertex_groups"), ("surface_points", "vertex_group")],
     "attribute": [("target", "_read_attribute"), ("surface_points", "attribute")],
     "lifting back through the chart": [("chart", "lift"), ("surface_points", "normal")],
-    "rotations": [("result", "body_rotations"), ("api", "_draw_instances")],
+    "rotations": [("instances", "body_rotations"), ("api", "_draw_instances")],
     "writing points and attributes": [("result", "_point_mesh")],
     "node group": [("node_group", "build_node_group")],
 }
@@ -115,7 +116,7 @@ def unsolved(problem: Problem) -> Placement:
     """Return where the solver would start."""
     zero = np.zeros(problem.body_count)
     position = initial_placement(problem)
-    return Placement(problem, position, *problem.body_indices(), zero, zero, zero, NO_REPORT)
+    return Placement(problem, position, *problem.body_indices(), zero, zero, zero, NOT_MEASURED)
 
 
 def seconds_of_phases(profile: cProfile.Profile) -> dict[str, float]:

@@ -40,7 +40,10 @@ def time_cases(bodies: list[int], groups: list[int], kinds: list[str], repeat: i
             return replace(made, avoid_overlap=True)
         if kind == "lines":
             classes = [
-                replace(c, sizes=[Size(s.name, s.area, s.count, line=Line(3.0 * s.area**0.5, "none")) for s in c.sizes])
+                replace(
+                    c.asked,
+                    sizes=[Size(s.name, s.area, s.count, line=Line(3.0 * s.area**0.5, "none")) for s in c.sizes],
+                )
                 for c in made.classes
             ]
             return replace(made, classes=classes)

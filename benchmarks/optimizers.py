@@ -377,7 +377,8 @@ def multilevel(system: Dots, _x: np.ndarray, *, coarse: int, then: Optimizer) ->
     """A quarter of the bodies first, for ``coarse`` evaluations of a quarter of the cost, each then split into four."""
     problem = system.problem
     classes = [
-        replace(one, sizes=[replace(size, count=size.count // 4) for size in one.sizes]) for one in problem.classes
+        replace(one.asked, sizes=[replace(size, count=size.count // 4) for size in one.sizes])
+        for one in problem.classes
     ]
     few = Dots(replace(problem, classes=classes), system.launcher)
     for state in then(few, few.start):

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -18,15 +19,26 @@ from ..engine.device.launcher import resolve_device
 from ..engine.errors import EshError, ProblemError
 from ..engine.problem.direction_field import density_directions, direction_from_rg
 from ..engine.problem.placement import Placement
-from ..engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
+from ..engine.problem.problem import (
+    Balance,
+    BodyClass,
+    ClassSettings,
+    Domain,
+    Line,
+    Problem,
+    SamplingSettings,
+    Size,
+    Unsharp,
+)
 from ..engine.problem.report import Report
+from ..engine.problem.scatter_settings import RunSettings, ScatterSettings
+from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.validation import (
     check_area_or_range,
-    check_count,
+    check_density,
     check_direction,
     check_name,
-    check_seed,
-    check_switch,
     check_unique,
     show,
 )
@@ -34,10 +46,11 @@ from ..engine.solve import solve
 from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Footprint
+from ..engine.surface.instances import Instances, body_rotations, rotate
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .result import CLASS_NAMES, body_rotations, find_result, rotate, write_result
+from .result import CLASS_NAMES, find_result, write_result
 from .target import RESULT_TAG, check_exists, check_target, read_target
 
 __all__ = [
@@ -48,6 +61,7 @@ __all__ = [
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
+    "ScatterSettings",
     "ScatterSize",
     "Unsharp",
     "VertexGroupDensity",
@@ -62,58 +76,88 @@ EDGE_PIXELS = 256.0
 EDGE_SCALES = (RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS)
 
 
+@described
 @dataclass(frozen=True, eq=False)
-class ScatterSize:
-    """One size of a class.
+class ScatterSize(Settings):
+    """One size of a class."""
 
-    Attributes:
-        name: Unique within its class.
-        count: Number of bodies; placed exactly. None where the class has the count and this size a share.
-        source: The object to instance; or a collection, whose objects are variants: each point gets one of them, by seed.
-        area: Footprint of one body [m²]; None measures it from the mesh seen from above (a collection's is the mean of
-            its objects'). A range (smallest, largest) gives every body a footprint of its own, and scales its instance to it.
-        share: Share of the class's summed footprints.
-        line: Whether bodies are long, so that they are turned along a direction: None decides by the outline seen from above (its
-            length over 2.5 times its width), True and False insist, a :class:`Line` sets everything itself. Instances are turned so
-            that the long axis of their outline lies along the body. Bodies that are not long count as discs of their area, also
-            where they must not overlap.
-    """
+    name: str = field(metadata=same_setting(Size, "name"))
+    count: int | None = field(default=None, metadata=same_setting(Size, "count"))
+    source: bpy.types.Object | bpy.types.Collection | None = field(
+        default=None,
+        metadata=setting(
+            "What this size places",
+            more="An object to instance; or a collection, whose objects are variants: each point gets one of them, by seed",
+            check=as_given,
+        ),
+    )
+    area: float | tuple[float, float] | None = field(
+        default=None,
+        metadata=setting(
+            "Ground that one object takes",
+            unit="m²",
+            more="None measures it from the mesh seen from above (a collection's is the mean of its objects'). A range (smallest, "
+            "largest) gives every body a footprint of its own, and scales its instance to it",
+            check=as_given,
+        ),
+    )
+    share: float | None = field(default=None, metadata=same_setting(Size, "share"))
+    line: bool | Line | None = field(
+        default=None,
+        metadata=setting(
+            "Whether bodies are long, so that they are turned along a direction",
+            more="None decides by the outline seen from above (its length over 2.5 times its width), True and False insist, a "
+            ":class:`~esh.Line` sets everything itself. Instances are turned so that the long axis of their outline lies along the "
+            "body. Bodies that are not long count as discs of their area, also where they must not overlap",
+            check=as_given,
+        ),
+    )
+    distribution: str | np.ndarray | Sequence[float] = field(
+        default="linear", metadata=same_setting(Size, "distribution")
+    )
 
-    name: str
-    count: int | None = None
-    source: bpy.types.Object | bpy.types.Collection | None = None
-    area: float | tuple[float, float] | None = None
-    share: float | None = None
-    line: bool | Line | None = None
+    def _key(self, name: str) -> str:
+        return "`name` of a size" if name == "name" else f'`{name}` of size "{self.name}"'
 
 
+@described
 @dataclass(frozen=True, eq=False)
-class ScatterClass:
-    """One class of bodies that follows one density.
+class ScatterClass(ClassSettings):
+    """One class of bodies that follows one density."""
 
-    Attributes:
-        name: Unique.
-        sizes: At least one.
-        density: Per area of surface: a number (the same everywhere), an image, a vertex group or an attribute; an image
-            of Blender or an array ``[height, width]`` by itself is stretched over the target seen from above.
-        color: Red, green, blue and optionally alpha, kept as the points' attribute ``class_color``.
-        count: Number of bodies of all sizes, which then have shares; or ``"cover"``: as many as it takes to cover the density.
-        direction: Where long bodies point, seen from above: ``"density"`` (along its edges, of which the target's border is
-            none), ``"none"``, an angle [rad], an array of angles or vectors (see :class:`Line`), or an image of Blender whose red
-            and green are x and y; images are stretched over the target. A size whose ``line`` is a :class:`Line` has its own.
-        density_correction: See :class:`~esh.engine.problem.problem.BodyClass`; like ``"cover"``, it takes the density as the covered
-            share of the surface, which may be steep.
-        unsharp: See there; the pixels of its radius are cells of the chart, 1024 along the target's longer side.
-    """
+    name: str = field(metadata=same_setting(BodyClass, "name"))
+    sizes: Sequence[ScatterSize] = field(metadata=setting("At least one :class:`~esh.ScatterSize`", check=as_given))
+    density: Density = field(
+        default=1.0,
+        metadata=setting(
+            "Where many objects of this class stand, and where few, per area of surface",
+            more="A number (the same everywhere), an image, a vertex group or an attribute; an image of Blender or an array "
+            "``[height, width]`` by itself is stretched over the target seen from above",
+            check=as_given,
+        ),
+    )
+    color: Sequence[float] | None = field(
+        default=None,
+        metadata=setting(
+            "Color of this class. Its points have it as an attribute",
+            more="Red, green, blue and optionally alpha, kept as ``class_color``",
+            check=as_given,
+        ),
+    )
+    count: int | str | None = field(default=None, metadata=same_setting(BodyClass, "count"))
+    direction: str | float | np.ndarray | bpy.types.Image = field(
+        default="density",
+        metadata=setting(
+            "Where long objects of this class point, seen from above",
+            more='``"density"`` (along its edges, of which the target\'s border is none), ``"none"``, an angle [rad], an array of '
+            "angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x and y; images are stretched "
+            "over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
+            check=as_given,
+        ),
+    )
 
-    name: str
-    sizes: Sequence[ScatterSize]
-    density: Density = 1.0
-    color: Sequence[float] | None = None
-    count: int | str | None = None
-    direction: str | float | np.ndarray | bpy.types.Image = "density"
-    density_correction: bool = False
-    unsharp: Unsharp | None = None
+    def _key(self, name: str) -> str:
+        return "`name` of a class" if name == "name" else f'`{name}` of class "{self.name}"'
 
 
 @dataclass(frozen=True)
@@ -134,15 +178,18 @@ class ScatterResult:
         object: The result in the scene.
         report: What was reached.
         placement: Where the bodies are in the target's bounding rectangle.
+        instances: Where the objects stand in the world, in the placement's order.
+        sources: The objects that ``instances.source`` counts.
     """
 
     object: bpy.types.Object
     report: Report
     placement: Placement
+    instances: Instances
+    sources: tuple[bpy.types.Object, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Instances:
+class _Drawn(NamedTuple):
     """Of every point: index of the source, turn [rad], scale, and what lies on the point [m], seen from the source's origin.
 
     All are float32, as Blender keeps them, or int32.
@@ -154,6 +201,7 @@ class _Instances:
     anchor: np.ndarray
 
 
+@takes(ScatterSettings)
 class ScatterJob:
     """A scatter in three phases; see :func:`scatter` for the arguments.
 
@@ -161,6 +209,7 @@ class ScatterJob:
     :meth:`write` changes the scene.
 
     Attributes:
+        settings: How it is made.
         problem: What the sampler is asked.
         placement: What it answered; None before :meth:`solve`.
 
@@ -172,31 +221,18 @@ class ScatterJob:
         self,
         target: bpy.types.Object,
         classes: Sequence[ScatterClass],
+        settings: ScatterSettings | None = None,
         *,
-        class_separation: float = 0.5,
-        size_emphasis: float | Sequence[float] = 2.0,
-        non_overlap: np.ndarray | Sequence[Sequence[float]] | None = None,
-        avoid_overlap: bool = True,
-        seed: int = 0,
-        device: str = "auto",
-        max_steps: int = 100,
-        align_to_normal: float = 1.0,
-        random_turn: float = 2.0 * math.pi,
-        scale_jitter: float = 0.0,
         name: str = "ESH Scatter",
         result: bpy.types.Object | None = None,
+        **changes: Any,
     ) -> None:
         context = bpy.context
-        balance = Balance(class_separation, size_emphasis, non_overlap)
-        avoid_overlap = check_switch(avoid_overlap, "`avoid_overlap`")
-        self.seed = check_seed(seed)
-        self.max_steps = check_count(max_steps, "`max_steps`")
-        self.align_to_normal = _number(align_to_normal, "`align_to_normal`", 0.0, 1.0)
-        self.random_turn = _number(random_turn, "`random_turn`", 0.0, math.inf)
-        self.scale_jitter = _number(scale_jitter, "`scale_jitter`", 0.0, 0.99)
+        if settings is not None and not isinstance(settings, ScatterSettings):
+            raise ProblemError(f"`settings` must be ScatterSettings, or None; got {show(settings)}")
+        self.settings = replace(settings or ScatterSettings(), **changes)
         self.name = check_name(name, "`name`")
-        self.device = device
-        resolve_device(device)
+        resolve_device(self.settings.device)
         self.target = check_target(target, context)
         self.result = _check_result(result)
         self.classes = _check_classes(classes)
@@ -218,28 +254,34 @@ class ScatterJob:
         domain = Domain((float(self.chart.size[0]), float(self.chart.size[1])))
         self.problem = Problem(
             domain,
-            [self._body_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
-            balance,
-            self.seed,
-            avoid_overlap,
+            [self._prepare_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
+            Balance(**values_of(self.settings, Balance)),
+            **values_of(self.settings, SamplingSettings),
         )
         self.placement: Placement | None = None
 
     def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
-        self.placement = solve(self.problem, device=self.device, max_steps=self.max_steps, progress=progress)
+        self.placement = solve(self.problem, **values_of(self.settings, RunSettings), progress=progress)
 
-    def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
-        """Make the result object, or replace the points of an earlier one; on the main thread only."""
+    def instances(self) -> Instances:
+        """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
         if self.placement is None:
-            raise ProblemError("a scatter must be solved before it is written")
-        scene = (context or bpy.context).scene
-        drawn = self._draw_instances()
+            raise ProblemError("a scatter must be solved before its objects have a place")
+        drawn = self._draw_instances(self.placement)
         surface = self.chart.lift(self.placement.position)
-        rotation = body_rotations(surface.normal, self.align_to_normal, drawn.turn)
+        rotation = body_rotations(surface.normal, self.settings.align_to_normal, drawn.turn)
         position = surface.position
         moved = np.flatnonzero(drawn.anchor.any(axis=1))
         position[moved] -= rotate(rotation[moved], drawn.anchor[moved])
+        return Instances(position.astype(np.float32), rotation.astype(np.float32), drawn.scale, drawn.source)
+
+    def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
+        """Make the result object, or replace the points of an earlier one; on the main thread only."""
+        if self.placement is None or self.placement.report is None:
+            raise ProblemError("a scatter must be solved before it is written")
+        scene = (context or bpy.context).scene
+        instances = self.instances()
         replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
             scene,
@@ -247,41 +289,40 @@ class ScatterJob:
             self.target,
             self.name,
             self.sources,
-            position,
-            self._attributes(rotation, drawn),
+            instances.position,
+            self._attributes(self.placement, instances),
         )
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)
-        return ScatterResult(item, self.placement.report, self.placement)
+        return ScatterResult(item, self.placement.report, self.placement, instances, tuple(self.sources))
 
     def _source_index(self, member: bpy.types.Object) -> int:
         if member not in self.sources:
             self.sources.append(member)
         return self.sources.index(member)
 
-    def _body_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> BodyClass:
-        """Return what the engine is asked: densities and counts as the slopes of the surface make them."""
+    def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> PreparedClass:
+        """Return what the engine is to place: densities and counts as the slopes of the surface make them."""
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
         values = density_at(c.density, self.chart.points, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
-        surface = BodyClass(c.name, sizes, self.chart.continued(values), c.count, c.density_correction, c.unsharp)
-        density = surface.density_image * self.chart.stretch
+        asked = BodyClass(c.name, sizes, self.chart.continued(values), c.count, **values_of(c, ClassSettings))
+        surface = prepare_density(asked)
+        density = surface.image * self.chart.stretch
         mean = float(density.mean())
         if not mean > 0.0:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
-        sizes = list(surface.resolved(domain.area * mean / float(surface.density_image.mean(dtype=np.float64))).sizes)
+        sizes = list(count_sizes(asked, domain.area * mean))
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
-        ours = [i for i, size in enumerate(c.sizes) if sizes[i].line is not None and not isinstance(size.line, Line)]
-        if ours and isinstance(c.direction, str) and c.direction == "density":
-            direction = self._edge_directions(surface.density_image)
-            for i in ours:
-                sizes[i] = replace(sizes[i], line=replace(sizes[i].line, direction=direction))
-        result = BodyClass(c.name, sizes, density)
-        # The surface's own class did the sharpening, so it knows what there is to say about it.
-        object.__setattr__(result, "notes", surface.notes)
-        return result
+        ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
+        lines = {i: line for i in ours if (line := sizes[i].line) is not None}
+        if lines and isinstance(c.direction, str) and c.direction == "density":
+            direction = self._edge_directions(surface.image)
+            for i, line in lines.items():
+                sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
+        return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
 
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
         """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
@@ -295,17 +336,16 @@ class ScatterJob:
         weight /= weight.max()
         return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
 
-    def _draw_instances(self) -> _Instances:
+    def _draw_instances(self, placement: Placement) -> _Drawn:
         """Choose every point's variant, turn and scale, and what of it lies on the point: of lines, the outline's middle."""
-        placement = self.placement
         count = len(placement.position)
         # Three numbers for each point, in the points' order: a longer list of bodies leaves the earlier ones as they are.
-        random = np.random.default_rng([self.seed, 1]).random((count, 3))
+        random = np.random.default_rng([self.settings.seed, 1]).random((count, 3))
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         group = first[placement.class_index] + placement.size_index
         source = np.empty(count, np.int32)
-        turn = (placement.angle + self.random_turn * random[:, 1]).astype(np.float32)
-        scale = (1.0 + self.scale_jitter * (2.0 * random[:, 2] - 1.0)).astype(np.float32)
+        turn = (placement.angle + self.settings.random_turn * random[:, 1]).astype(np.float32)
+        scale = (1.0 + self.settings.scale_jitter * (2.0 * random[:, 2] - 1.0)).astype(np.float32)
         anchor = np.zeros((count, 3), np.float32)
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
@@ -319,39 +359,31 @@ class ScatterJob:
                 back = np.where(random[own, 1] < 0.5, 0.0, math.pi)
                 turn[own] = placement.angle[own] - np.array([outline.angle for outline in outlines])[variant] + back
                 anchor[own, :2] = scale[own, None] * np.array([outline.center for outline in outlines])[variant]
-        return _Instances(source, turn, scale, anchor)
+        return _Drawn(source, turn, scale, anchor)
 
-    def _attributes(self, rotation: np.ndarray, drawn: _Instances) -> dict[str, tuple[str, np.ndarray]]:
-        placement = self.placement
+    def _attributes(self, placement: Placement, instances: Instances) -> dict[str, tuple[str, np.ndarray]]:
         colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
         return {
             "id": ("INT", np.arange(len(placement.position), dtype=np.int32)),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
-            INSTANCE_INDEX: ("INT", drawn.source),
-            ROTATION: ("QUATERNION", rotation),
-            SCALE: ("FLOAT_VECTOR", np.repeat(drawn.scale[:, None], 3, axis=1)),
+            INSTANCE_INDEX: ("INT", instances.source),
+            ROTATION: ("QUATERNION", instances.rotation),
+            SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
         }
 
 
+@takes(ScatterSettings)
 def scatter(
     target: bpy.types.Object,
     classes: Sequence[ScatterClass],
+    settings: ScatterSettings | None = None,
     *,
-    class_separation: float = 0.5,
-    size_emphasis: float | Sequence[float] = 2.0,
-    non_overlap: np.ndarray | Sequence[Sequence[float]] | None = None,
-    avoid_overlap: bool = True,
-    seed: int = 0,
-    device: str = "auto",
-    max_steps: int = 100,
-    align_to_normal: float = 1.0,
-    random_turn: float = 2.0 * math.pi,
-    scale_jitter: float = 0.0,
     name: str = "ESH Scatter",
     result: bpy.types.Object | None = None,
     progress: Callable[[Progress], bool | None] | None = None,
+    **changes: Any,
 ) -> ScatterResult:
     """Place objects on a mesh, all classes and sizes at once.
 
@@ -359,56 +391,23 @@ def scatter(
         target: Mesh object of the current view layer, used with its modifiers and as it stands in the world. It is seen
             from above: where it overhangs itself, the topmost surface counts.
         classes: What to place, how many, following which densities.
-        class_separation: 0 places every class as if it were alone, 1 spreads only the union.
-        size_emphasis: 1 or more: how much more the larger sizes are spread evenly among themselves; or a list, one for each
-            larger size.
-        non_overlap: One row and column per class, 1 where two must keep apart, 0 where they may overlap; None keeps all apart.
-        avoid_overlap: Push footprints apart that touch; what overlaps all the same, the report says.
-        seed: The same arguments, seed and device give the same result.
-        device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``.
-        max_steps: Steps of the relaxation at most.
-        align_to_normal: 0 leaves bodies upright, 1 sets them along the surface's normal.
-        random_turn: Bodies are turned about their own axis by a random angle from 0 to this [rad].
-        scale_jitter: Bodies are scaled by a random factor within 1 ± this, below 1.
+        settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
         result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
         progress: Called after every step; returning False stops the run, and what is there is written.
+        changes: Any of the following, by name, in place of that in ``settings``.
 
     Returns:
-        The result object, the report and the placement.
+        The result object, the report, the placement, and where the objects stand.
 
     Raises:
         EshError: One sentence that says what is wrong; nothing was changed.
     """
     if progress is not None and not callable(progress):
         raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
-    job = ScatterJob(
-        target,
-        classes,
-        class_separation=class_separation,
-        size_emphasis=size_emphasis,
-        non_overlap=non_overlap,
-        avoid_overlap=avoid_overlap,
-        seed=seed,
-        device=device,
-        max_steps=max_steps,
-        align_to_normal=align_to_normal,
-        random_turn=random_turn,
-        scale_jitter=scale_jitter,
-        name=name,
-        result=result,
-    )
+    job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
     job.solve(progress)
     return job.write()
-
-
-def _number(value: object, key: str, low: float, high: float) -> float:
-    if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
-        number = float(value)
-        if math.isfinite(number) and low <= number <= high:
-            return number
-    span = f"between {low:g} and {high:g}" if math.isfinite(high) else f"of {low:g} or more, and finite"
-    raise ProblemError(f"{key} must be a number {span}; got {show(value)}")
 
 
 def _check_result(result: object) -> bpy.types.Object | None:
@@ -428,14 +427,10 @@ def _check_classes(classes: object) -> list[ScatterClass]:
     if not classes:
         raise ProblemError("`classes` must hold at least one class; got none")
     for entry in classes:
-        key = f'class "{check_name(entry.name, "`name` of a class")}"'
+        key = f'class "{entry.name}"'
         sizes = entry.sizes
         if not isinstance(sizes, Sequence) or not all(isinstance(size, ScatterSize) for size in sizes) or not sizes:
             raise ProblemError(f"`sizes` of {key} must be a list of at least one ScatterSize; got {show(sizes)}")
-        for size in sizes:
-            check_name(size.name, f"`name` of a size of {key}")
-            if size.count is not None:
-                check_count(size.count, f'`count` of size "{size.name}" of {key}')
         check_unique([size.name for size in sizes], f"size names of {key}")
         _direction(entry)
         if entry.color is not None:
@@ -533,7 +528,7 @@ def _direction(scatter_class: ScatterClass) -> str | float | np.ndarray:
 
 
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:
-    return Size(size.name, shape.area, size.count, size.share, line=shape.line)
+    return Size(size.name, shape.area, size.count, size.share, size.distribution, shape.line)
 
 
 def _rgba(color: Sequence[float] | None) -> tuple[float, ...]:

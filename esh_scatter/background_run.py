@@ -5,6 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..engine.solver.solver import Progress
 
 __all__ = ["BackgroundRun"]
 
@@ -21,8 +25,8 @@ class BackgroundRun:
         stopped: Whether :meth:`stop` was called.
     """
 
-    def __init__(self, solve: Callable[[Callable[[object], bool]], object]) -> None:
-        self.progress = None
+    def __init__(self, solve: Callable[[Callable[[Progress], bool]], object]) -> None:
+        self.progress: Progress | None = None
         self.error: BaseException | None = None
         self.stopped = False
         self._started = time.monotonic()
@@ -48,7 +52,7 @@ class BackgroundRun:
         """Wait for the end of the run, ``seconds`` at most."""
         self._thread.join(seconds)
 
-    def _keep_progress(self, progress: object) -> bool:
+    def _keep_progress(self, progress: Progress) -> bool:
         self.progress = progress
         return not self.stopped
 

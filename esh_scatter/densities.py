@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import bpy
 import numpy as np
@@ -64,7 +64,7 @@ class AttributeDensity:
     invert: bool = False
 
 
-Density = ImageDensity | VertexGroupDensity | AttributeDensity | bpy.types.Image | np.ndarray | float
+Density: TypeAlias = ImageDensity | VertexGroupDensity | AttributeDensity | bpy.types.Image | np.ndarray | float
 
 
 def density_at(density: Density, points: SurfacePoints, key: str) -> np.ndarray:

@@ -2,13 +2,25 @@
 
 import bpy
 
+from .properties import ESH_PG_class, ESH_PG_scatter, ESH_PG_size
+
 __all__ = ["CLASSES"]
 
 
 class ESH_UL_scatters(bpy.types.UIList):
     """The scene's scatters: name, and whether the result shows in viewport and renders."""
 
-    def draw_item(self, context, layout, _data, item, _icon, _active_data, _active_property, _index=0):
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: object,
+        item: ESH_PG_scatter,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
         """Draw one scatter."""
         row = layout.row(align=True)
         row.prop(item, "name", text="", emboss=False, icon="STICKY_UVS_DISABLE")
@@ -23,7 +35,17 @@ class ESH_UL_scatters(bpy.types.UIList):
 class ESH_UL_classes(bpy.types.UIList):
     """The classes of a scatter: colour swatch, name, how many."""
 
-    def draw_item(self, context, layout, data, item, _icon, _active_data, _active_property, _index=0):
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ESH_PG_scatter,
+        item: ESH_PG_class,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
         """Draw one class."""
         row = layout.row(align=True)
         swatch = row.row()
@@ -41,7 +63,17 @@ class ESH_UL_classes(bpy.types.UIList):
 class ESH_UL_sizes(bpy.types.UIList):
     """The sizes of a class: name, what is placed, how many."""
 
-    def draw_item(self, _context, layout, data, item, _icon, _active_data, _active_property, _index=0):
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ESH_PG_class,
+        item: ESH_PG_size,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
         """Draw one size."""
         split = layout.split(factor=0.36, align=True)
         split.prop(item, "name", text="", emboss=False)

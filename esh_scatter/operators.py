@@ -3,7 +3,11 @@
 # Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
 # ruff: noqa: D415
 
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
 import random
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
@@ -11,7 +15,11 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from ..engine.errors import EshError
 from ..engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from . import running
-from .properties import active_scatter
+from .properties import ESH_PG_scatter, active_scatter, selected_class, selected_scatter
+
+if TYPE_CHECKING:
+    from .api import ScatterResult
+    from .running import Session
 
 __all__ = ["CLASSES"]
 
@@ -24,7 +32,7 @@ class _Edit(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not _settings_editable(cls, context):
             return False
         if cls._needs(context) is None:
@@ -35,7 +43,7 @@ class _Edit(bpy.types.Operator):
     _missing = "Add a scatter first"
 
     @staticmethod
-    def _needs(context):
+    def _needs(context: bpy.types.Context) -> object:
         return active_scatter(context)
 
 
@@ -47,7 +55,7 @@ class ESH_OT_scatter(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         """Say in the button's tooltip why it is grey."""
         if not _settings_editable(cls, context):
             return False
@@ -59,11 +67,11 @@ class ESH_OT_scatter(bpy.types.Operator):
             cls.poll_message_set(obstacle)
         return not obstacle
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end before returning: for scripts and ``blender -b``."""
         from .api import scatter
 
-        settings = active_scatter(context)
+        settings = selected_scatter(context)
         window_manager = context.window_manager
         window_manager.progress_begin(0, settings.max_steps)
         try:
@@ -76,13 +84,13 @@ class ESH_OT_scatter(bpy.types.Operator):
             window_manager.progress_end()
         return self._finish(settings, result)
 
-    def invoke(self, context, _event):
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Solve in the background while the window stays alive."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         from .api import ScatterJob
 
-        settings = active_scatter(context)
+        settings = selected_scatter(context)
         try:
             positional, named = settings.arguments(context.scene)
             job = ScatterJob(*positional, **named)
@@ -93,7 +101,7 @@ class ESH_OT_scatter(bpy.types.Operator):
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Watch the run; Esc leaves what was there."""
         if event.type == "ESC" and event.value == "PRESS":
             running.stop("Stopped. Nothing was changed")
@@ -106,17 +114,18 @@ class ESH_OT_scatter(bpy.types.Operator):
                 return self._write(context)
         return {"PASS_THROUGH"} if running.lets_through(context, event) else {"RUNNING_MODAL"}
 
-    def cancel(self, _context):
+    def cancel(self, _context: bpy.types.Context) -> None:
         """Blender takes the operator away: another file, a closed window."""
         running.end()
 
-    def _stopped(self, session):
+    def _stopped(self, session: "Session | None") -> set[str]:
         running.end()
         self.report({"WARNING"}, session.stop_reason if session else "Stopped. Nothing was changed")
         return {"CANCELLED"}
 
-    def _write(self, context):
+    def _write(self, context: bpy.types.Context) -> set[str]:
         session = running.session
+        assert session is not None
         running.end()
         try:
             if session.run.error is not None:
@@ -133,7 +142,7 @@ class ESH_OT_scatter(bpy.types.Operator):
             return {"CANCELLED"}
         return self._finish(settings, result)
 
-    def _finish(self, settings, result):
+    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
         report = result.report
         settings.remember(result.object, report.to_dict())
         placed = sum(size.placed for body_class in report.classes for size in body_class.sizes)
@@ -155,11 +164,11 @@ class ESH_OT_stop(bpy.types.Operator):
     bl_options = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, _context):
+    def poll(cls, _context: bpy.types.Context) -> bool:
         """Only while something runs."""
         return running.session is not None
 
-    def execute(self, _context):
+    def execute(self, _context: bpy.types.Context) -> set[str]:
         """Stop."""
         running.stop("Stopped. Nothing was changed")
         return {"FINISHED"}
@@ -172,10 +181,10 @@ class ESH_OT_scatter_add(_Edit):
     bl_label = "Add Scatter"
 
     @staticmethod
-    def _needs(context):
+    def _needs(context: bpy.types.Context) -> object:
         return context.scene
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
         candidate = context.view_layer.objects.active
         settings = context.scene.esh_scatter
@@ -191,7 +200,7 @@ class ESH_OT_scatter_remove(_Edit):
     bl_idname = "esh.scatter_remove"
     bl_label = "Remove Scatter"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
         settings = context.scene.esh_scatter
         settings.scatter_index = _remove(settings.scatters, settings.scatter_index)
@@ -204,9 +213,9 @@ class ESH_OT_class_add(_Edit):
     bl_idname = "esh.class_add"
     bl_label = "Add Class"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        active_scatter(context).add_class()
+        selected_scatter(context).add_class()
         return {"FINISHED"}
 
 
@@ -232,19 +241,19 @@ class ESH_OT_classes_from_image(_Edit):
     )
 
     @staticmethod
-    def _needs(context):
+    def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
         return scatter and scatter.target
 
     _missing = "Choose a target first"
 
-    def invoke(self, context, _event):
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for image and inks."""
         if not self.image and bpy.data.images:
             self.image = next((i.name for i in bpy.data.images if i.type == "IMAGE"), "")
         return context.window_manager.invoke_props_dialog(self, width=320)
 
-    def draw(self, _context):
+    def draw(self, _context: bpy.types.Context) -> None:
         """Draw the dialog."""
         layout = self.layout
         layout.use_property_split = True
@@ -252,13 +261,13 @@ class ESH_OT_classes_from_image(_Edit):
         layout.prop(self, "model")
         layout.prop(self, "dots")
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Add the classes."""
         from ..engine.surface.chart import Chart
         from .inks import add_ink_classes
         from .target import check_target, read_target
 
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         image = bpy.data.images.get(self.image)
         if image is None:
             self.report({"ERROR"}, f'There is no image "{self.image}". Open one first')
@@ -277,7 +286,7 @@ class _ClassEdit(_Edit):
     _missing = "Select a class first"
 
     @staticmethod
-    def _needs(context):
+    def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
         return scatter and scatter.active_class
 
@@ -288,9 +297,9 @@ class ESH_OT_class_remove(_ClassEdit):
     bl_idname = "esh.class_remove"
     bl_label = "Remove Class"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         scatter.class_index = _remove(scatter.classes, scatter.class_index)
         return {"FINISHED"}
 
@@ -303,9 +312,9 @@ class ESH_OT_class_move(_ClassEdit):
 
     direction: EnumProperty(items=_MOVES, name="Direction")
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Move it."""
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         scatter.class_index = _move(scatter.classes, scatter.class_index, self.direction)
         return {"FINISHED"}
 
@@ -316,9 +325,9 @@ class ESH_OT_size_add(_ClassEdit):
     bl_idname = "esh.size_add"
     bl_label = "Add Size"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        active_scatter(context).active_class.add_size()
+        selected_class(context).add_size()
         return {"FINISHED"}
 
 
@@ -326,7 +335,7 @@ class _SizeEdit(_Edit):
     _missing = "Select a size first"
 
     @staticmethod
-    def _needs(context):
+    def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
         return scatter and scatter.active_class and scatter.active_class.active_size
 
@@ -337,9 +346,9 @@ class ESH_OT_size_remove(_SizeEdit):
     bl_idname = "esh.size_remove"
     bl_label = "Remove Size"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
-        body_class = active_scatter(context).active_class
+        body_class = selected_class(context)
         body_class.size_index = _remove(body_class.sizes, body_class.size_index)
         return {"FINISHED"}
 
@@ -352,9 +361,9 @@ class ESH_OT_size_move(_SizeEdit):
 
     direction: EnumProperty(items=_MOVES, name="Direction")
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Move it."""
-        body_class = active_scatter(context).active_class
+        body_class = selected_class(context)
         body_class.size_index = _move(body_class.sizes, body_class.size_index, self.direction)
         return {"FINISHED"}
 
@@ -365,14 +374,14 @@ class ESH_OT_seed_roll(_Edit):
     bl_idname = "esh.seed_roll"
     bl_label = "Randomize Seed"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Choose it."""
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         scatter.seed = random.choice([seed for seed in range(10_000) if seed != scatter.seed])
         return {"FINISHED"}
 
 
-def _settings_editable(operator: type, context: bpy.types.Context) -> bool:
+def _settings_editable(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Tell whether settings can be changed now; otherwise the tooltip of ``operator`` says why not."""
     reason = None
     if running.session is not None:
@@ -386,12 +395,12 @@ def _settings_editable(operator: type, context: bpy.types.Context) -> bool:
     return reason is None
 
 
-def _remove(collection, index: int) -> int:
+def _remove(collection: Any, index: int) -> int:
     collection.remove(index)
     return max(0, min(index, len(collection) - 1))
 
 
-def _move(collection, index: int, direction: str) -> int:
+def _move(collection: Any, index: int, direction: str) -> int:
     to = max(0, min(index + (-1 if direction == "UP" else 1), len(collection) - 1))
     collection.move(index, to)
     return to

@@ -1,16 +1,22 @@
 """The sidebar tab."""
 
 import textwrap
+from collections.abc import Collection
+from typing import Any
 
 import bpy
 
+from ..engine.problem.problem import Balance, ClassSettings, SamplingSettings
+from ..engine.problem.scatter_settings import RunSettings, Standing
 from . import running
-from .properties import active_scatter
+from .described_properties import shown_settings
+from .properties import BY_HAND, active_scatter, selected_class, selected_scatter
 
 __all__ = ["CLASSES"]
 
 
 class _Panel:
+    layout: bpy.types.UILayout
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = running.SIDEBAR_TAB
@@ -20,10 +26,10 @@ class _SubPanel(_Panel):
     bl_parent_id = "ESH_PT_scatter"
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return active_scatter(context) is not None
 
-    def _column(self):
+    def _column(self) -> bpy.types.UILayout:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -36,7 +42,7 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
 
     bl_label = "ESH Scatter"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the list of scatters and the target."""
         layout = self.layout
         layout.use_property_split = True
@@ -63,10 +69,10 @@ class ESH_PT_classes(_SubPanel, bpy.types.Panel):
 
     bl_label = "Classes"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the list of classes."""
         column = self._column()
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         if scatter.classes:
             _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=3, move=True)
             column.operator("esh.classes_from_image", icon="IMAGE_RGB")
@@ -81,7 +87,7 @@ class ESH_PT_classes(_SubPanel, bpy.types.Panel):
 
 class _ClassPanel(_SubPanel):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         scatter = active_scatter(context)
         return scatter is not None and scatter.active_class is not None
 
@@ -91,15 +97,15 @@ class ESH_PT_density(_ClassPanel, bpy.types.Panel):
 
     bl_label = "Density"
 
-    def draw_header_preset(self, context):
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Name the class whose density this is."""
         _draw_class_name(self.layout, context)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the density of the selected class."""
         column = self._column()
-        scatter = active_scatter(context)
-        body_class = scatter.active_class
+        scatter = selected_scatter(context)
+        body_class = selected_class(context)
         target = scatter.target if scatter.target and scatter.target.type == "MESH" else None
         column.prop(body_class, "density_kind")
         if body_class.density_kind == "UNIFORM":
@@ -124,26 +130,22 @@ class ESH_PT_density_more(_ClassPanel, bpy.types.Panel):
     bl_label = "Direction and Detail"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header_preset(self, context):
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Name the class whose direction and detail these are."""
         _draw_class_name(self.layout, context)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw direction, sharpening, correction and which classes may overlap."""
         column = self._column()
-        scatter = active_scatter(context)
-        body_class = scatter.active_class
+        scatter = selected_scatter(context)
+        body_class = selected_class(context)
         column.prop(body_class, "direction_kind")
         if body_class.direction_kind == "ANGLE":
             column.prop(body_class, "direction_angle")
         elif body_class.direction_kind == "IMAGE":
             column.template_ID(body_class, "direction_image", open="image.open", text="Flow Image")
         column.separator()
-        column.prop(body_class, "density_correction")
-        column.prop(body_class, "use_unsharp")
-        if body_class.use_unsharp:
-            column.prop(body_class, "unsharp_amount")
-            column.prop(body_class, "unsharp_radius")
+        _draw_settings(column, body_class, ClassSettings)
         if len(scatter.classes) > 1:
             column.separator()
             column.prop(body_class, "may_overlap")
@@ -154,14 +156,14 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
 
     bl_label = "Sizes"
 
-    def draw_header_preset(self, context):
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Name the class whose sizes these are."""
         _draw_class_name(self.layout, context)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the list of sizes and the selected one."""
         column = self._column()
-        body_class = active_scatter(context).active_class
+        body_class = selected_class(context)
         if not body_class.sizes:
             _write_text(context, column, "A size says which object is placed, and how many.")
             column.separator()
@@ -188,6 +190,7 @@ class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
             range_column = column.column(align=True)
             range_column.prop(size, "area", text="Smallest")
             range_column.prop(size, "area_largest")
+            column.prop(size, "distribution")
         column.prop(size, "shape")
 
 
@@ -197,13 +200,13 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
     bl_label = "Balance"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the balance."""
         column = self._column()
-        scatter = active_scatter(context)
-        column.prop(scatter, "class_separation", text="Separation", slider=True)
-        column.prop(scatter, "size_emphasis")
-        column.prop(scatter, "avoid_overlap")
+        scatter = selected_scatter(context)
+        _draw_settings(column, scatter, Balance, BY_HAND)
+        # The seed stands beside its button.
+        _draw_settings(column, scatter, SamplingSettings, ("seed",))
 
 
 class ESH_PT_placement(_SubPanel, bpy.types.Panel):
@@ -212,13 +215,10 @@ class ESH_PT_placement(_SubPanel, bpy.types.Panel):
     bl_label = "Placement"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw how each one stands."""
         column = self._column()
-        scatter = active_scatter(context)
-        column.prop(scatter, "align_to_normal", slider=True)
-        column.prop(scatter, "random_turn")
-        column.prop(scatter, "scale_jitter", slider=True)
+        _draw_settings(column, selected_scatter(context), Standing)
 
 
 class ESH_PT_solve(_SubPanel, bpy.types.Panel):
@@ -226,15 +226,14 @@ class ESH_PT_solve(_SubPanel, bpy.types.Panel):
 
     bl_label = "Solve"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, or how far the run is."""
         column = self._column()
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         seed = column.row(align=True)
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
-        column.prop(scatter, "device")
-        column.prop(scatter, "max_steps")
+        _draw_settings(column, scatter, RunSettings)
         column.separator()
         if running.session is not None:
             self.layout.enabled = True
@@ -259,16 +258,17 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
     bl_label = "Report"
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         """Only after a run."""
         scatter = active_scatter(context)
         return scatter is not None and scatter.report is not None
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the last run's report."""
         layout = self.layout
-        scatter = active_scatter(context)
+        scatter = selected_scatter(context)
         report = scatter.report
+        assert report is not None
         if scatter.outdated and running.session is None:
             _write_text(
                 context,
@@ -294,8 +294,25 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         _draw_fact(facts, "Time", f"{report['seconds']:.1f} s on {report['device']}")
 
 
+def _draw_settings(
+    layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, cls: Any, by_hand: Collection[str] = ()
+) -> None:
+    """Draw the properties that stand for the settings of a class; a group of settings only where it is switched on."""
+    for shown in shown_settings(cls, by_hand):
+        if not shown.switch or getattr(group, shown.switch):
+            layout.prop(group, shown.name, slider=shown.slider)
+
+
 def _draw_list(
-    layout, list_class: str, owner, items: str, index: str, noun: str, *, rows: int, move: bool = False
+    layout: bpy.types.UILayout,
+    list_class: str,
+    owner: bpy.types.PropertyGroup,
+    items: str,
+    index: str,
+    noun: str,
+    *,
+    rows: int,
+    move: bool = False,
 ) -> None:
     movable = move and len(getattr(owner, items)) > 1
     row = layout.row()
@@ -310,15 +327,16 @@ def _draw_list(
         side.operator(f"esh.{noun}_move", text="", icon="TRIA_DOWN").direction = "DOWN"
 
 
-def _draw_class_name(layout, context) -> None:
-    body_class = active_scatter(context).active_class
+def _draw_class_name(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    body_class = selected_scatter(context).active_class
     row = layout.row()
     row.active = False
     row.label(text=body_class.name if body_class else "")
 
 
-def _draw_progress(context, layout) -> None:
+def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     session = running.session
+    assert session is not None
     row = layout.row(align=True)
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
@@ -326,7 +344,7 @@ def _draw_progress(context, layout) -> None:
     _write_text(context, layout, "Esc stops the run. The scene stays as it is.", icon="INFO")
 
 
-def _draw_counts(layout, report: dict) -> None:
+def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any]) -> None:
     """Draw a table with a row per class and size: what was asked, and what was placed."""
     rows = [("", "Asked", "Placed")]
     for entry in report["classes"]:
@@ -344,7 +362,7 @@ def _draw_counts(layout, report: dict) -> None:
             cell.label(text=count)
 
 
-def _draw_fact(layout, label: str, value: str, icon: str = "NONE") -> None:
+def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "NONE") -> None:
     split = layout.split(factor=0.42)
     name = split.row()
     name.alignment = "RIGHT"
@@ -353,7 +371,7 @@ def _draw_fact(layout, label: str, value: str, icon: str = "NONE") -> None:
     split.label(text=value, icon=icon)
 
 
-def _write_text(context, layout, text: str, icon: str = "NONE") -> None:
+def _write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
     """Draw ``text`` on as many lines as the sidebar's width asks for."""
     scale = context.preferences.system.ui_scale
     # A character of the interface's font is about 7 pixels wide; margins and the icon take about 60.

@@ -5,10 +5,13 @@ the scene rather than on the target because a target is often linked from a libr
 collections and images are held as pointers, so renaming them breaks nothing and deleting them leaves an empty field.
 """
 
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
 import hashlib
 import json
 from functools import lru_cache
-from math import tau
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.props import (
@@ -23,7 +26,25 @@ from bpy.props import (
 )
 from bpy.types import PropertyGroup
 
-__all__ = ["CLASSES", "active_scatter", "attach", "detach", "unused_name"]
+from ..engine.problem.problem import ClassSettings, Size
+from ..engine.problem.scatter_settings import ScatterSettings
+from ..engine.problem.settings import settings_of
+from .described_properties import property_of, values_from, with_properties
+from .versions import VERSION
+
+if TYPE_CHECKING:
+    from .api import ScatterClass, ScatterSize
+
+__all__ = [
+    "BY_HAND",
+    "CLASSES",
+    "active_scatter",
+    "attach",
+    "detach",
+    "selected_class",
+    "selected_scatter",
+    "unused_name",
+]
 
 # Told apart by most people with a colour vision deficiency (after Okabe and Ito), and pleasant beside each other.
 CLASS_COLORS = (
@@ -37,7 +58,20 @@ CLASS_COLORS = (
     (0.350, 0.350, 0.350),
 )
 
-DEVICE_ARGUMENT = {"AUTO": "auto", "CPU": "cpu", "CUDA": "cuda:0"}
+# What has no influence on a result: names, what the lists show, and what is known of the last run. Whatever else a group has, has.
+WITHOUT_INFLUENCE = {
+    "name",
+    "color",
+    "class_index",
+    "size_index",
+    "result",
+    "report_json",
+    "ran_with",
+}
+# Settings of a scatter that the sidebar has in a form of its own: as names of classes that may overlap.
+BY_HAND = ("non_overlap",)
+
+_SIZE = settings_of(Size)
 
 
 def unused_name(name: str, taken: set[str]) -> str:
@@ -96,15 +130,9 @@ class ESH_PG_size(PropertyGroup):
         name="Collection",
         description="The collection whose objects are placed. Each point gets one of them, chosen at random",
     )
-    count: IntProperty(
-        name="Count",
-        description="How many to place. This count is always reached exactly",
-        default=100,
-        min=1,
-        soft_max=100_000,
-    )
-    share: FloatProperty(
-        name="Share",
+    count: property_of(_SIZE["count"], default=100)
+    share: property_of(
+        _SIZE["share"],
         description="The part of the class's summed footprints that this size gets. Shares need not add up to 1",
         default=1.0,
         min=0.001,
@@ -121,20 +149,18 @@ class ESH_PG_size(PropertyGroup):
         ),
         default="MESH",
     )
-    area: FloatProperty(
-        name="Area",
+    area: property_of(
+        _SIZE["area"],
         description="Ground that one object takes. No other object stands there, if there is enough room",
         default=1.0,
         min=1e-6,
         soft_min=0.01,
         soft_max=1000.0,
         precision=3,
-        unit="AREA",
     )
-
     area_largest: FloatProperty(
         name="Largest",
-        description="Ground that the largest object takes. The areas go from the smallest to this one in even steps",
+        description="Ground that the largest object takes",
         default=2.0,
         min=1e-6,
         soft_min=0.01,
@@ -142,6 +168,7 @@ class ESH_PG_size(PropertyGroup):
         precision=3,
         unit="AREA",
     )
+    distribution: property_of(_SIZE["distribution"])
     shape: EnumProperty(
         name="Shape",
         description="Whether the object is round or long, seen from above. Long objects are turned along the direction of the class",
@@ -158,16 +185,26 @@ class ESH_PG_size(PropertyGroup):
         """The object or collection to place, or None while none is chosen."""
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection
 
-    def as_argument(self, share: float | None = None):
+    def as_argument(self, share: float | None = None) -> "ScatterSize":
         """Return this size as :func:`~esh.scatter` takes it; with a ``share`` where the class has the count."""
         from .api import ScatterSize
 
         area = {"VALUE": self.area, "RANGE": (self.area, self.area_largest)}.get(self.area_kind)
         line = {"DOT": False, "LINE": True}.get(self.shape)
         count = self.count if share is None else None
-        return ScatterSize(self.name, count, self.source, area=area, share=share, line=line)
+        spread = values_from(self, Size, set(_SIZE) - {"distribution"})
+        return ScatterSize(self.name, count, self.source, area=area, share=share, line=line, **spread)
 
 
+@with_properties(
+    ClassSettings,
+    unsharp_radius={
+        "description": "How far the sharpening reaches, in steps of 1/1024 of the longer side of the target",
+        "default": 20.0,
+        "min": 0.1,
+        "soft_max": 200.0,
+    },
+)
 class ESH_PG_class(PropertyGroup):
     """One class of bodies: the density it follows and its sizes."""
 
@@ -250,22 +287,6 @@ class ESH_PG_class(PropertyGroup):
         name="Flow Image",
         description="Flow image. It is stretched over the extent of the target in x and y",
     )
-    density_correction: BoolProperty(
-        name="Cover Dark Areas",
-        description="Take the density as the share of the ground to cover. Where discs must overlap to cover it, more are placed",
-        default=False,
-    )
-    use_unsharp: BoolProperty(name="Sharpen", description="Make the edges of the density stronger", default=False)
-    unsharp_amount: FloatProperty(
-        name="Amount", description="Strength of the sharpening", default=1.0, min=0.0, soft_max=5.0
-    )
-    unsharp_radius: FloatProperty(
-        name="Radius",
-        description="How far the sharpening reaches, in steps of 1/1024 of the longer side of the target",
-        default=20.0,
-        min=0.1,
-        soft_max=200.0,
-    )
     may_overlap: StringProperty(
         name="May Overlap",
         description="Names of classes that may overlap this one, separated by commas. For example inks that mix",
@@ -344,12 +365,12 @@ class ESH_PG_class(PropertyGroup):
                 return f'Class "{self.name}", size "{size.name}": the target cannot be placed on itself'
         return None
 
-    def as_argument(self):
+    def as_argument(self) -> "ScatterClass":
         """Return this class as :func:`~esh.scatter` takes it."""
-        from .api import ScatterClass, Unsharp
-        from .densities import AttributeDensity, ImageDensity, VertexGroupDensity
+        from .api import ScatterClass
+        from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
 
-        density = 1.0
+        density: Density = 1.0
         if self.density_kind == "IMAGE":
             density = ImageDensity(self.image, mapping=self.mapping, uv_map=self.uv_map, invert=self.invert)
         elif self.density_kind == "VERTEX_GROUP":
@@ -367,11 +388,11 @@ class ESH_PG_class(PropertyGroup):
             color=tuple(self.color),
             count={"TOTAL": self.total, "COVER": "cover"}.get(self.count_kind),
             direction=direction.get(self.direction_kind, "density"),
-            density_correction=self.density_correction,
-            unsharp=Unsharp(self.unsharp_amount, self.unsharp_radius) if self.use_unsharp else None,
+            **values_from(self, ClassSettings),
         )
 
 
+@with_properties(ScatterSettings, BY_HAND)
 class ESH_PG_scatter(PropertyGroup):
     """One scatter: a target, what stands on it, and the report of its last run."""
 
@@ -388,75 +409,6 @@ class ESH_PG_scatter(PropertyGroup):
     )
     classes: CollectionProperty(type=ESH_PG_class)
     class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
-    class_separation: FloatProperty(
-        name="Class Separation",
-        description="How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-    )
-    size_emphasis: FloatProperty(
-        name="Size Emphasis",
-        description="How evenly the larger sizes are spread among themselves. 1 treats all sizes alike",
-        default=2.0,
-        min=1.0,
-        soft_max=8.0,
-        max=1e6,
-    )
-    avoid_overlap: BoolProperty(
-        name="Avoid Overlap",
-        description="Push footprints apart that touch. Counts stay as they are. The report says how many still overlap",
-        default=True,
-    )
-    align_to_normal: FloatProperty(
-        name="Align to Normal",
-        description="0: objects stand upright. 1: objects are perpendicular to the ground",
-        default=1.0,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-    )
-    random_turn: FloatProperty(
-        name="Random Turn",
-        description="How far each object is turned about its own axis at random. 360° allows any direction, 0 none",
-        default=tau,
-        min=0.0,
-        max=tau,
-        subtype="ANGLE",
-    )
-    scale_jitter: FloatProperty(
-        name="Scale Jitter",
-        description="Largest random change of scale. With 0.2, each object is up to 20% smaller or larger",
-        default=0.0,
-        min=0.0,
-        max=0.95,
-        soft_max=0.5,
-        subtype="FACTOR",
-    )
-    seed: IntProperty(
-        name="Seed",
-        description="The same settings, seed and device give the same result. Another seed gives another result",
-        min=0,
-    )
-    device: EnumProperty(
-        name="Device",
-        description="Where the placement is computed",
-        items=(
-            ("AUTO", "Automatic", "An NVIDIA GPU if there is one, otherwise the CPU"),
-            ("CPU", "CPU", "The processor"),
-            ("CUDA", "NVIDIA GPU", "The first NVIDIA GPU (CUDA)"),
-        ),
-        default="AUTO",
-    )
-    max_steps: IntProperty(
-        name="Steps",
-        description="Largest number of steps. More steps make the result more even. Above 100 little is gained",
-        default=100,
-        min=1,
-        soft_min=20,
-        soft_max=500,
-    )
     result: PointerProperty(
         type=bpy.types.Object, name="Result", description="The object that the last run made. The next run replaces it"
     )
@@ -517,16 +469,8 @@ class ESH_PG_scatter(PropertyGroup):
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
         """Return the positional and keyword arguments of :func:`~esh.scatter` that these settings stand for."""
         return (self.target, [body_class.as_argument() for body_class in self.classes]), {
-            "class_separation": self.class_separation,
-            "size_emphasis": self.size_emphasis,
+            **values_from(self, ScatterSettings, BY_HAND),
             "non_overlap": self.non_overlap(),
-            "avoid_overlap": self.avoid_overlap,
-            "seed": self.seed,
-            "device": DEVICE_ARGUMENT[self.device],
-            "max_steps": self.max_steps,
-            "align_to_normal": self.align_to_normal,
-            "random_turn": self.random_turn,
-            "scale_jitter": self.scale_jitter,
             "name": self.name,
             "result": self.result_in(scene),
         }
@@ -551,16 +495,13 @@ class ESH_PG_scatter(PropertyGroup):
         """Return a digest of every setting that changes the result, and of the target's place and vertex count."""
         target = self.target
         mesh = target and (target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world])
-        values = [mesh, _values(self, _SCATTER_SETTINGS)]
-        for body_class in self.classes:
-            values.append(_values(body_class, _CLASS_SETTINGS))
-            values.extend(_values(size, _SIZE_SETTINGS) for size in body_class.sizes)
-        return hashlib.sha256(repr(values).encode()).hexdigest()
+        return hashlib.sha256(repr([mesh, _influence(self)]).encode()).hexdigest()
 
 
 class ESH_PG_scene(PropertyGroup):
     """Every scatter of one scene."""
 
+    version: IntProperty(options={"HIDDEN"})
     scatters: CollectionProperty(type=ESH_PG_scatter)
     scatter_index: IntProperty(name="Selected Scatter", description="The scatter that is shown below the list")
 
@@ -571,6 +512,9 @@ class ESH_PG_scene(PropertyGroup):
 
     def add_scatter(self, target: bpy.types.Object | None) -> ESH_PG_scatter:
         """Append a scatter on ``target``, select it and return it."""
+        if not self.scatters:
+            # Nothing is there yet that an older version could have made.
+            self.version = VERSION
         scatter = self.scatters.add()
         scatter.name = unused_name(
             f"{target.name} Scatter" if target else "Scatter", {other.name for other in self.scatters[:-1]}
@@ -580,42 +524,27 @@ class ESH_PG_scene(PropertyGroup):
         return scatter
 
 
-# Settings whose change makes the last run out of date. Names and colours of classes are not among them.
-_SCATTER_SETTINGS = (
-    "class_separation",
-    "size_emphasis",
-    "avoid_overlap",
-    "align_to_normal",
-    "random_turn",
-    "scale_jitter",
-    "seed",
-    "device",
-    "max_steps",
-)
-_CLASS_SETTINGS = (
-    *("count_kind", "total"),
-    *("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
-    *("direction_kind", "direction_angle", "direction_image", "density_correction", "may_overlap"),
-    *("use_unsharp", "unsharp_amount", "unsharp_radius"),
-)
-_SIZE_SETTINGS = (
-    *(
-        "source_kind",
-        "source_object",
-        "source_collection",
-        "count",
-        "share",
-        "area_kind",
-        "area",
-        "area_largest",
-        "shape",
-    ),
-)
+@lru_cache(maxsize=8)
+def _influential(group: Any) -> tuple[str, ...]:
+    """Return the names of the properties of a group that have an influence on the result."""
+    names = (described.identifier for described in group.bl_rna.properties)
+    return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
 
 
-def _values(group: PropertyGroup, names: tuple[str, ...]) -> list:
-    values = (getattr(group, name) for name in names)
-    return [value.name_full if isinstance(value, bpy.types.ID) else value for value in values]
+def _influence(group: PropertyGroup) -> list:
+    """Return every value of a group, and of the groups in it, that has an influence on the result."""
+    values = []
+    cls: Any = type(group)
+    for name in _influential(cls):
+        value = getattr(group, name)
+        if isinstance(value, bpy.types.ID):
+            value = value.name_full
+        elif isinstance(value, bpy.types.bpy_prop_collection):
+            value = [_influence(item) for item in value]
+        elif isinstance(value, bpy.types.bpy_prop_array):
+            value = tuple(value)
+        values.append((name, value))
+    return values
 
 
 def _close(color: tuple, other: tuple) -> bool:
@@ -633,6 +562,20 @@ def _parse_report(text: str) -> dict | None:
 def active_scatter(context: bpy.types.Context) -> ESH_PG_scatter | None:
     """Return the scatter that the sidebar shows, or None."""
     return context.scene.esh_scatter.active
+
+
+def selected_scatter(context: bpy.types.Context) -> ESH_PG_scatter:
+    """Return the scatter that the sidebar shows; for what is drawn and done only where there is one."""
+    scatter = active_scatter(context)
+    assert scatter is not None
+    return scatter
+
+
+def selected_class(context: bpy.types.Context) -> ESH_PG_class:
+    """Return the class that the sidebar shows; for what is drawn and done only where there is one."""
+    body_class = selected_scatter(context).active_class
+    assert body_class is not None
+    return body_class
 
 
 def attach() -> None:

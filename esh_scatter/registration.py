@@ -4,7 +4,7 @@ import atexit
 
 import bpy
 
-from . import exchange, lists, operators, panels, properties, running
+from . import exchange, lists, operators, panels, properties, running, versions
 
 __all__ = ["register", "unregister"]
 
@@ -17,6 +17,7 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     properties.attach()
+    versions.attach()
     exchange.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
@@ -27,6 +28,7 @@ def unregister() -> None:
     atexit.unregister(unregister)
     running.end(wait=True)
     exchange.detach()
+    versions.detach()
     properties.detach()
     for module in reversed(_MODULES):
         for cls in reversed(module.CLASSES):

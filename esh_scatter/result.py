@@ -10,7 +10,7 @@ import numpy as np
 from .node_group import build_node_group
 from .target import RESULT_TAG
 
-__all__ = ["CLASS_NAMES", "body_rotations", "find_result", "rotate", "write_result"]
+__all__ = ["CLASS_NAMES", "find_result", "write_result"]
 
 # Custom properties of a result: what made it.
 TARGET = "esh_scatter_target"
@@ -19,34 +19,6 @@ NAME = "esh_scatter_name"
 CLASS_NAMES = "esh_scatter_classes"
 
 _WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color"}
-
-
-def body_rotations(normal: np.ndarray, align: float, turn: np.ndarray) -> np.ndarray:
-    """Return quaternions (w, x, y, z) that lean bodies from upright towards a normal and turn them about their own axis.
-
-    Args:
-        normal: Unit vectors, shape ``[n, 3]``.
-        align: 0 leaves bodies upright, 1 sets them along the normal; in between, that share of the angle.
-        turn: Turn about the body's own axis [rad], shape ``[n]``.
-
-    Returns:
-        Shape ``[n, 4]``, of the arguments' type.
-    """
-    # The rotation from z to the normal is about (-ny, nx, 0).
-    sine = np.hypot(normal[:, 0], normal[:, 1])
-    half = 0.5 * align * np.arctan2(sine, normal[:, 2])
-    along = np.sin(half) / np.maximum(sine, 1e-12)
-    w, x, y = np.cos(half), -normal[:, 1] * along, normal[:, 0] * along
-    c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
-    # The product with (c, 0, 0, s): first the turn, then the lean.
-    return np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=1)
-
-
-def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Turn vectors ``[n, 3]`` by unit quaternions (w, x, y, z) ``[n, 4]``; returns shape ``[n, 3]``."""
-    axis = quaternion[:, 1:]
-    across = 2.0 * np.cross(axis, vector)
-    return vector + quaternion[:, :1] * across + np.cross(axis, across)
 
 
 def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:

@@ -1,8 +1,16 @@
 """The one run that is under way in this Blender: its thread, timer and what the window shows of it."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import bpy
 
 from .background_run import BackgroundRun
+
+if TYPE_CHECKING:
+    from .api import ScatterJob
+    from .properties import ESH_PG_scatter
 
 __all__ = ["end", "lets_through", "session", "start", "still_stopping", "stop"]
 
@@ -52,7 +60,7 @@ class Session:
         stop_reason: Why it ends early, as a sentence; empty while it runs.
     """
 
-    def __init__(self, context: bpy.types.Context, job, scatter) -> None:
+    def __init__(self, context: bpy.types.Context, job: ScatterJob, scatter: ESH_PG_scatter) -> None:
         self.job = job
         self.scene = context.scene
         self.scatter_index = context.scene.esh_scatter.scatter_index
@@ -60,7 +68,7 @@ class Session:
         self.stop_reason = ""
         self.run = BackgroundRun(job.solve)
         self.timer = context.window_manager.event_timer_add(_TICK, window=context.window)
-        self._shown = None
+        self._shown = ""
         self.show()
 
     @property
@@ -89,7 +97,7 @@ session: Session | None = None
 _stopping: BackgroundRun | None = None
 
 
-def start(context: bpy.types.Context, job, scatter) -> None:
+def start(context: bpy.types.Context, job: ScatterJob, scatter: ESH_PG_scatter) -> None:
     """Begin solving ``job`` for ``scatter`` in the background."""
     global session
     session = Session(context, job, scatter)
@@ -167,7 +175,7 @@ def _set_status(text: str | None) -> None:
         workspace.status_text_set(text)
 
 
-def _interrupting() -> tuple[list, ...]:
+def _interrupting() -> tuple[list[Any], ...]:
     """Return what happens to a file that frees the data a job holds."""
     handlers = bpy.app.handlers
     return handlers.undo_pre, handlers.redo_pre, handlers.load_pre

@@ -176,5 +176,7 @@ def test_nothing_committed_names_a_private_place():
 
 def test_nothing_that_is_made_is_committed():
     for path in committed_files():
-        assert path.suffix not in {".pyc", ".whl", ".zip", ".blend"}, path
+        # A file that an older version saved cannot be made again.
+        kept = path.parent == ROOT / "tests" / "esh_scatter" / "files"
+        assert kept or path.suffix not in {".pyc", ".whl", ".zip", ".blend"}, path
         assert path.stat().st_size < 3_000_000, f"{path} is too large for the repository"

@@ -1,7 +1,7 @@
 """Compile the engine's CPU kernels ahead of time, for every tier of processors: ``python tools/build_kernels.py FOLDER``.
 
-The extension's zip carries what this writes (see ``engine/device/prebuilt_kernels.py``). Objects can be made only on the system that they
-are for.
+The extension's zip carries what this writes (see ``engine/device/prebuilt_kernels.py``). Objects can be made only on the system that
+they are for.
 """
 
 from __future__ import annotations

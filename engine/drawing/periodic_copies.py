@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,9 @@ if TYPE_CHECKING:
     from ..problem.placement import Placement
 
 __all__ = ["Copies", "copies_of_bodies", "copies_within"]
+
+# Copies on either side along an axis: of lines that are longer than so many domains, the rest is not drawn.
+MOST_COPIES = 32
 
 # By how much what is drawn is shifted [m], shape [2], and which of it can then be seen, shape [n], bool.
 Copies = list[tuple[np.ndarray, np.ndarray]]
@@ -25,11 +29,12 @@ def copies_within(low: np.ndarray, high: np.ndarray, size: tuple[float, float]) 
     """
     if not len(low):
         return [(np.zeros(2), np.zeros(0, dtype=bool))]
-    first = np.floor(-high.max(axis=0) / size).astype(int) + 1
-    last = np.ceil((np.array(size) - low.min(axis=0)) / size).astype(int) - 1
+    # Clipped before they become whole numbers: those of an endless line are none.
+    first = np.clip(np.floor(-high.max(axis=0) / size) + 1.0, -MOST_COPIES, 0).astype(int).tolist()
+    last = np.clip(np.ceil((np.array(size) - low.min(axis=0)) / size) - 1.0, 0, MOST_COPIES).astype(int).tolist()
     result = []
-    for y in range(min(first[1], 0), max(last[1], 0) + 1):
-        for x in range(min(first[0], 0), max(last[0], 0) + 1):
+    for y in range(first[1], last[1] + 1):
+        for x in range(first[0], last[0] + 1):
             shift = np.array([x, y]) * size
             result.append((shift, ((high + shift > 0.0) & (low + shift < size)).all(axis=1)))
     return result
@@ -46,5 +51,6 @@ def copies_of_bodies(placement: Placement) -> Copies:
         bent = np.isfinite(placement.bends[:, 0, 0])
         if bent.any():
             low[bent], high[bent] = np.nanmin(placement.bends[bent], axis=1), np.nanmax(placement.bends[bent], axis=1)
-    radius = placement.radius[:, None]
+    # A disc of the domain's diagonal covers all of it from wherever it is: no copy of a larger one adds anything.
+    radius = np.minimum(placement.radius, math.hypot(*placement.problem.domain.size))[:, None]
     return copies_within(low - radius, high + radius, placement.problem.domain.size)

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputFileError, ProblemError
 from ..problem.color_separation import MODELS, halftone_problem, separate
 from .image_files import read_color
+from .recipe_writer import recipe_text
 
 __all__ = ["channel_writers"]
 
@@ -44,36 +45,15 @@ def channel_writers(image: str | Path, model: str, folder: str | Path, *, area: 
         writers[folder / f"{ink}.png"] = _png_writer(channel)
 
     printed = [body_class.name for body_class in problem.classes]
-    matrix = np.asarray(problem.balance.non_overlap).astype(int).tolist()
     # A name of a file may hold what would end the comment.
     name = Path(image).name
-    lines = [
+    comments = [
         f"# {name if name.isprintable() else ascii(name)} in the inks of {model}, each beside this file; "
         "a pixel of it is a square metre.",
         *(f"# {ink} is not printed: half a dot would be enough for it." for ink in inks if ink not in printed),
-        "version = 1",
-        "",
-        "[domain]",
-        "size = [{:.1f}, {:.1f}]".format(*problem.domain.size),
-        "",
-        "[balance]",
-        f"class_separation = {problem.balance.class_separation}",
-        f"non_overlap = {matrix}",
     ]
-    for ink in printed:
-        lines += [
-            "",
-            "[[class]]",
-            f'name = "{ink}"',
-            f'density = "{ink}.png"',
-            'count = "cover"',
-            f"color = {list(inks[ink].rgb)}",
-            "",
-            "[[class.size]]",
-            'name = "dot"',
-            f"area = {area!r}",
-        ]
-    text = "\n".join(lines) + "\n"
+    recipe = recipe_text(problem, lambda _, __, ink: f"{ink}.png", colors=[inks[ink].rgb for ink in printed])
+    text = "\n".join([*comments, recipe])
     writers[folder / "recipe.toml"] = lambda file: _write_all(file, text.encode("utf-8"))
     return writers
 

@@ -25,7 +25,7 @@ from ..problem.validation import check_density
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["read_color", "read_density"]
+__all__ = ["read_array", "read_color", "read_density"]
 
 # A square of 16384: more than any texture, and 4 GB of work already. A file of a few bytes can claim any size.
 MOST_PIXELS = 2**28
@@ -90,6 +90,25 @@ def read_color(path: str | Path) -> np.ndarray:
         opaque = np.clip(alpha, 0.0, 1.0)[..., None]
         color = color * opaque + (1.0 - opaque)
     return np.asarray(color, dtype=np.float32)
+
+
+def read_array(path: str | Path) -> np.ndarray:
+    """Read the numbers of a ``.npy`` file as they are.
+
+    Returns:
+        Shape ``[height, width]`` or ``[height, width, channels]``.
+
+    Raises:
+        InputFileError: A missing or damaged file, or something else than such an array of numbers.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npy":
+        raise InputFileError(f"{path} must be a .npy file; got the ending {path.suffix!r}")
+    _check_is_file(path)
+    try:
+        return _load_npy(path, "[height, width] or [height, width, channels]", {2, 3})
+    except MemoryError:
+        raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
@@ -301,6 +320,14 @@ def _window(window: tuple) -> tuple[int, int, int, int]:
 
 
 def _read_npy(path: Path) -> tuple[np.ndarray, None]:
+    """Return the values of an image, whole numbers of 8 and 16 bits and truth values as numbers 0..1."""
+    value = _load_npy(path, "[height, width]", {2})
+    if value.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        return value.astype(np.float32) / np.float32(np.iinfo(value.dtype).max), None
+    return (value.astype(np.float32) if value.dtype == bool else value), None
+
+
+def _load_npy(path: Path, accepted: str, dimensions: set[int]) -> np.ndarray:
     """Return the array; never unpickles, and never allocates what the file only claims to hold."""
     try:
         # Mapping the file compares the claimed shape with the file's size, and refuses Python objects.
@@ -311,15 +338,10 @@ def _read_npy(path: Path) -> tuple[np.ndarray, None]:
                 f"{path} holds Python objects, which are never loaded; {ACCEPTED} of numbers"
             ) from None
         raise InputFileError(f"{path} is damaged, or not a .npy file ({_reason(error)}); {ACCEPTED}") from None
-    if stored.ndim != 2 or stored.size == 0:
+    if stored.ndim not in dimensions or stored.size == 0:
         shape = list(stored.shape)
-        raise InputFileError(
-            f"{path} must hold an array of shape [height, width], neither of them 0; got shape {shape}"
-        )
+        raise InputFileError(f"{path} must hold an array of shape {accepted}, neither of them 0; got shape {shape}")
     if stored.dtype.kind not in "buif":
         raise InputFileError(f"{path} must hold numbers; got the type {stored.dtype}")
     _check_pixel_count(path, stored.shape[1], stored.shape[0])
-    value = np.array(stored)
-    if value.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
-        return value.astype(np.float32) / np.float32(np.iinfo(value.dtype).max), None
-    return (value.astype(np.float32) if value.dtype == bool else value), None
+    return np.array(stored)

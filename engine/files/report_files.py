@@ -13,6 +13,7 @@ __all__ = ["strict_json", "write_report"]
 
 def write_report(file: BinaryIO, placement: Placement) -> None:
     """Write a placement's report."""
+    assert placement.report is not None
     file.write(strict_json(placement.report.to_dict()))
 
 

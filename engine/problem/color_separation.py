@@ -15,7 +15,9 @@ import numpy as np
 from ..errors import ProblemError
 from .apportionment import apportion
 from .ink_models import DEFAULT_MODEL, INK_MODELS
+from .prepared_class import prepare, prepare_density
 from .problem import Balance, BodyClass, Domain, Problem, Size
+from .settings import settle
 from .validation import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
 
 __all__ = ["MODELS", "Ink", "InkModel", "halftone_problem", "ink_colors", "separate"]
@@ -44,7 +46,7 @@ class Ink:
             raise ProblemError(
                 f'`cmy` of ink "{self.name}" must be three of 0 and 1 (cyan, magenta, yellow), not all 0; got {show(self.cmy)}'
             )
-        object.__setattr__(self, "cmy", parts)
+        settle(self, cmy=parts)
 
     @property
     def rgb(self) -> tuple[float, float, float]:
@@ -81,8 +83,7 @@ class InkModel:
         if matrix is None or len(matrix) != len(inks):
             size = 0 if matrix is None else len(matrix)
             raise ProblemError(f"`non_overlap` must have one row and column per ink, {len(inks)}; got {size}")
-        object.__setattr__(self, "inks", inks)
-        object.__setattr__(self, "non_overlap", matrix)
+        settle(self, inks=inks, non_overlap=matrix)
 
 
 _INKS = {
@@ -181,14 +182,14 @@ def halftone_problem(
         if not channels[i].any():
             continue
         body_class = BodyClass(ink.name, given, channels[i], count="cover", density_correction=density_correction)
-        # The density as the class holds it, so that both round alike.
-        covered = float(body_class.density_image.mean(dtype=np.float64)) * domain.area
+        density = prepare_density(body_class)
+        covered = float(density.image.mean(dtype=np.float64)) * domain.area
         kept = _printable(body_class.sizes, covered)
         if kept and i != most:
             body_class = replace(body_class, sizes=kept)
         # Sizes of which even the most used ink has too little are for the problem to complain about.
         if kept:
-            classes.append(body_class)
+            classes.append(prepare(body_class, domain.area, density))
             used.append(i)
     if not classes:
         smallest = min(size.mean_area for size in given)

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .problem import BodyClass, Problem
+from .prepared_class import PreparedClass
+from .problem import Problem
 
 __all__ = ["LEVELS", "Groups", "group_bodies"]
 
@@ -86,7 +87,7 @@ def _exponent(problem: Problem) -> float:
     return 2.0 * math.log2(emphasis)
 
 
-def _size_emphases(problem: Problem, body_class: BodyClass) -> list[float]:
+def _size_emphases(problem: Problem, body_class: PreparedClass) -> list[float]:
     """Emphasis of every size: by rank where all are single areas, by the mean area's power beside a range."""
     emphasis = problem.balance.size_emphasis
     if any(size.is_range for size in body_class.sizes):

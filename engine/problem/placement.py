@@ -31,7 +31,7 @@ class Placement:
         angle: Direction of the body's long axis [rad], counter-clockwise from x, shape ``[n]``, float64; 0 for dots.
         length: Length of a line body's axis [m], from its first to its last charge, shape ``[n]``, float64; 0 for dots.
         width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
-        report: What was reached.
+        report: What was reached; None before it is measured.
         bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
             ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
     """
@@ -43,7 +43,7 @@ class Placement:
     angle: np.ndarray
     length: np.ndarray
     width: np.ndarray
-    report: Report
+    report: Report | None = None
     bends: np.ndarray | None = None
 
     @property

@@ -17,32 +17,49 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
-from .apportionment import apportion
-from .density_correction import correct_density
-from .image_filters import unsharp_mask
+from .prepared_class import PreparedClass, prepare
+from .settings import Choice, Settings, described, setting, settle
 from .validation import Boundary, show
 
-__all__ = ["Balance", "BodyClass", "Domain", "Line", "Problem", "Size", "Unsharp"]
+__all__ = [
+    "Balance",
+    "BodyClass",
+    "ClassSettings",
+    "Domain",
+    "Line",
+    "Problem",
+    "SamplingSettings",
+    "Size",
+    "Unsharp",
+]
 
 
+@described
 @dataclass(frozen=True)
-class Domain:
+class Domain(Settings):
     """The rectangle in which bodies are placed.
-
-    Args:
-        size: Extent along x and y [m].
-        boundary: ``"open"`` (bodies stay inside, nothing lies beyond) or ``"periodic"`` (the result can be tiled).
 
     Raises:
         ProblemError: A size that is not positive and finite, or an unknown boundary.
     """
 
-    size: tuple[float, float]
-    boundary: Boundary = "open"
+    size: tuple[float, float] = field(
+        metadata=setting("Extent along x and y", unit="m", check=validation.check_domain_size)
+    )
+    boundary: Boundary = field(
+        default="open",
+        metadata=setting(
+            "What is beyond the edges",
+            choices=(
+                Choice("open", "Open", "bodies stay inside, nothing lies beyond", "OPEN"),
+                Choice("periodic", "Periodic", "opposite edges are joined, so the result can be tiled", "PERIODIC"),
+            ),
+            check=validation.check_boundary,
+        ),
+    )
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "size", validation.check_domain_size(self.size))
-        object.__setattr__(self, "boundary", validation.check_boundary(self.boundary))
+    def _key(self, name: str) -> str:
+        return f"`domain.{name}`"
 
     @property
     def area(self) -> float:
@@ -55,33 +72,57 @@ class Domain:
         return self.boundary == "periodic"
 
 
+@described
 @dataclass(frozen=True, eq=False)
-class Balance:
+class Balance(Settings):
     """How the aims of the sampler are weighed against each other.
-
-    Args:
-        class_separation: The paper's alpha, 0..1: 0 places every class as if it were alone, 1 spreads only the union.
-        size_emphasis: The paper's C >= 1, with C_i = C^i for size rank i; or the list C_1, C_2, ... itself: how much more the
-            larger sizes are spread evenly among themselves. For sizes that are a range, it is the square of C that every
-            doubling of the area adds as a factor: C = 2 is the paper's min(A_j², A_k²).
-        non_overlap: One row and column per class, symmetric, 1 on the diagonal: 1 where two classes must keep apart, 0 where
-            they may overlap (section 5 of the paper). The classes' factors are (1 - alpha) identity + alpha non_overlap; None
-            means that all keep apart.
 
     Raises:
         ProblemError: A value outside these ranges, or factors with a negative eigenvalue.
     """
 
-    class_separation: float = 0.5
-    size_emphasis: float | Sequence[float] = 2.0
-    non_overlap: np.ndarray | Sequence[Sequence[float]] | None = None
+    class_separation: float = field(
+        default=0.5,
+        metadata=setting(
+            "How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
+            more="The paper's alpha",
+            label="Separation",
+            unit="share",
+            low=0.0,
+            high=1.0,
+            check=validation.check_class_separation,
+        ),
+    )
+    size_emphasis: float | Sequence[float] = field(
+        default=2.0,
+        metadata=setting(
+            "How evenly the larger sizes are spread among themselves. 1 treats all sizes alike",
+            more="The paper's C >= 1, with C_i = C^i for size rank i; or the list C_1, C_2, ... itself, one for each larger size. For "
+            "sizes that are a range, it is the square of C that every doubling of the area adds as a factor: C = 2 is the paper's "
+            "min(A_j², A_k²)",
+            low=1.0,
+            high=1e6,
+            soft_high=8.0,
+            check=validation.check_size_emphasis,
+        ),
+    )
+    non_overlap: np.ndarray | Sequence[Sequence[float]] | None = field(
+        default=None,
+        metadata=setting(
+            "Which classes keep apart: 1 where two must, 0 where they may overlap. None keeps all apart",
+            more="One row and column per class, symmetric, 1 on the diagonal (section 5 of the paper). The classes' factors are "
+            "(1 - alpha) identity + alpha non_overlap",
+            check=validation.check_non_overlap,
+        ),
+    )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "class_separation", validation.check_class_separation(self.class_separation))
-        object.__setattr__(self, "size_emphasis", validation.check_size_emphasis(self.size_emphasis))
-        object.__setattr__(self, "non_overlap", validation.check_non_overlap(self.non_overlap))
+        super().__post_init__()
         if self.non_overlap is not None:
-            validation.check_class_matrix(np.asarray(self.non_overlap), self.class_separation)
+            validation.check_class_matrix(np.asarray(self.non_overlap), self.class_separation, self._key("non_overlap"))
+
+    def _key(self, name: str) -> str:
+        return f"`balance.{name}`"
 
     def class_factors(self, class_count: int) -> np.ndarray:
         """Factors between classes, shape ``[class_count, class_count]``, float64."""
@@ -89,76 +130,111 @@ class Balance:
         return (1.0 - self.class_separation) * np.eye(class_count) + self.class_separation * apart
 
 
+@described
 @dataclass(frozen=True)
-class Unsharp:
-    """Unsharp masking of a density: ``image + amount * (image - blurred)``, clipped at 0.
+class Unsharp(Settings):
+    """Unsharp masking of a density: ``image + amount * (image - blurred)``, clipped at 0."""
 
-    Args:
-        amount: Strength, >= 0.
-        radius: Standard deviation of the blur [pixels of the density image], > 0.
-    """
+    amount: float = field(
+        default=1.0,
+        metadata=setting("Strength of the sharpening", low=0.0, soft_high=5.0, check=validation.check_at_least_zero),
+    )
+    radius: float = field(
+        default=2.0,
+        metadata=setting(
+            "How far the sharpening reaches: standard deviation of the blur, in pixels of the density image",
+            more="Above 0",
+            check=validation.check_positive,
+        ),
+    )
 
-    amount: float = 1.0
-    radius: float = 2.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "amount", validation.check_at_least_zero(self.amount, "`unsharp.amount`"))
-        object.__setattr__(self, "radius", validation.check_positive(self.radius, "`unsharp.radius`"))
+    def _key(self, name: str) -> str:
+        return f"`unsharp.{name}`"
 
 
+@described
 @dataclass(frozen=True, eq=False)
-class Line:
+class Line(Settings):
     """Makes bodies long: a straight row of charges with a direction and a length (hatching; section 6 of the paper).
 
     The body is a capsule: an axis from the first to the last charge, with round caps of half the width.
-
-    Args:
-        length: Desired length of the axis [m]; a number, or an image of numbers stretched over the domain.
-        direction: Desired direction: ``"density"`` (along the edges of the class's density, by its structure tensor,
-            equation 8 of the paper), ``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of
-            vectors (x to the right, y up) whose lengths 0..1 weigh them. A line has no front: angles count modulo pi.
-        width: Thickness [m]; None makes it the area over the mean length reached, so that the average grey is kept.
-        charges: Charges along the axis, 2 or more.
-        middle_charge: Charge of the middle one over that of an end, where their number is odd.
-        turn_weights: Weights of the forces and of the desired direction in a turn.
-        stretch_weights: Weights of the forces and of the desired length in a change of length.
-        straightness: None keeps lines straight; 0..1 lets them bend, and takes back this share of the bend at each step.
-        tensor_scales: Standard deviations of the structure tensor's inner and outer Gaussian [pixels of the density].
 
     Raises:
         ProblemError: A value outside these ranges.
     """
 
-    length: float | np.ndarray
-    direction: str | float | np.ndarray = "density"
-    width: float | None = None
-    charges: int = 3
-    middle_charge: float = 6.0
-    turn_weights: tuple[float, float] = (0.4, 0.4)
-    stretch_weights: tuple[float, float] = (0.2, 0.1)
-    straightness: float | None = None
-    tensor_scales: tuple[float, float] = (1.0, 3.0)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "length", validation.check_line_length(self.length, "`line.length`"))
-        object.__setattr__(self, "direction", validation.check_direction(self.direction, "`line.direction`"))
-        if self.width is not None:
-            object.__setattr__(self, "width", validation.check_length(self.width, "`line.width`"))
-        object.__setattr__(self, "charges", validation.check_charges(self.charges, "`line.charges`"))
-        object.__setattr__(self, "middle_charge", validation.check_positive(self.middle_charge, "`line.middle_charge`"))
-        object.__setattr__(self, "turn_weights", validation.check_weights(self.turn_weights, "`line.turn_weights`"))
-        object.__setattr__(
-            self, "stretch_weights", validation.check_weights(self.stretch_weights, "`line.stretch_weights`")
+    length: float | np.ndarray = field(
+        metadata=setting(
+            "Preferred length of the axis",
+            unit="m",
+            more="A number, or an image of numbers stretched over the domain",
+            check=validation.check_line_length,
         )
-        if self.straightness is not None:
-            object.__setattr__(
-                self, "straightness", validation.check_fraction(self.straightness, "`line.straightness`")
-            )
-        object.__setattr__(self, "tensor_scales", validation.check_scales(self.tensor_scales, "`line.tensor_scales`"))
+    )
+    direction: str | float | np.ndarray = field(
+        default="density",
+        metadata=setting(
+            "Preferred direction",
+            more='``"density"`` (along the edges of the class\'s density, by its structure tensor, equation 8 of the paper), '
+            '``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the right, y up) '
+            "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi",
+            check=validation.check_direction,
+        ),
+    )
+    width: float | None = field(
+        default=None,
+        metadata=setting(
+            "Thickness",
+            unit="m",
+            more="None makes it the area over the mean length reached, so that the average grey is kept",
+            check=validation.check_length,
+        ),
+    )
+    charges: int = field(
+        default=3,
+        metadata=setting(
+            "Charges along the axis", low=2, high=validation.MOST_CHARGES_ON_A_LINE, check=validation.check_charges
+        ),
+    )
+    middle_charge: float = field(
+        default=6.0,
+        metadata=setting(
+            "Charge of the middle one over that of an end, where their number is odd", check=validation.check_positive
+        ),
+    )
+    turn_weights: tuple[float, float] = field(
+        default=(0.4, 0.4),
+        metadata=setting(
+            "Weights of the forces and of the preferred direction in a turn", check=validation.check_weights
+        ),
+    )
+    stretch_weights: tuple[float, float] = field(
+        default=(0.2, 0.1),
+        metadata=setting(
+            "Weights of the forces and of the preferred length in a change of length", check=validation.check_weights
+        ),
+    )
+    straightness: float | None = field(
+        default=None,
+        metadata=setting(
+            "None keeps lines straight; 0 to 1 lets them bend, and takes back this share of the bend at each step",
+            check=validation.check_fraction,
+        ),
+    )
+    tensor_scales: tuple[float, float] = field(
+        default=(1.0, 3.0),
+        metadata=setting(
+            "Standard deviations of the structure tensor's inner and outer Gaussian, in pixels of the density",
+            check=validation.check_scales,
+        ),
+    )
+
+    def _key(self, name: str) -> str:
+        return f"`line.{name}`"
 
     @property
     def longest(self) -> float:
-        """The largest desired length [m]."""
+        """The largest preferred length [m]."""
         return float(np.max(self.length))
 
     def charge_shares(self) -> np.ndarray:
@@ -169,47 +245,69 @@ class Line:
         return weight / weight.sum()
 
 
+@described
 @dataclass(frozen=True, eq=False)
-class Size:
+class Size(Settings):
     """One size of a class: so many bodies of this footprint.
-
-    Args:
-        name: Unique within its class.
-        area: Footprint of one body [m²], its charge; or a range of them, smallest first, from which every body gets its own.
-        count: Number of bodies; placed exactly. None where the class has the count and this size a share.
-        share: Share of the class's charge that these bodies carry, above 0; the shares of a class sum to 1.
-        distribution: How a range is filled: ``"linear"`` (evenly stepped), ``"uniform"`` (drawn, by the problem's seed), or one
-            area per body.
-        line: Makes the bodies long; None leaves them dots.
 
     Raises:
         ProblemError: A value that is none, both a count and a share, or a list of areas that does not fit count or range.
     """
 
-    name: str
-    area: float | tuple[float, float]
-    count: int | None = None
-    share: float | None = None
-    distribution: str | np.ndarray | Sequence[float] = "linear"
-    line: Line | None = None
+    name: str = field(
+        metadata=setting("Name of this size. No two sizes of a class have the same name", check=validation.check_name)
+    )
+    area: float | tuple[float, float] = field(
+        metadata=setting(
+            "Ground that one body takes",
+            unit="m²",
+            more="It is also the body's charge. Or a range, smallest first, from which every body gets its own",
+            check=validation.check_area_or_range,
+        )
+    )
+    count: int | None = field(
+        default=None,
+        metadata=setting(
+            "How many to place. This count is always reached exactly",
+            more="None where the class has the count and this size a share",
+            low=1,
+            soft_high=100_000,
+            check=validation.check_count,
+        ),
+    )
+    share: float | None = field(
+        default=None,
+        metadata=setting(
+            "The part of the class's summed footprints that this size gets",
+            more="Above 0; the shares of a class add up to 1",
+            check=validation.check_share,
+        ),
+    )
+    distribution: str | np.ndarray | Sequence[float] = field(
+        default="linear",
+        metadata=setting(
+            "How a range of areas is filled",
+            choices=(
+                Choice("linear", "Even Steps", "in even steps from the smallest to the largest", "LINEAR"),
+                Choice("uniform", "Random", "drawn at random, by the seed", "UNIFORM"),
+            ),
+            more="Or a list of one area per body",
+            check=validation.check_distribution,
+        ),
+    )
+    line: Line | None = field(
+        default=None, metadata=setting("Makes the bodies long", more="None leaves them dots", of=Line)
+    )
 
     def __post_init__(self) -> None:
-        name = validation.check_name(self.name, "`name` of a size")
-        where = f'of size "{name}"'
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "area", validation.check_area_or_range(self.area, f"`area` {where}"))
-        distribution = validation.check_distribution(self.distribution, f"`distribution` {where}")
-        object.__setattr__(self, "distribution", distribution)
-        if self.count is not None:
-            object.__setattr__(self, "count", validation.check_count(self.count, f"`count` {where}"))
-            if self.share is not None:
-                raise ProblemError(f"`share` {where} cannot be combined with a `count`; got {show(self.share)}")
-        if self.share is not None:
-            object.__setattr__(self, "share", validation.check_share(self.share, f"`share` {where}"))
-        if self.line is not None and not isinstance(self.line, Line):
-            raise ProblemError(f"`line` {where} must be a Line, or None; got {show(self.line)}")
-        if isinstance(distribution, np.ndarray):
-            self._check_listed_areas(distribution, f"`distribution` {where}")
+        super().__post_init__()
+        if self.count is not None and self.share is not None:
+            raise ProblemError(f"{self._key('share')} cannot be combined with a `count`; got {show(self.share)}")
+        if isinstance(self.distribution, np.ndarray):
+            self._check_listed_areas(self.distribution, self._key("distribution"))
+
+    def _key(self, name: str) -> str:
+        return "`name` of a size" if name == "name" else f'`{name}` of size "{self.name}"'
 
     def _check_listed_areas(self, areas: np.ndarray, key: str) -> None:
         if not isinstance(self.area, tuple):
@@ -246,51 +344,76 @@ class Size:
         return np.random.default_rng(seed).uniform(*self.area, count)
 
 
-@dataclass(frozen=True, eq=False)
-class BodyClass:
-    """One class of bodies (pines; mushrooms) that follows one density.
+@described
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClassSettings(Settings):
+    """What the engine and Blender understand alike of a class, beside its name, sizes, density and count."""
 
-    Args:
-        name: Unique within the problem.
-        sizes: At least one :class:`Size`.
-        density: Image of shape ``[height, width]``, values >= 0, any scale, any real or boolean dtype; or a number > 0
-            for a uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy.
-        count: Number of bodies in all sizes, which then have shares instead of counts (a single size has all of it); or
-            ``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground.
-        density_correction: Raise densities above 0.907 so that overlapping discs cover what is asked for (section 3 of the paper);
-            the density is then a covered share, 0..1.
-        unsharp: Unsharp masking of the density, before everything else.
+    density_correction: bool = field(
+        default=False,
+        metadata=setting(
+            "Take the density as the share of the ground to cover. Where discs must overlap to cover it, more are placed",
+            more="The density is then 0..1, and raised above 0.907 (section 3 of the paper)",
+            label="Cover Dark Areas",
+        ),
+    )
+    unsharp: Unsharp | None = field(
+        default=None,
+        metadata=setting(
+            "Make the edges of the density stronger", more="Before everything else", label="Sharpen", of=Unsharp
+        ),
+    )
+
+
+@described
+@dataclass(frozen=True, eq=False)
+class BodyClass(ClassSettings):
+    """One class of bodies (pines; mushrooms) that follows one density, as it is asked for.
 
     Raises:
         ProblemError: A density that is negative, not finite, zero everywhere or not a two-dimensional image; no size;
             two sizes of one name; counts and shares that do not add up.
     """
 
-    name: str
-    sizes: Sequence[Size]
-    density: np.ndarray | float = 1.0
-    count: int | str | None = None
-    density_correction: bool = False
-    unsharp: Unsharp | None = None
-    # What happened to the density on the way, for the report.
-    notes: tuple[str, ...] = field(default=(), init=False)
+    name: str = field(
+        metadata=setting("Name of this class. No two classes have the same name", check=validation.check_name)
+    )
+    sizes: Sequence[Size] = field(
+        metadata=setting("At least one :class:`Size`", check=lambda value, key: validation.as_tuple(value, Size, key))
+    )
+    density: np.ndarray | float = field(
+        default=1.0,
+        metadata=setting(
+            "Where many bodies of this class stand, and where few; only its proportions matter",
+            more="An image of shape ``[height, width]``, values >= 0, any scale, any real or boolean dtype; or a number > 0 for a "
+            "uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy",
+            check=validation.check_density,
+        ),
+    )
+    count: int | str | None = field(
+        default=None,
+        metadata=setting(
+            "How many to place, all sizes together",
+            more='The sizes then have shares instead of counts (a single size has all of it); or ``"cover"``: as many as it takes '
+            "for the footprints to add up to the density, taken as covered share of the ground",
+            low=1,
+            soft_high=100_000,
+            check=validation.check_class_count,
+        ),
+    )
 
     def __post_init__(self) -> None:
-        name = validation.check_name(self.name, "`name` of a class")
-        where = f'class "{name}"'
-        sizes = validation.as_tuple(self.sizes, Size, f"`sizes` of {where}")
+        super().__post_init__()
+        where = f'class "{self.name}"'
+        sizes = tuple(self.sizes)
         if not sizes:
             raise ProblemError(f"{where} must have at least one size; got none")
         validation.check_unique([size.name for size in sizes], f"size names of {where}")
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "density", validation.check_density(self.density, f"`density` of {where}"))
-        object.__setattr__(self, "count", validation.check_class_count(self.count, f"`count` of {where}"))
-        correction = validation.check_switch(self.density_correction, f"`density_correction` of {where}")
-        object.__setattr__(self, "density_correction", correction)
-        if self.unsharp is not None and not isinstance(self.unsharp, Unsharp):
-            raise ProblemError(f"`unsharp` of {where} must be an Unsharp, or None; got {show(self.unsharp)}")
-        object.__setattr__(self, "sizes", self._with_shares(sizes, where))
-        object.__setattr__(self, "_density_image", self._prepare_density(where))
+        settle(self, sizes=self._with_shares(sizes, where))
+        self._check_covered_share(where)
+
+    def _key(self, name: str) -> str:
+        return "`name` of a class" if name == "name" else f'`{name}` of class "{self.name}"'
 
     def _with_shares(self, sizes: tuple[Size, ...], where: str) -> tuple[Size, ...]:
         """Check that either every size has a count, or the class has one and every size a share."""
@@ -315,79 +438,45 @@ class BodyClass:
             raise ProblemError(f"`share` of the sizes of {where} must add up to 1; they add up to {total:.4g}")
         return sizes
 
-    def _prepare_density(self, where: str) -> np.ndarray:
-        image = np.asarray(self.density)
-        key = f"`density` of {where}"
-        if self.unsharp is not None:
-            sharpened, clipped = unsharp_mask(image, self.unsharp.amount, self.unsharp.radius)
-            image = sharpened.astype(np.float32)
-            if not image.any():
-                raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
-            if clipped > 0.0:
-                share = f"{clipped:.1%}" if clipped >= 5e-4 else "less than 0.1%"
-                note = f"`unsharp` of {where} made {share} of its density negative, which counts as 0"
-                object.__setattr__(self, "notes", (note,))
-        if self.density_correction or self.count == "cover":
-            largest = float(image.max())
-            if largest > 1.0 and self.unsharp is None:
-                why = "`density_correction`" if self.density_correction else '`count = "cover"`'
-                raise ProblemError(
-                    f"{key} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}"
-                )
-            image = np.minimum(image, np.float32(1.0))
-        if self.density_correction:
-            image = correct_density(image, key).astype(np.float32)
-        return image
-
-    def _with_counts(self, count: int) -> tuple[Size, ...]:
-        shares = np.array([size.share for size in self.sizes], dtype=np.float64)
-        counts = apportion(count, shares / np.array([size.mean_area for size in self.sizes]))
-        for size, number in zip(self.sizes, counts.tolist(), strict=True):
-            if number < 1:
-                raise ProblemError(
-                    f'`share` of size "{size.name}" of class "{self.name}" must be larger: {size.share:g} of {count} bodies '
-                    "leaves none of it"
-                )
-        return tuple(
-            replace(size, count=number, share=None) for size, number in zip(self.sizes, counts.tolist(), strict=True)
-        )
-
-    def resolved(self, domain_area: float) -> BodyClass:
-        """Return this class with a whole count for every size, in a domain of this area [m²]."""
-        if self.count is None:
-            return self
-        if isinstance(self.count, int):
-            sizes = self._with_counts(self.count)
-        else:
-            ink = float(self.density_image.mean(dtype=np.float64)) * domain_area
-            number = sum(ink * (size.share or 0.0) / size.mean_area for size in self.sizes)
-            if number < 0.5:
-                raise ProblemError(
-                    f'`count` of class "{self.name}" is "cover", but its density covers {ink:.3g} m², less than half a body'
-                )
-            sizes = self._with_counts(max(round(number), 1))
-        result = object.__new__(BodyClass)
-        result.__dict__.update(self.__dict__, sizes=sizes, count=None)
-        return result
-
-    @property
-    def density_image(self) -> np.ndarray:
-        """The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform)."""
-        return self.__dict__["_density_image"]
-
-    @property
-    def body_count(self) -> int:
-        """Number of bodies in all sizes."""
-        return sum(size.count or 0 for size in self.sizes)
+    def _check_covered_share(self, where: str) -> None:
+        """Where the density is a covered share, it must not be above 1; what is sharpened is cut off there."""
+        largest = float(np.max(self.density))
+        if (self.density_correction or self.count == "cover") and largest > 1.0 and self.unsharp is None:
+            why = "`density_correction`" if self.density_correction else '`count = "cover"`'
+            raise ProblemError(
+                f"`density` of {where} must be a covered share between 0 and 1 for {why}; its largest value is {largest:g}"
+            )
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
+@described
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SamplingSettings(Settings):
+    """What the engine and Blender understand alike of a whole problem, beside its classes and their balance."""
+
+    seed: int = field(
+        default=0,
+        metadata=setting(
+            "The same settings, seed and device give the same result. Another seed gives another result",
+            low=0,
+            check=validation.check_seed,
+        ),
+    )
+    avoid_overlap: bool = field(
+        default=False,
+        metadata=setting(
+            "Push footprints apart that touch. Counts stay as they are. The report says how many still overlap"
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Problem(SamplingSettings):
     """Everything that :func:`~esh.engine.solve.solve` needs to know.
 
     Args:
         domain: Where.
-        classes: What; at least one :class:`BodyClass`. Afterwards every size has its whole count.
+        classes: What; at least one :class:`BodyClass`. Kept as :class:`PreparedClass`: with the density that bodies follow, and
+            with a whole count for every size.
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
         avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
@@ -398,23 +487,29 @@ class Problem:
     """
 
     domain: Domain
-    classes: Sequence[BodyClass]
-    balance: Balance = field(default_factory=Balance)
-    seed: int = 0
-    avoid_overlap: bool = False
+    classes: tuple[PreparedClass, ...]
+    balance: Balance
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.domain, Domain):
-            raise ProblemError(f"`domain` must be a Domain; got {show(self.domain)}")
-        if not isinstance(self.balance, Balance):
-            raise ProblemError(f"`balance` must be a Balance; got {show(self.balance)}")
-        classes = validation.as_tuple(self.classes, BodyClass, "`classes`")
+    def __init__(
+        self,
+        domain: Domain,
+        classes: Sequence[BodyClass | PreparedClass],
+        balance: Balance | None = None,
+        seed: int = 0,
+        avoid_overlap: bool = False,
+    ) -> None:
+        balance = Balance() if balance is None else balance
+        if not isinstance(domain, Domain):
+            raise ProblemError(f"`domain` must be a Domain; got {show(domain)}")
+        if not isinstance(balance, Balance):
+            raise ProblemError(f"`balance` must be a Balance; got {show(balance)}")
+        classes = validation.as_tuple(classes, (BodyClass, PreparedClass), "`classes`")
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
-        object.__setattr__(self, "classes", tuple(c.resolved(self.domain.area) for c in classes))
-        object.__setattr__(self, "seed", validation.check_seed(self.seed))
-        object.__setattr__(self, "avoid_overlap", validation.check_switch(self.avoid_overlap, "`avoid_overlap`"))
+        prepared = tuple(c if isinstance(c, PreparedClass) else prepare(c, domain.area) for c in classes)
+        settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
+        super().__post_init__()
         self._check_balance()
         self._check_lines()
 

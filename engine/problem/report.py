@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-__all__ = ["NO_REPORT", "ClassReport", "Report", "SizeReport"]
+__all__ = ["ClassReport", "Report", "SizeReport"]
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,3 @@ class Report:
             *self.notes,
         ]
         return "\n".join(lines)
-
-
-# What a placement has before it is measured.
-NO_REPORT = Report(0, False, 0.0, "", 0.0, None, 0, 0.0, ())

@@ -230,7 +230,7 @@ def check_length(value: object, key: str) -> float:
 
 
 def check_line_length(value: object, key: str) -> float | np.ndarray:
-    """Return a desired length [m], or an image of them, float32, shape ``[height, width]``."""
+    """Return a preferred length [m], or an image of them, float32, shape ``[height, width]``."""
     if is_real(value):
         return check_length(value, key)
     image = _image(value, key, "a length in metres, or an image of them", (2,))
@@ -241,7 +241,7 @@ def check_line_length(value: object, key: str) -> float | np.ndarray:
 
 
 def check_direction(value: object, key: str) -> str | float | np.ndarray:
-    """Return a desired direction: ``"density"``, ``"none"``, an angle [rad], an image of angles or of vectors, float32."""
+    """Return a preferred direction: ``"density"``, ``"none"``, an angle [rad], an image of angles or of vectors, float32."""
     accepted = '"density", "none", an angle in radians, or an image of angles or of vectors'
     if isinstance(value, str):
         if value not in ("density", "none"):
@@ -282,11 +282,11 @@ def check_weights(value: object, key: str) -> tuple[float, float]:
     """Return two weights of 0 or more whose sum is at most 1."""
     entries = _entries(value)
     if len(entries) != 2:
-        raise ProblemError(f"{key} must be two weights, of the forces and of what is desired; got {show(value)}")
-    forces, desired = (check_fraction(entry, key) for entry in entries)
-    if forces + desired > 1.0 + 1e-9:
+        raise ProblemError(f"{key} must be two weights, of the forces and of what is preferred; got {show(value)}")
+    forces, preferred = (check_fraction(entry, key) for entry in entries)
+    if forces + preferred > 1.0 + 1e-9:
         raise ProblemError(f"{key} must not add up to more than 1, or lines overshoot; got {show(value)}")
-    return forces, desired
+    return forces, preferred
 
 
 def check_charges(value: object, key: str) -> int:
@@ -410,14 +410,15 @@ def _positive(value: object, key: str, unit: str) -> float:
     return number
 
 
-def as_tuple(value: object, kind: type[Kind], key: str) -> tuple[Kind, ...]:
-    """Return the entries of a list, all of one class; raise ProblemError for anything else."""
+def as_tuple(value: object, kind: type[Kind] | tuple[type[Kind], ...], key: str) -> tuple[Kind, ...]:
+    """Return the entries of a list, all of one class (or of several); raise ProblemError for anything else."""
     try:
         entries = tuple(value) if isinstance(value, Iterable) and not isinstance(value, (str, bytes)) else None
     except FOREIGN_ERRORS:
         entries = None
     if entries is None or not all(isinstance(entry, kind) for entry in entries):
-        raise ProblemError(f"{key} must be a list of {kind.__name__}; got {show(value)}")
+        name = (kind[0] if isinstance(kind, tuple) else kind).__name__
+        raise ProblemError(f"{key} must be a list of {name}; got {show(value)}")
     return entries
 
 

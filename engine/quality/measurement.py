@@ -24,7 +24,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     """Measure a placement.
 
     Args:
-        placement: What was placed; its own report is not looked at.
+        placement: What was placed; a report that it has is not looked at.
         launcher: Where to count neighbours.
 
     Returns:

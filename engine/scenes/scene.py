@@ -91,6 +91,7 @@ def scene_files(scene: Scene, inputs: Mapping[str, bytes] | None = None) -> dict
         file = io.BytesIO()
         placement_writer(scene.folder / name, placement)(file)
         files[name] = file.getvalue()
+    assert placement.report is not None
     files["recipe.toml"] = _recipe_text(entries, scene)
     digest = hashlib.sha256(files[f"placement{scene.endings[0]}"]).hexdigest()
     report |= {"bodies": problem.body_count, "hash": digest, **placement.report.to_dict()}

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from ..problem.placement import Placement
-from ..problem.report import NO_REPORT
 from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .model import Model
@@ -38,8 +37,7 @@ def placement_of(model: Model, state: State) -> Placement:
         angle[shown],
         length[shown],
         width[shown],
-        NO_REPORT,
-        None if bends is None else bends[shown],
+        bends=None if bends is None else bends[shown],
     )
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.interaction import Groups, group_bodies
-from ..problem.problem import BodyClass, Line, Problem
+from ..problem.prepared_class import PreparedClass
+from ..problem.problem import Line, Problem
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
@@ -21,7 +22,7 @@ __all__ = ["BodyTable", "LineKind", "Model"]
 class LineKind:
     """A size whose bodies are lines: its class and what they are to do."""
 
-    body_class: BodyClass
+    body_class: PreparedClass
     line: Line
 
 

@@ -23,6 +23,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     VertexGroupDensity,
     scatter,
 )
+from mathutils import Quaternion  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 5}
 
@@ -376,3 +377,31 @@ def test_what_sharpening_clipped_is_in_the_report():
     half[:, 32:] = 1.0
     sharpened = one_class(quad("Tree"), density=half, unsharp=Unsharp(3.0, 20.0))
     assert any("unsharp" in note for note in scatter(quad(), sharpened, **OPTIONS).report.notes)
+
+
+def test_instances_say_where_blender_shows_the_objects():
+    ground = hills()
+    ground.location, ground.rotation_euler = (30, -7, 4), (0.2, -0.3, 1.1)
+    stick = quad("Stick", 0.5)
+    stick.rotation_euler = (0.0, 0.4, 0.0)
+    sizes = [ScatterSize("stick", 30, stick, (0.05, 0.4)), ScatterSize("stone", 20, quad("Stone", 0.3), line=False)]
+    result = scatter(ground, [ScatterClass("mixed", sizes)], scale_jitter=0.2, **OPTIONS)
+    placed, graph = result.instances, bpy.context.evaluated_depsgraph_get()
+    assert {values.dtype for values in (placed.position, placed.rotation, placed.scale)} == {np.dtype(np.float32)}
+    shown = [
+        (instance.object.original, np.array(instance.matrix_world))
+        for instance in graph.object_instances
+        if instance.is_instance and instance.parent.original == result.object
+    ]
+    assert len(shown) == len(placed.position) == 50
+    for source, matrix in shown:
+        # Blender shows them source by source.
+        (found,) = np.flatnonzero(np.abs(placed.position - matrix[:3, 3]).max(axis=1) < 1e-4)
+        assert result.sources[placed.source[found]] == source
+        turned = Quaternion(placed.rotation[found]).to_matrix() @ source.rotation_euler.to_matrix()
+        np.testing.assert_allclose(matrix[:3, :3], placed.scale[found] * np.array(turned), atol=1e-5)
+
+
+def test_an_unsolved_job_has_no_instances():
+    with pytest.raises(EshError, match="must be solved"):
+        ScatterJob(quad(), one_class(quad("Tree")), device="cpu").instances()

@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.placement import Placement  # noqa: E402
-from esh.engine.problem.report import NO_REPORT  # noqa: E402
+from esh.engine.problem.report import Report  # noqa: E402
 from esh.esh_scatter.api import (  # noqa: E402
     AttributeDensity,
     ImageDensity,
@@ -17,6 +17,8 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterSize,
     VertexGroupDensity,
 )
+
+NOT_MEASURED = Report(0, False, 0.0, "", 0.0, None, 0, 0.0, ())
 
 
 def operations(run):
@@ -94,7 +96,7 @@ def reading_and_writing(side, pixels, bodies):
     zero = np.zeros(problem.body_count)
     # Everywhere in the rectangle, also where rays pass the mesh by.
     position = np.random.default_rng(0).random((problem.body_count, 2)) * problem.domain.size
-    job.placement = Placement(problem, position, *problem.body_indices(), zero, zero, zero, NO_REPORT)
+    job.placement = Placement(problem, position, *problem.body_indices(), zero, zero, zero, NOT_MEASURED)
     result, writing = operations(job.write)
     assert len(result.object.data.vertices) == 6 * bodies
     return reading, writing

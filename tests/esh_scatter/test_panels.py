@@ -6,7 +6,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import panels, registration, running  # noqa: E402
+from esh.engine.problem.problem import ClassSettings  # noqa: E402
+from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
+from esh.esh_scatter import panels, properties, registration, running  # noqa: E402
+from esh.esh_scatter.described_properties import shown_settings  # noqa: E402
 
 
 class Layout:
@@ -206,3 +209,30 @@ def test_a_run_shows_its_progress_and_a_stop_button():
     running.session = SimpleNamespace(factor=0.25, text="Step 5 of 20")
     drawn = draw_all()
     assert "Step 5 of 20" in drawn and "esh.stop" in drawn and "esh.scatter" not in drawn
+
+
+def test_every_setting_of_the_sidebar_is_drawn():
+    scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
+    body_class = scatter.add_class()
+    scatter.add_class()
+    scatter.class_index = 0
+    drawn = set()
+    names = {
+        shown.name
+        for cls, by_hand in ((ScatterSettings, properties.BY_HAND), (ClassSettings, ()))
+        for shown in shown_settings(cls, by_hand)
+    }
+    for group in (scatter, body_class, body_class.sizes[0]):
+        hidden = {"rna_type", "name", "classes", "sizes", "color", "version"} | {
+            told.identifier for told in group.bl_rna.properties if told.is_hidden
+        }
+        names |= {told.identifier for told in group.bl_rna.properties} - hidden
+        for told in group.bl_rna.properties:
+            values = [item.identifier for item in told.enum_items] if told.type == "ENUM" else []
+            for value in values or ([True] if told.type == "BOOLEAN" else []):
+                before = getattr(group, told.identifier)
+                setattr(group, told.identifier, value)
+                drawn |= set(draw_all())
+                setattr(group, told.identifier, before)
+    # Which result there is, the button says; the map is a choice of the image's.
+    assert names - drawn == {"result", "uv_map"}

@@ -5,7 +5,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.result import body_rotations, rotate  # noqa: E402
+from esh.engine.surface.instances import body_rotations, rotate  # noqa: E402
 from mathutils import Quaternion, Vector  # noqa: E402
 
 

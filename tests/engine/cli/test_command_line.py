@@ -391,11 +391,11 @@ def test_a_new_format_is_known_to_arguments_and_help(folder, capfd, monkeypatch)
 
 
 def test_a_recipe_is_parsed_once_in_a_run(folder, monkeypatch):
-    from esh.engine.files import recipe
+    from esh.engine.files import recipe_table
 
     parsed = []
-    loads = recipe.tomllib.loads
-    monkeypatch.setattr(recipe.tomllib, "loads", lambda text: parsed.append(text) or loads(text))
+    loads = recipe_table.tomllib.loads
+    monkeypatch.setattr(recipe_table.tomllib, "loads", lambda text: parsed.append(text) or loads(text))
     assert solve("-o", "a.npz", "--halftone", "h.png", "--max-steps", 1, "--quiet") == 0
     assert len(parsed) == 1
 

@@ -12,7 +12,6 @@ from esh.engine.drawing.halftone import ink_coverage, render_halftone, write_hal
 from esh.engine.errors import EshError
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
-from esh.engine.problem.report import NO_REPORT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -29,7 +28,7 @@ def placement_of(position, boundary="open", area=1.0, line=None, classes=1, angl
     length, width = (line.length, line.width) if line else (0.0, 0.0)
     return Placement(
         problem, position, class_index, size_index,
-        np.full(n, angle), np.full(n, length), np.full(n, width), NO_REPORT, bends,
+        np.full(n, angle), np.full(n, length), np.full(n, width), bends=bends,
     )  # fmt: skip
 
 
@@ -80,7 +79,7 @@ def test_a_long_body_wraps_around_a_narrow_domain_more_than_once():
     one = np.zeros(1, dtype=int)
     place = np.array([[5.0, 1.5]])
     args = one, one, np.array([1.2]), np.array([10.0]), np.array([0.2])
-    placement = Placement(problem, place, *args, NO_REPORT)
+    placement = Placement(problem, place, *args)
     coverage = ink_coverage(placement, pixels_per_metre=20.0)[0]
     np.testing.assert_array_equal(coverage, depth_of_samples(placement, coverage.shape) > 0.0)
     assert coverage.sum() / 400.0 == pytest.approx(10.0 * 0.2 + math.pi * 0.01, rel=0.02)

@@ -90,8 +90,8 @@ def test_every_key_of_lines_arrives(folder):
     stick = problem.classes[0]
     # Half of the charge in bodies twice as large: a third of the bodies.
     assert [size.count for size in stick.sizes] == [33, 67]
-    assert stick.density_correction
-    assert (stick.unsharp.amount, stick.unsharp.radius) == (0.5, 1.5)
+    assert stick.asked.density_correction
+    assert (stick.asked.unsharp.amount, stick.asked.unsharp.radius) == (0.5, 1.5)
     line = stick.sizes[0].line
     assert (line.width, line.charges, line.middle_charge, line.straightness) == (0.2, 5, 4.0, 0.25)
     assert (line.turn_weights, line.stretch_weights, line.tensor_scales) == ((0.3, 0.5), (0.0, 0.1), (1.0, 2.0))

@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from esh import Balance, BodyClass, Domain, EshError, Problem, ProblemError, Size
+from esh.engine.problem.prepared_class import prepare
 from esh.engine.problem.problem import Line, Unsharp
 from esh.engine.problem.validation import show
 from hypothesis import given, settings
@@ -111,7 +112,7 @@ def _check_meaning(made):
         assert all(type(area) is float and 0 < area < math.inf for area in areas)
         assert type(made.name) is str and made.name.isprintable()
     elif isinstance(made, BodyClass):
-        image = made.density_image
+        image = made.density
         assert image.dtype == np.float32 and image.ndim == 2 and image.size > 0
         assert np.isfinite(image).all() and image.min() >= 0 and image.max() > 0
         assert np.isfinite(image.sum(dtype=np.float64))
@@ -217,13 +218,13 @@ def test_densities_without_meaning_are_refused(density, complaint):
 )
 def test_images_of_every_depth_keep_their_ratios(dtype):
     image = np.array([[0, 1], [1, 0]] if dtype is bool else [[0, 1], [3, 6]], dtype=dtype)
-    kept = BodyClass("a", [SIZE], image).density_image
+    kept = BodyClass("a", [SIZE], image).density
     np.testing.assert_array_equal(kept / kept.max(), image.astype(np.float32) / image.astype(np.float32).max())
 
 
 @pytest.mark.parametrize("scale", [1e300, 1e38, 1e-45, 1e-300])
 def test_densities_beyond_float32_keep_their_ratios(scale):
-    kept = BodyClass("a", [SIZE], np.array([[1.0, 2.0, 4.0]]) * scale).density_image
+    kept = BodyClass("a", [SIZE], np.array([[1.0, 2.0, 4.0]]) * scale).density
     np.testing.assert_allclose(kept / kept.max(), [[0.25, 0.5, 1.0]], rtol=0.4 if scale == 1e-45 else 1e-6)
 
 
@@ -231,7 +232,7 @@ def test_a_density_is_a_copy():
     image = np.ones((2, 2), dtype=np.float32)
     body_class = BodyClass("a", [SIZE], image)
     image[:] = -1
-    assert (body_class.density_image == 1).all()
+    assert (body_class.density == 1).all()
 
 
 def test_names_must_differ_and_be_writable():
@@ -422,11 +423,11 @@ def test_a_cover_or_a_correction_needs_covered_shares():
 
 def test_unsharp_masking_that_goes_below_zero_is_clipped_and_said():
     step = np.repeat([[0.1, 1.0]], 16, axis=1) * np.ones((8, 1))
-    strong = BodyClass("k", [SIZE], step, unsharp=Unsharp(4.0, 2.0))
+    strong = prepare(BodyClass("k", [SIZE], step, unsharp=Unsharp(4.0, 2.0)), 1.0)
     assert strong.density_image.min() == 0.0 and strong.density_image.max() > 1.5
     (note,) = strong.notes
     assert note.startswith('`unsharp` of class "k" made ') and note.endswith(", which counts as 0")
-    weak = BodyClass("k", [SIZE], step, unsharp=Unsharp(0.05, 2.0))
+    weak = prepare(BodyClass("k", [SIZE], step, unsharp=Unsharp(0.05, 2.0)), 1.0)
     assert weak.notes == () and weak.density_image.min() > 0.0
     with pytest.raises(ProblemError, match=r"`unsharp\.radius` must be a number above 0"):
         Unsharp(1.0, 0.0)

@@ -1,0 +1,137 @@
+"""A class as it is placed: its density on the domain, and a whole count for every size.
+
+What is asked is a :class:`~.problem.BodyClass`. Here its density is sharpened and corrected, and its shares become counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..errors import ProblemError
+from .apportionment import apportion
+from .density_correction import correct_density
+from .image_filters import unsharp_mask
+
+if TYPE_CHECKING:
+    from .problem import BodyClass, Size
+
+__all__ = ["PreparedClass", "PreparedDensity", "count_sizes", "prepare", "prepare_density"]
+
+
+class PreparedDensity(NamedTuple):
+    """A density, sharpened and corrected.
+
+    Attributes:
+        image: Shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform).
+        notes: Sentences for the report on what happened to it.
+    """
+
+    image: np.ndarray
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedClass:
+    """One class of bodies, ready to be placed. :class:`~esh.Problem` makes it from a :class:`~esh.BodyClass`.
+
+    Attributes:
+        name: Unique within the problem.
+        sizes: Every one with its whole count.
+        density_image: The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform).
+        notes: Sentences for the report on what happened to the density.
+        asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
+    """
+
+    name: str
+    sizes: tuple[Size, ...]
+    density_image: np.ndarray
+    notes: tuple[str, ...] = ()
+    asked: BodyClass | None = None
+
+    @property
+    def body_count(self) -> int:
+        """Number of bodies in all sizes."""
+        return sum(size.count or 0 for size in self.sizes)
+
+
+def prepare(body_class: BodyClass, domain_area: float, density: PreparedDensity | None = None) -> PreparedClass:
+    """Return a class as it is placed in a domain.
+
+    Args:
+        body_class: What is asked.
+        domain_area: Area of the domain [m²].
+        density: Its density where it has been prepared already.
+
+    Raises:
+        ProblemError: A sharpening that leaves nothing, a density that covers less than half a body, or a share without a body.
+    """
+    image, notes = density or prepare_density(body_class)
+    sizes = count_sizes(body_class, float(image.mean(dtype=np.float64)) * domain_area)
+    return PreparedClass(body_class.name, sizes, image, notes, body_class)
+
+
+def prepare_density(body_class: BodyClass) -> PreparedDensity:
+    """Return the density of a class, sharpened and corrected.
+
+    Raises:
+        ProblemError: The sharpening leaves nothing.
+    """
+    where = f'class "{body_class.name}"'
+    image = np.asarray(body_class.density)
+    notes: tuple[str, ...] = ()
+    if body_class.unsharp is not None:
+        image, notes = _sharpened(image, body_class, where)
+    if body_class.density_correction or body_class.count == "cover":
+        # What was sharpened may be above 1; a share that was asked for is not.
+        image = np.minimum(image, np.float32(1.0))
+    if body_class.density_correction:
+        image = correct_density(image, f"`density` of {where}").astype(np.float32)
+    return PreparedDensity(image, notes)
+
+
+def _sharpened(image: np.ndarray, body_class: BodyClass, where: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    assert body_class.unsharp is not None
+    sharpened, clipped = unsharp_mask(image, body_class.unsharp.amount, body_class.unsharp.radius)
+    image = sharpened.astype(np.float32)
+    if not image.any():
+        raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
+    if clipped <= 0.0:
+        return image, ()
+    share = f"{clipped:.1%}" if clipped >= 5e-4 else "less than 0.1%"
+    return image, (f"`unsharp` of {where} made {share} of its density negative, which counts as 0",)
+
+
+def count_sizes(body_class: BodyClass, covered: float) -> tuple[Size, ...]:
+    """Return the sizes of a class, every one with a whole count.
+
+    Args:
+        body_class: What is asked.
+        covered: Area that its prepared density adds up to [m²]; for a count of ``"cover"``.
+
+    Raises:
+        ProblemError: The area is less than half a body, or a share of the count is.
+    """
+    sizes = tuple(body_class.sizes)
+    if body_class.count is None:
+        return sizes
+    if isinstance(body_class.count, int):
+        count = body_class.count
+    else:
+        number = sum(covered * (size.share or 0.0) / size.mean_area for size in sizes)
+        if number < 0.5:
+            raise ProblemError(
+                f'`count` of class "{body_class.name}" is "cover", but its density covers {covered:.3g} m², less than half a body'
+            )
+        count = max(round(number), 1)
+    shares = np.array([size.share for size in sizes], dtype=np.float64)
+    counts = apportion(count, shares / np.array([size.mean_area for size in sizes])).tolist()
+    for size, number in zip(sizes, counts, strict=True):
+        if number < 1:
+            raise ProblemError(
+                f'`share` of size "{size.name}" of class "{body_class.name}" must be larger: {size.share:g} of {count} bodies '
+                "leaves none of it"
+            )
+    return tuple(replace(size, count=number, share=None) for size, number in zip(sizes, counts, strict=True))

@@ -1,0 +1,91 @@
+"""Everything that a scatter in Blender can be told, beside what is placed and where.
+
+Plain numbers and words, so that they can be kept apart from any scene.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from .problem import Balance, SamplingSettings
+from .settings import Choice, Settings, as_given, described, same_setting, setting
+
+__all__ = ["RunSettings", "ScatterSettings", "Standing"]
+
+
+@described
+@dataclass(frozen=True, kw_only=True)
+class Standing(Settings):
+    """How objects stand on the surface."""
+
+    align_to_normal: float = field(
+        default=1.0,
+        metadata=setting(
+            "0: objects stand upright. 1: objects are perpendicular to the ground", unit="share", low=0.0, high=1.0
+        ),
+    )
+    random_turn: float = field(
+        default=2.0 * math.pi,
+        metadata=setting(
+            "How far each object is turned about its own axis at random. 360° allows any direction, 0 none",
+            unit="rad",
+            low=0.0,
+            soft_high=2.0 * math.pi,
+        ),
+    )
+    scale_jitter: float = field(
+        default=0.0,
+        metadata=setting(
+            "Largest random change of scale. With 0.2, each object is up to 20% smaller or larger",
+            unit="share",
+            low=0.0,
+            high=0.99,
+            soft_high=0.5,
+        ),
+    )
+
+
+@described
+@dataclass(frozen=True, kw_only=True)
+class RunSettings(Settings):
+    """Where and how long the solver runs."""
+
+    device: str = field(
+        default="auto",
+        metadata=setting(
+            "Where the placement is computed",
+            choices=(
+                Choice("auto", "Automatic", "An NVIDIA GPU if there is one, otherwise the CPU", "AUTO"),
+                Choice("cpu", "CPU", "The processor", "CPU"),
+                Choice("cuda:0", "NVIDIA GPU", "The first NVIDIA GPU (CUDA)", "CUDA"),
+            ),
+            # Whether there is such a device, the launcher finds out.
+            check=as_given,
+        ),
+    )
+    max_steps: int = field(
+        default=100,
+        metadata=setting(
+            "Largest number of steps. More steps make the result more even. Above 100 little is gained",
+            label="Steps",
+            low=1,
+            soft_low=20,
+            soft_high=500,
+        ),
+    )
+
+
+@described
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScatterSettings(Standing, RunSettings, SamplingSettings, Balance):
+    """How a scatter in Blender is made. :func:`~esh.scatter` takes one, or its settings by name.
+
+    Raises:
+        ProblemError: A value without meaning.
+    """
+
+    avoid_overlap: bool = field(default=True, metadata=same_setting(SamplingSettings, "avoid_overlap"))
+
+    def _key(self, name: str) -> str:
+        return f"`{name}`"

@@ -1,0 +1,108 @@
+"""Files that older versions saved: their settings are brought up to date when they are opened.
+
+``Scene.esh_scatter.version`` says by which version of the settings a scene was saved; 0 was before there was such a number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+__all__ = ["VERSION", "attach", "bring_up_to_date", "detach"]
+
+
+def _keep_reports_current(settings: Any) -> None:
+    """From 0 to 1: a run's settings are summed up in another way. What was up to date is so still."""
+    for scatter in settings.scatters:
+        if scatter.report_json and scatter.ran_with == _fingerprint_of_version_0(scatter):
+            scatter.ran_with = scatter.fingerprint()
+
+
+# From each version to the next; a new one goes to the end.
+MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current,)
+VERSION = len(MIGRATIONS)
+
+
+@persistent
+def bring_up_to_date(*_arguments: object) -> None:
+    """Bring the settings of every scene that can be changed to this version; Blender calls it when a file was opened."""
+    for scene in bpy.data.scenes:
+        settings = scene.esh_scatter
+        if scene.is_editable and settings.version < VERSION:
+            # What is read of objects, where they stand for example, is there only once the scene is evaluated.
+            for layer in scene.view_layers:
+                layer.update()
+            for migrate in MIGRATIONS[settings.version :]:
+                migrate(settings)
+            settings.version = VERSION
+
+
+def attach() -> None:
+    """Have every file brought up to date that is opened from now on, and the one that is open."""
+    for handlers in _handlers():
+        handlers.append(bring_up_to_date)
+    # While Blender starts it does not show its data; it opens a file then.
+    if hasattr(bpy.data, "scenes"):
+        bring_up_to_date()
+
+
+def detach() -> None:
+    """Leave files as they are from now on."""
+    for handlers in _handlers():
+        if bring_up_to_date in handlers:
+            handlers.remove(bring_up_to_date)
+
+
+def _handlers() -> list[list[Any]]:
+    """Return what Blender calls when a file was opened, and when scenes were appended from another."""
+    return [
+        getattr(bpy.app.handlers, name)
+        for name in ("load_post", "blend_import_post")
+        if hasattr(bpy.app.handlers, name)
+    ]
+
+
+# What each version summed up, as it was then.
+
+_SCATTER_0 = (
+    *("class_separation", "size_emphasis", "avoid_overlap", "align_to_normal", "random_turn", "scale_jitter", "seed"),
+    *("device", "max_steps"),
+)
+_CLASS_0 = (
+    *("count_kind", "total"),
+    *("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
+    *("direction_kind", "direction_angle", "direction_image", "density_correction", "may_overlap"),
+    *("use_unsharp", "unsharp_amount", "unsharp_radius"),
+)
+_SIZE_0 = (
+    *(
+        "source_kind",
+        "source_object",
+        "source_collection",
+        "count",
+        "share",
+        "area_kind",
+        "area",
+        "area_largest",
+        "shape",
+    ),
+)
+
+
+def _fingerprint_of_version_0(scatter: Any) -> str:
+    target = scatter.target
+    mesh = target and (target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world])
+    values = [mesh, _values(scatter, _SCATTER_0)]
+    for body_class in scatter.classes:
+        values.append(_values(body_class, _CLASS_0))
+        values.extend(_values(size, _SIZE_0) for size in body_class.sizes)
+    return hashlib.sha256(repr(values).encode()).hexdigest()
+
+
+def _values(group: Any, names: tuple[str, ...]) -> list[Any]:
+    values = (getattr(group, name) for name in names)
+    return [value.name_full if isinstance(value, bpy.types.ID) else value for value in values]

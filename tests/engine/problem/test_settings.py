@@ -1,0 +1,189 @@
+"""Every setting is described, checked by its description, and explained where people look for it."""
+
+import dataclasses
+import inspect
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from esh import EshError
+from esh.engine.errors import ProblemError
+from esh.engine.files.recipe_keys import keys_of
+from esh.engine.problem.problem import (
+    Balance,
+    BodyClass,
+    ClassSettings,
+    Domain,
+    Line,
+    Problem,
+    SamplingSettings,
+    Size,
+    Unsharp,
+)
+from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
+from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
+
+DESCRIBED = [Domain, Balance, Unsharp, Line, Size, ClassSettings, BodyClass, SamplingSettings, Standing, RunSettings]
+ALL = [(cls, name) for cls in [*DESCRIBED, ScatterSettings] for name in settings_of(cls)]
+RECIPES = (Path(__file__).parents[3] / "docs" / "recipes.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("cls", [*DESCRIBED, ScatterSettings], ids=lambda cls: cls.__name__)
+def test_every_field_is_described_and_every_description_is_in_the_docstring(cls):
+    assert {entry.name for entry in dataclasses.fields(cls)} == settings_of(cls).keys()
+    explained = re.findall(r"^    (\w+): ", cls.__doc__.partition("Raises:")[0], re.MULTILINE)
+    assert explained == list(settings_of(cls)) == list(inspect.signature(cls).parameters)
+    for name, one in settings_of(cls).items():
+        assert one.setting.help and not one.setting.help.endswith("."), f"{cls.__name__}.{name}"
+        assert " ".join(one.setting.help.split()) in " ".join(cls.__doc__.split())
+
+
+@pytest.mark.parametrize(("cls", "name"), ALL, ids=[f"{cls.__name__}.{name}" for cls, name in ALL])
+def test_a_default_and_both_ends_of_a_range_are_accepted_and_what_is_beyond_is_not(cls, name):
+    one = settings_of(cls)[name]
+    key = f"`{name}`"
+    if not one.required:
+        assert np.all(one.checked(one.default, key) == one.default)
+    for choice in one.setting.choices:
+        assert one.checked(choice.value, key) == choice.value
+    for end, beyond in ((one.setting.low, -math.inf), (one.setting.high, math.inf)):
+        if end is None:
+            continue
+        whole = one.kind == "whole" or isinstance(end, int)
+        assert one.checked(int(end) if whole else end, key) == end
+        if name == "size_emphasis" and beyond > 0:
+            # As large as you like; the sidebar ends there.
+            continue
+        outside = end + math.copysign(1, beyond) if whole else np.nextafter(end, beyond)
+        with pytest.raises(ProblemError, match=re.escape(key)):
+            one.checked(outside, key)
+    for soft, hard in ((one.setting.soft_low, one.setting.low), (one.setting.soft_high, one.setting.high)):
+        assert soft is None or hard is None or abs(soft) <= abs(hard) or soft >= hard
+
+
+def test_a_new_setting_is_one_line():
+    """What follows from a description: check, message, docstring, arguments of a function."""
+
+    @described
+    @dataclasses.dataclass(frozen=True)
+    class Wind(Settings):
+        """How the wind blows.
+
+        Raises:
+            ProblemError: It cannot blow so.
+        """
+
+        speed: float = dataclasses.field(default=2.0, metadata=setting("How fast", unit="m", low=0.0, high=30.0))
+        gusts: int = dataclasses.field(default=3, metadata=setting("How often", low=1))
+        steady: bool = dataclasses.field(default=False, metadata=setting("Whether it never changes"))
+        kind: str = dataclasses.field(
+            default="sea",
+            metadata=setting(
+                "Where from", choices=(Choice("sea", "Sea", "wet", "SEA"), Choice("land", "Land", "dry", "L"))
+            ),
+        )
+        span: tuple[float, float] = dataclasses.field(
+            default=(1.0, 2.0), metadata=setting("From where to where", low=0.0)
+        )
+        unsharp: Unsharp | None = dataclasses.field(default=None, metadata=setting("Blurs", of=Unsharp))
+
+    @takes(Wind)
+    def blow(target, *, name="x", **changes):
+        """Blow.
+
+        Args:
+            target: At what.
+            name: Of it.
+            changes: Any of the following.
+
+        Returns:
+            Nothing.
+        """
+        return target, name, changes
+
+    assert str(inspect.signature(blow)).startswith("(target, *, speed: ")
+    assert list(inspect.signature(blow).parameters) == ["target", *settings_of(Wind), "name"]
+    assert "    speed: How fast [m].\n    gusts: How often.\n" in blow.__doc__
+    assert Wind.__doc__ == (
+        "How the wind blows.\n\nArgs:\n    speed: How fast [m].\n    gusts: How often.\n    steady: Whether it never changes.\n"
+        '    kind: Where from. ``"sea"`` (wet), ``"land"`` (dry).\n    span: From where to where.\n    unsharp: Blurs.\n\n'
+        "Raises:\n    ProblemError: It cannot blow so.\n"
+    )
+    made = Wind(speed=np.float32(3), gusts=4.0)
+    assert (type(made.speed), made.gusts, type(made.gusts)) == (float, 4, int)
+    assert values_of(made, Wind)["kind"] == "sea"
+    for values, message in (
+        ({"speed": 31}, "`speed` must be a number between 0 and 30; got 31"),
+        ({"speed": math.nan}, "`speed` must be a number between 0 and 30; got nan"),
+        ({"speed": True}, "`speed` must be a number between 0 and 30; got True"),
+        ({"gusts": 0}, "`gusts` must be a whole number of 1 or more, and finite; got 0"),
+        ({"gusts": 1.5}, "`gusts` must be a whole number of 1 or more, and finite; got 1.5"),
+        ({"steady": 1}, "`steady` must be true or false; got 1"),
+        ({"kind": "east"}, '`kind` must be "sea" or "land"; got "east"'),
+        ({"span": 1.0}, "`span` must be 2 numbers; got 1"),
+        ({"span": [1, -1]}, "`span` must be a number of 0 or more, and finite; got -1"),
+        ({"unsharp": 3}, "`unsharp` must be an Unsharp, or None; got 3"),
+    ):
+        with pytest.raises(ProblemError) as raised:
+            Wind(**values)
+        assert str(raised.value) == message
+
+
+def test_what_a_problem_and_a_class_are_told_they_take():
+    """Their constructors are not made from the descriptions alone."""
+    assert settings_of(SamplingSettings).keys() <= inspect.signature(Problem).parameters.keys()
+    assert settings_of(ClassSettings).keys() <= settings_of(BodyClass).keys()
+
+
+def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
+    parts = [Balance, SamplingSettings, RunSettings, Standing]
+    assert list(settings_of(ScatterSettings)) == [name for part in parts for name in settings_of(part)]
+    for values, message in (
+        ({"class_separation": 2}, "`class_separation` must be a number between 0"),
+        ({"random_turn": math.inf}, "`random_turn` must be a number of 0 or more, and finite; got inf"),
+        ({"max_steps": 0}, "`max_steps` must be a whole number of 1 or more"),
+        (
+            {"class_separation": 0.9, "non_overlap": [[1, 0, 1], [0, 1, 1], [1, 1, 1]]},
+            "`non_overlap` with `class_separation`",
+        ),
+    ):
+        with pytest.raises(EshError) as raised:
+            ScatterSettings(**values)
+        assert str(raised.value).startswith(message)
+    assert ScatterSettings().avoid_overlap and not SamplingSettings().avoid_overlap
+
+
+TABLES = {
+    "Top level": (SamplingSettings, {"version", "[domain]", "[balance]", "[[class]]", "[image]"}, {}),
+    "`[domain]`": (Domain, set(), {}),
+    "`[balance]`": (Balance, set(), {}),
+    "`[[class]]`": (BodyClass, {"color"}, {"sizes": "[[class.size]]"}),
+    "`[[class.size]]`": (Size, set(), {"line": "[class.size.line]"}),
+    "`[class.size.line]`": (Line, set(), {}),
+}
+
+
+@pytest.mark.parametrize("heading", TABLES)
+def test_the_documentation_lists_every_key_of_a_recipe_with_its_default(heading):
+    cls, more, shown_as = TABLES[heading]
+    section = RECIPES.partition(f"### {heading}\n")[2].partition("###")[0]
+    rows = re.findall(r"^\| `([^`]+)` \| .* \| ([^|]+) \|$", section, re.MULTILINE)
+    assert {key for key, _ in rows} == {shown_as.get(key, key) for key in keys_of(cls)} | more
+    for key, written in rows:
+        one = settings_of(cls).get(key)
+        if one is None or one.required or one.default is None or key == "density":
+            continue
+        default = tomllib.loads(f"value = {written.strip('`')}")["value"]
+        assert np.all(default == (list(one.default) if isinstance(one.default, tuple) else one.default)), key
+
+
+def test_a_value_that_no_rule_follows_for_needs_a_check():
+    @dataclasses.dataclass(frozen=True)
+    class Wind(Settings):
+        field: np.ndarray | None = dataclasses.field(default=None, metadata=setting("Where it blows"))
+
+    with pytest.raises(AssertionError, match="field needs a check"):
+        Wind()

@@ -1,0 +1,167 @@
+"""Scripts, the sidebar and what makes a result out of date know the same settings."""
+
+import dataclasses
+import inspect
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import esh  # noqa: E402
+from esh.engine.problem.problem import BodyClass, ClassSettings, Size, Unsharp  # noqa: E402
+from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
+from esh.engine.problem.settings import Choice, Settings, setting, settings_of  # noqa: E402
+from esh.esh_scatter import properties, registration  # noqa: E402
+from esh.esh_scatter.described_properties import shown_settings, values_from, with_properties  # noqa: E402
+
+
+def new_object(name):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (20, 0, 0), (20, 20, 0), (0, 20, 0)], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+@pytest.fixture
+def scatter():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    made = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
+    made.add_class().sizes[0].source_object = new_object("Tree")
+    yield made
+    registration.unregister()
+
+
+def changed(group, name):
+    """Another value for a property."""
+    told = group.bl_rna.properties[name]
+    value = getattr(group, name)
+    if told.type == "ENUM":
+        return next(item.identifier for item in told.enum_items if item.identifier != value)
+    if told.type == "BOOLEAN":
+        return not value
+    return value + 1 if told.type == "INT" else value + (0.25 if value + 0.25 <= told.hard_max else -0.25)
+
+
+def shown_of(scatter):
+    """The group, and the property that stands for a setting there."""
+    for shown in shown_settings(ScatterSettings, properties.BY_HAND):
+        yield scatter, ScatterSettings, shown
+    for shown in shown_settings(ClassSettings):
+        yield scatter.classes[0], ClassSettings, shown
+    for shown in shown_settings(Size, set(settings_of(Size)) - {"distribution"}):
+        yield scatter.classes[0].sizes[0], Size, shown
+
+
+def test_classes_and_sizes_of_blender_have_all_settings_of_the_engine_s():
+    for ours, theirs in ((esh.ScatterClass, BodyClass), (esh.ScatterSize, Size)):
+        assert settings_of(theirs).keys() <= settings_of(ours).keys() == inspect.signature(ours).parameters.keys()
+
+
+def test_scatter_and_its_job_take_every_setting_by_name():
+    for taking in (esh.scatter, esh.ScatterJob):
+        taken = inspect.signature(taking).parameters
+        assert settings_of(ScatterSettings).keys() <= taken.keys()
+        for name, one in settings_of(ScatterSettings).items():
+            assert taken[name].default == one.default and taken[name].kind is taken[name].KEYWORD_ONLY
+            if taking is esh.scatter:
+                assert f"    {name}: {one.setting.help[:30]}" in taking.__doc__
+
+
+def test_settings_can_be_kept_and_handed_in_as_one():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    ground, tree = new_object("Ground"), new_object("Tree")
+    classes = [esh.ScatterClass("tree", [esh.ScatterSize("one", 20, tree, area=0.5)])]
+    kept = esh.ScatterSettings(seed=3, random_turn=0.5, device="cpu", max_steps=4, class_separation=0.25)
+    job = esh.ScatterJob(ground, classes, kept, seed=4)
+    assert job.settings == dataclasses.replace(kept, seed=4) or vars(job.settings) == vars(kept) | {"seed": 4}
+    assert (job.problem.seed, job.problem.balance.class_separation, job.problem.avoid_overlap) == (4, 0.25, True)
+    one = esh.scatter(ground, classes, kept).placement.position
+    other = esh.scatter(
+        ground, classes, seed=3, random_turn=0.5, device="cpu", max_steps=4, class_separation=0.25
+    ).placement.position
+    assert one.tobytes() == other.tobytes()
+    with pytest.raises(esh.EshError, match="`settings` must be ScatterSettings, or None; got"):
+        esh.ScatterJob(ground, classes, {"seed": 3})
+    with pytest.raises(TypeError, match="sead"):
+        esh.scatter(ground, classes, sead=3)
+
+
+def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scripts(scatter):
+    defaults, given = esh.ScatterSettings(), scatter.arguments(bpy.context.scene)[1]
+    assert settings_of(ScatterSettings).keys() <= given.keys()
+    for name in settings_of(ScatterSettings):
+        assert given[name] == pytest.approx(getattr(defaults, name)), name
+    own = scatter.classes[0].as_argument()
+    assert (own.density_correction, own.unsharp) == (False, None)
+    for group, cls, shown in shown_of(scatter):
+        if shown.switch:
+            setattr(group, shown.switch, True)
+        before = values_from(group, cls, BY_HAND[cls])
+        setattr(group, shown.name, changed(group, shown.name))
+        assert values_from(group, cls, BY_HAND[cls]) != before, shown.name
+    assert scatter.classes[0].sizes[0].as_argument().distribution == "uniform"
+    positional, named = scatter.arguments(bpy.context.scene)
+    assert esh.ScatterJob(*positional, **{**named, "device": "cpu"}).settings.max_steps == 101
+
+
+BY_HAND = {ScatterSettings: properties.BY_HAND, ClassSettings: (), Size: set(settings_of(Size)) - {"distribution"}}
+
+
+def test_every_setting_makes_a_result_outdated(scatter):
+    scatter.remember(new_object("Result"), {"steps": 3})
+    for group, _, shown in shown_of(scatter):
+        before = getattr(group, shown.name)
+        setattr(group, shown.name, changed(group, shown.name))
+        assert scatter.outdated, shown.name
+        setattr(group, shown.name, before)
+        assert not scatter.outdated, shown.name
+
+
+def test_what_has_no_influence_is_there(scatter):
+    """A name that is misspelt, or of a property that is gone, would hide another one."""
+    groups = (scatter, scatter.classes[0], scatter.classes[0].sizes[0])
+    assert {name for group in groups for name in group.bl_rna.properties.keys()} >= properties.WITHOUT_INFLUENCE  # noqa: SIM118
+
+
+@dataclasses.dataclass(frozen=True)
+class Wind(Settings):
+    speed: float = dataclasses.field(
+        default=2.0, metadata=setting("How fast", unit="m", low=0.0, high=30.0, soft_high=9.0)
+    )
+    gusts: int = dataclasses.field(default=3, metadata=setting("How often", low=1))
+    steady: bool = dataclasses.field(default=True, metadata=setting("Whether it never changes"))
+    kind: str = dataclasses.field(
+        default="land",
+        metadata=setting("Where from", choices=(Choice("sea", "Sea", "wet", "S"), Choice("land", "Land", "dry", "L"))),
+    )
+    range: tuple[float, float] = dataclasses.field(default=(1.0, 2.0), metadata=setting("From where to where"))
+    unsharp: Unsharp | None = dataclasses.field(default=None, metadata=setting("Blurs", label="Blur", of=Unsharp))
+
+
+def test_a_new_setting_is_one_line():
+    @with_properties(Wind, unsharp_radius={"default": 20.0})
+    class ESH_PG_wind(bpy.types.PropertyGroup):
+        pass
+
+    bpy.utils.register_class(ESH_PG_wind)
+    bpy.types.WindowManager.esh_wind = bpy.props.PointerProperty(type=ESH_PG_wind)
+    try:
+        group = bpy.context.window_manager.esh_wind
+        assert Wind(**values_from(group, Wind)) == Wind()
+        group.use_unsharp, group.gusts, group.kind = True, 7, "S"
+        assert Wind(**values_from(group, Wind)) == Wind(gusts=7, kind="sea", unsharp=Unsharp(1.0, 20.0))
+        told = group.bl_rna.properties
+        assert (told["speed"].hard_min, told["speed"].hard_max, told["speed"].soft_max) == (0.0, 30.0, 9.0)
+        assert (told["speed"].unit, told["speed"].description) == ("LENGTH", "How fast")
+        assert (told["use_unsharp"].name, told["unsharp_amount"].name) == ("Blur", "Amount")
+        assert [item.description for item in told["kind"].enum_items] == ["Wet", "Dry"]
+    finally:
+        del bpy.types.WindowManager.esh_wind
+        bpy.utils.unregister_class(ESH_PG_wind)
+
+
+def test_a_setting_that_needs_a_form_of_its_own_is_not_forgotten():
+    with pytest.raises(AssertionError, match=r"ScatterSettings\.non_overlap needs a form of its own in the sidebar"):
+        list(shown_settings(ScatterSettings))

@@ -1,0 +1,87 @@
+"""Files that older versions saved come up to date when they are opened."""
+
+from pathlib import Path
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import properties, registration, versions  # noqa: E402
+
+# Made in Blender 4.5 by the last version without a number: two scatters, of which the second was changed after its run.
+OLD = Path(__file__).parent / "files" / "settings_of_version_0.blend"
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+def check(settings):
+    first, second = settings.scatters
+    assert settings.version == versions.VERSION
+    assert (first.seed, first.device, first.class_separation, first.target.name) == (11, "CPU", 0.25, "Ground")
+    pine, beech = first.classes
+    assert (pine.name, pine.use_unsharp, pine.unsharp_radius, pine.may_overlap) == ("Pine", True, 9.0, "Beech")
+    assert beech.sizes[0].count == 77 and beech.sizes[0].source.name == "Tree"
+    # What was added since has its default.
+    assert beech.sizes[0].distribution == "LINEAR"
+    assert not first.outdated, "nothing was changed since its run"
+    assert second.outdated
+    first.classes[0].sizes[0].count += 1
+    assert first.outdated
+
+
+def test_an_old_file_is_brought_up_to_date_when_it_is_opened():
+    bpy.ops.wm.open_mainfile(filepath=str(OLD))
+    check(bpy.context.scene.esh_scatter)
+
+
+def test_an_old_file_that_is_open_is_brought_up_to_date_when_the_extension_is_enabled():
+    registration.unregister()
+    bpy.ops.wm.open_mainfile(filepath=str(OLD))
+    registration.register()
+    check(bpy.context.scene.esh_scatter)
+
+
+@pytest.mark.skipif(not hasattr(bpy.app.handlers, "blend_import_post"), reason="this Blender does not say so")
+def test_an_old_scene_that_is_appended_is_brought_up_to_date():
+    with bpy.data.libraries.load(str(OLD)) as (_, wanted):
+        wanted.scenes = ["Scene"]
+    check(wanted.scenes[0].esh_scatter)
+
+
+def test_an_old_scene_that_is_linked_is_left_as_it_is():
+    with bpy.data.libraries.load(str(OLD), link=True) as (_, wanted):
+        wanted.scenes = ["Scene"]
+    versions.bring_up_to_date()
+    assert wanted.scenes[0].esh_scatter.version == 0 and len(wanted.scenes[0].esh_scatter.scatters) == 2
+
+
+def test_every_version_is_passed_once_and_in_order(monkeypatch):
+    settings = bpy.context.scene.esh_scatter
+    passed = []
+    steps = tuple(lambda _, number=number: passed.append(number) for number in range(4))
+    monkeypatch.setattr(versions, "MIGRATIONS", steps)
+    monkeypatch.setattr(versions, "VERSION", 4)
+    settings.version = 2
+    versions.bring_up_to_date()
+    versions.bring_up_to_date()
+    assert passed == [2, 3] and settings.version == 4
+
+
+def test_settings_of_a_later_version_are_left_as_they_are(tmp_path):
+    bpy.context.scene.esh_scatter.version = versions.VERSION + 3
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "later.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "later.blend"))
+    assert bpy.context.scene.esh_scatter.version == versions.VERSION + 3
+
+
+def test_new_scenes_are_of_this_version_once_they_hold_something(tmp_path):
+    scene = bpy.data.scenes.new("Second")
+    scene.esh_scatter.add_scatter(None)
+    assert scene.esh_scatter.version == versions.VERSION
+    assert properties.VERSION == versions.VERSION == len(versions.MIGRATIONS)
