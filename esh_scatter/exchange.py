@@ -1,14 +1,17 @@
 """Results to and from files of other programs: as instances, with the objects themselves beside or within."""
 
-from __future__ import annotations
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
 
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
-# ruff: noqa: D415
 import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
@@ -53,8 +56,8 @@ def export_result(path: str | Path, result: bpy.types.Object | None = None) -> N
         write_bodies(path, bodies)
         return
     if ending == ".glb":
-        with tempfile.TemporaryDirectory(prefix="esh-objects-") as folder:
-            write_bodies(path, _with_objects(bodies, sources, Path(folder), ".glb"))
+        with tempfile.TemporaryDirectory(prefix="esh-objects-") as beside:
+            write_bodies(path, _with_objects(bodies, sources, Path(beside), ".glb"))
         return
     folder = path.with_name(f"{path.stem}_objects")
     try:
@@ -294,6 +297,8 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
     bl_options = {"PRESET"}
 
     filename_ext = ".usdc"
+    if TYPE_CHECKING:
+        filepath: str
     filter_glob: StringProperty(default=";".join(f"*{ending}" for ending in FORMATS), options={"HIDDEN"})
     format: EnumProperty(
         name="Format",
@@ -307,7 +312,7 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
     )
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         """Say in the menu's tooltip why it is grey."""
         item = context.active_object
         if item is None or not item.get(RESULT_TAG) or item.type != "MESH":
@@ -315,15 +320,15 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
             return False
         return context.mode == "OBJECT"
 
-    def check(self, context):
+    def check(self, context: bpy.types.Context) -> bool:
         """Keep the ending of the name that of the format."""
         self.filename_ext = self.format
-        before = self.filepath
+        before: str = self.filepath
         if Path(before).suffix.lower() != self.format:
             self.filepath = str(Path(before).with_suffix(self.format))
         return self.filepath != before or super().check(context)
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Write it."""
         try:
             export_result(self.filepath)
@@ -343,7 +348,7 @@ class ESH_OT_import(bpy.types.Operator, ImportHelper):
 
     filter_glob: StringProperty(default=";".join(f"*{ending}" for ending in READABLE), options={"HIDDEN"})
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Make it."""
         named = {item.name: item for item in context.scene.objects if item.type == "MESH" and not item.get(RESULT_TAG)}
         try:
@@ -355,11 +360,11 @@ class ESH_OT_import(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
 
-def _draw_export(self, _context):
+def _draw_export(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.operator(ESH_OT_export.bl_idname, text="ESH Scatter (.usdc, .glb, .ply, .geojson)")
 
 
-def _draw_import(self, _context):
+def _draw_import(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.operator(ESH_OT_import.bl_idname, text="ESH Scatter (.usdc, .glb, .ply, .npz, .csv, ...)")
 
 

@@ -164,6 +164,9 @@ def test_the_menu_exports_and_imports(result, tmp_path):
     registration.register()
     try:
         assert bpy.ops.esh.export(filepath=str(tmp_path / "wood.ply")) == {"FINISHED"}
+        assert bpy.ops.esh.export.get_rna_type().properties["format"].enum_items.keys() == [
+            *(".usdc", ".glb", ".ply", ".geojson")
+        ]
         before = set(bpy.data.objects)
         assert getattr(bpy.ops.esh, "import")(filepath=str(tmp_path / "wood.ply")) == {"FINISHED"}
         (made,) = [item for item in set(bpy.data.objects) - before if item.get("esh_scatter")]
