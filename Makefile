@@ -14,6 +14,7 @@ RUN := $(VENV)/bin/python
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
 OUTPUT ?= output
 PLATFORM ?=
+SCENES ?= 10
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 
@@ -26,11 +27,12 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza figures bench test extension docs lint format clean
+.PHONY: help demo pizza dataset figures bench test extension docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
 	@echo "make pizza      model, scatter and render four pizzas into $(OUTPUT)/"
+	@echo "make dataset    render SCENES=10 scenes with masks, depth and boxes into $(OUTPUT)/dataset/"
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
@@ -47,6 +49,9 @@ demo: $(VENV)/.with-blender
 
 pizza: $(VENV)/.with-blender
 	$(RUN) demo_scenes/pizza.py --output $(OUTPUT)
+
+dataset: $(VENV)/.with-blender
+	$(RUN) demo_scenes/dataset.py --output $(OUTPUT)/dataset --scenes $(SCENES)
 
 figures: $(VENV)/.with-test
 	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures
