@@ -27,7 +27,7 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza dataset figures bench test extension docs lint format clean
+.PHONY: help demo pizza dataset figures bench test extension repository wheel docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
@@ -37,6 +37,8 @@ help: ## Say what can be made
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
+	@echo "make repository build the zips of all platforms (or of PLATFORM) and their list for Blender into dist/repository/"
+	@echo "make wheel      build what pip installs into dist/, and check it"
 	@echo "make docs       build the documentation as web pages into $(OUTPUT)/docs/"
 	@echo "make lint       check style and types"
 	@echo "make format     put the code into the style that lint asks for"
@@ -71,6 +73,15 @@ endif
 
 extension: $(VENV)/.with-blender
 	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+# A folder that any web server can host: Blender installs and updates from it.
+repository: $(VENV)/.with-blender
+	@$(RUN) tools/build_repository.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+wheel: $(VENV)/.with-release
+	rm -f dist/*.whl dist/*.tar.gz
+	$(RUN) -m build --outdir dist
+	$(RUN) -m twine check --strict dist/*.whl dist/*.tar.gz
 
 # Nothing is downloaded once Sphinx is installed; a warning is an error.
 docs: $(VENV)/.with-docs

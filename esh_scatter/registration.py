@@ -24,8 +24,11 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop a run that is under way and take everything away again."""
+    """Stop a run that is under way and take everything away again; nothing where that has been done."""
     atexit.unregister(unregister)
+    # Blender as a module disables its add-ons on leaving, after Python has called us.
+    if not _MODULES[0].CLASSES[0].is_registered:
+        return
     running.end(wait=True)
     exchange.detach()
     versions.detach()
