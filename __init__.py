@@ -19,12 +19,15 @@ if TYPE_CHECKING:
     from .engine.drawing.plan import draw_plan
     from .engine.errors import DeviceError, EshError, InputFileError, ProblemError
     from .engine.files.bodies import Bodies, Prototype
+    from .engine.files.fixed_files import read_fixed_bodies
     from .engine.files.image_files import read_color, read_density
     from .engine.files.placement_files import write_bodies, write_placement
     from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
+    from .engine.problem.fixed_bodies import FixedBodies, FixedBody
+    from .engine.problem.obstacles import Obstacle
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
-    from .engine.solver.solver import Progress, Solver
+    from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
     from .engine.surface.instances import Instances
@@ -53,7 +56,10 @@ __all__ = [
     "Density",
     "DeviceError",
     "Domain",
+    "Edit",
     "EshError",
+    "FixedBodies",
+    "FixedBody",
     "Footprint",
     "ImageDensity",
     "Ink",
@@ -61,6 +67,7 @@ __all__ = [
     "InputFileError",
     "Instances",
     "Line",
+    "Obstacle",
     "Placement",
     "PreparedClass",
     "Problem",
@@ -89,6 +96,7 @@ __all__ = [
     "measure_footprint",
     "read_color",
     "read_density",
+    "read_fixed_bodies",
     "read_recipe",
     "render_halftone",
     "scatter",
@@ -115,7 +123,10 @@ _MODULES = {
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
     "Domain": ".engine.problem.problem",
+    "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
+    "FixedBodies": ".engine.problem.fixed_bodies",
+    "FixedBody": ".engine.problem.fixed_bodies",
     "Footprint": ".engine.surface.footprint",
     "ImageDensity": ".esh_scatter.densities",
     "Ink": ".engine.problem.color_separation",
@@ -123,6 +134,7 @@ _MODULES = {
     "InputFileError": ".engine.errors",
     "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.problem",
+    "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
     "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
@@ -151,6 +163,7 @@ _MODULES = {
     "measure_footprint": ".esh_scatter.footprint",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
+    "read_fixed_bodies": ".engine.files.fixed_files",
     "read_recipe": ".engine.files.recipe",
     "render_halftone": ".engine.drawing.halftone",
     "scatter": ".esh_scatter.api",

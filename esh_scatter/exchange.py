@@ -201,6 +201,7 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]
         length=np.zeros(count),
         width=np.zeros(count),
         area=unknown,
+        fixed=np.zeros(count, bool),
     )
     return bodies, sources
 

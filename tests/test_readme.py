@@ -43,7 +43,8 @@ RECIPES = [block for _, block in blocks("toml")]
 def test_there_is_a_script_for_each_world_and_recipes_of_bodies_and_of_inks():
     assert "bpy" not in README_SCRIPT
     assert any("bpy" in script for _, script in SCRIPTS)
-    assert ["[image]" in recipe for recipe in RECIPES] == [False, True]
+    assert ["[image]" in recipe for recipe in RECIPES] == [False, True, False]
+    assert "[[obstacle]]" in RECIPES[2]
 
 
 @pytest.mark.parametrize(("page", "script"), SCRIPTS, ids=name_of)
@@ -78,7 +79,7 @@ def test_the_script_places_what_its_text_says():
     assert np.bincount(placement.class_index).tolist() == [300, 80]
 
 
-@pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks"])
+@pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks", "what is there"])
 def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
     image = pytest.importorskip("PIL.Image")
     (tmp_path / "recipe.toml").write_text(recipe, encoding="utf-8")
@@ -102,28 +103,37 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
     with np.load(elsewhere / "out.npz", allow_pickle=False) as arrays:
         table = re.search(r"^\| `\.npz` array.*?(?=\n\n)", TEXT["docs/command-line.md"], re.MULTILINE | re.DOTALL)
         documented = set(re.findall(r"^\| `(\w+)` \|", table.group(), re.MULTILINE))
-        # Nothing may bend here.
-        assert set(arrays) == documented - {"bends"}
+        # Nothing may bend here, and only one of them has fixed bodies.
+        marks = set() if recipe == RECIPES[2] else {"id", "fixed", "size_name"}
+        assert set(arrays) == documented - {"bends"} - marks
         if recipe == RECIPES[0]:
             pine, log = tomllib.loads(recipe)["class"]
             assert len(arrays["position"]) == pine["size"][0]["count"] + log["count"]
             assert (arrays["length"] > 0).sum() == log["count"]
+        elif recipe == RECIPES[2]:
+            described = tomllib.loads(recipe)
+            (fixed,) = described["fixed"]
+            assert arrays["position"][arrays["fixed"]].tolist() == fixed["position"]
+            assert (~arrays["fixed"]).sum() == described["class"][0]["size"][0]["count"]
         else:
             # An even grey of 55 of 255 takes black dots alone.
             assert len(arrays["position"]) == round(256 * 256 * 55 / 255)
 
 
 def test_the_reference_of_recipes_has_every_key():
+    from esh.engine.files.recipe import SCENE
     from esh.engine.files.recipe_keys import keys_of
     from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, SamplingSettings, Size
 
-    source = (ROOT / "engine" / "files" / "recipe.py").read_text(encoding="utf-8")
+    folder = ROOT / "engine" / "files"
+    trees = [ast.parse((folder / name).read_text(encoding="utf-8")) for name in ("recipe.py", "recipe_scene.py")]
     reference = TEXT["docs/recipes.md"].partition("## Every key")[2]
     documented = {name.strip("[]").split(".")[-1] for name in re.findall(r"^\| `([^`]+)` \|", reference, re.MULTILINE)}
     known = {key for cls in (SamplingSettings, Domain, Balance, BodyClass, Size, Line) for key in keys_of(cls)} - {
         "sizes"
     }
-    for call in ast.walk(ast.parse(source)):
+    known |= set(SCENE)
+    for call in (node for tree in trees for node in ast.walk(tree)):
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
             known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}
     assert documented == known

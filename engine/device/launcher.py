@@ -13,10 +13,10 @@ import contextlib
 import os
 import re
 import reprlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import warp as wp
@@ -37,6 +37,9 @@ GRAIN_OF_NEIGHBOURS = 96
 # From so many bytes on NumPy asks the system for large pages, of which fewer are to be looked up: a seventh less time for 1,000,000
 # bodies. Warp does not.
 LARGE_ARRAY = 1 << 22
+# Things that a launcher keeps to use them again: an edit needs what a run needed, and little else.
+MOST_KEPT = 12
+Kept = TypeVar("Kept")
 # From so many processors on, one is left to whatever else runs: Blender's window, for one.
 CORES_TO_SPARE_ONE = 4
 
@@ -121,6 +124,7 @@ class Launcher:
         self._phase = ""
         self._recording: CpuRecording | None = None
         self._gpu_recordings: list[GpuRecording] = []
+        self._kept: dict[Hashable, Any] = {}
         if self._team is not None and profile is not None:
             self._team.timed = True
 
@@ -154,8 +158,26 @@ class Launcher:
         """Give the threads back, and let go of what was recorded: whoever recorded it is held by it."""
         for recording in self._gpu_recordings:
             recording.forget()
+        self._kept.clear()
         if self._team is not None:
             self._team.close()
+
+    def kept(self, key: Hashable, make: Callable[[], Kept]) -> Kept:
+        """What ``make`` makes, or made before for the same key: something that takes long and depends on the key alone.
+
+        Only the last few are kept.
+        """
+        value = self._kept.pop(key) if key in self._kept else make()
+        self._kept[key] = value
+        while len(self._kept) > MOST_KEPT:
+            self._kept.pop(next(iter(self._kept)))
+        return value
+
+    def release(self, recording: Recording) -> None:
+        """Let go of a recording that nobody plays again."""
+        if isinstance(recording, GpuRecording):
+            recording.forget()
+            self._gpu_recordings.remove(recording)
 
     def empty(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
         """An array for kernels, whose elements are still to be written."""

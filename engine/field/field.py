@@ -22,10 +22,9 @@ from ..space.cell_sort import CellSort
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from ..space.space import space_for_kernels
 from ..space.target_deposit import deposit_images, mix_images
-from ..transforms.convolution import Convolution
 from . import kernels_field, kernels_splines
-from .influence import open_influence, smoothed_influence
-from .target_correction import TargetCorrection
+from .influence import convolution_of, open_influence, smoothed_influence
+from .target_correction import FEWEST_NODES, TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
 
@@ -40,10 +39,14 @@ BANDS_PER_THREAD = 8
 
 @dataclass(frozen=True, eq=False)
 class FieldTarget:
-    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for."""
+    """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
+
+    ``more`` are others that are added to it.
+    """
 
     image: np.ndarray
     charge: float
+    more: tuple[FieldTarget, ...] = ()
 
 
 class Field:
@@ -58,6 +61,7 @@ class Field:
         spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
+        fewest_nodes: Of the targets' mesh; None for the usual.
 
     Attributes:
         layout: The charges' mesh.
@@ -82,6 +86,7 @@ class Field:
         spacing: float,
         charge: np.ndarray,
         charge_group: np.ndarray,
+        fewest_nodes: int | None = None,
     ) -> None:
         self.launcher = launcher
         self.size = size
@@ -93,7 +98,7 @@ class Field:
         self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
-        self._convolution = Convolution(launcher, self.layout.shape, self.layout.padded, self.group_count)
+        self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
         self._charge = wp.array(charge, dtype=float, device=device)
         self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
@@ -114,11 +119,7 @@ class Field:
         self.deposited = deposit_images(launcher, images, self.layout)
         self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
         self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
-        if periodic:
-            # The mean potential has no force.
-            self._influence = smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
-        else:
-            self._influence = open_influence(self._convolution, self.layout, self.split)
+        self._influence = launcher.kept(("influence", self.layout, self.split), self._make_influence)
         self._correction = TargetCorrection(
             launcher,
             size=size,
@@ -128,9 +129,16 @@ class Field:
             spacing=spacing,
             charge_count=n,
             split=self.split,
+            fewest_nodes=fewest_nodes or FEWEST_NODES,
         )
         self.blur = self._correction.blur
         self._fine_mesh = self._correction.layout.for_kernels()
+
+    def _make_influence(self) -> wp.array:
+        if self.periodic:
+            # The mean potential has no force.
+            return smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
+        return open_influence(self._convolution, self.layout, self.split)
 
     def _choose_mesh(self, spacing: float) -> MeshLayout:
         """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
@@ -249,12 +257,14 @@ class Field:
 def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
     """The images that groups follow, each once, and the charge of each group by image, shape ``[groups, images]``."""
     images: list[np.ndarray] = []
-    index = []
-    for target in targets:
-        found = [i for i, image in enumerate(images) if image is target.image]
-        if not found:
-            images.append(target.image)
-        index.append(found[0] if found else len(images) - 1)
+    entries = []
+    for group, target in enumerate(targets):
+        for part in (target, *target.more):
+            found = [i for i, image in enumerate(images) if image is part.image]
+            if not found:
+                images.append(part.image)
+            entries.append((group, found[0] if found else len(images) - 1, part.charge))
     charge = np.zeros((len(targets), len(images)))
-    charge[np.arange(len(targets)), index] = [target.charge for target in targets]
+    for group, index, amount in entries:
+        charge[group, index] += amount
     return images, charge

@@ -7,11 +7,20 @@ import math
 import numpy as np
 import warp as wp
 
+from ..device.launcher import Launcher
 from ..space.mesh_layout import MeshLayout
 from ..transforms.convolution import Convolution
 from . import kernels_influence
 
-__all__ = ["open_influence", "product_influence", "smoothed_influence"]
+__all__ = ["convolution_of", "open_influence", "product_influence", "smoothed_influence"]
+
+
+def convolution_of(launcher: Launcher, layout: MeshLayout, count: int) -> Convolution:
+    """The convolution of so many meshes of a layout, which the next field like it uses again."""
+    return launcher.kept(
+        ("convolution", layout.shape, layout.padded, count),
+        lambda: Convolution(launcher, layout.shape, layout.padded, count),
+    )
 
 
 def smoothed_influence(

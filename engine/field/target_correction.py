@@ -14,10 +14,9 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from ..space.target_deposit import deposit_images, mix_images
-from ..transforms.convolution import Convolution
-from .influence import smoothed_influence
+from .influence import convolution_of, smoothed_influence
 
-__all__ = ["TargetCorrection"]
+__all__ = ["FEWEST_NODES", "TargetCorrection"]
 
 # The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
 # two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
@@ -42,6 +41,7 @@ class TargetCorrection:
         spacing: Typical distance of neighbouring bodies where they are dense.
         charge_count: Number of charges.
         split: Standard deviation of the Gaussian that the far part is smoothed by.
+        fewest_nodes: Nodes of the fine mesh at least, where charges are few.
 
     Attributes:
         layout: The fine mesh.
@@ -62,9 +62,10 @@ class TargetCorrection:
         spacing: float,
         charge_count: int,
         split: float,
+        fewest_nodes: int = FEWEST_NODES,
     ) -> None:
         on_gpu = launcher.device.is_cuda
-        coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, FEWEST_NODES)) ** 0.5
+        coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
         wanted = max(BLUR_OVER_SPACING / BLUR_OVER_MESH * spacing, coarsest)
         if periodic:
             self.layout = periodic_mesh(size, wanted, on_gpu=on_gpu)
@@ -95,8 +96,11 @@ def _potentials(
     images: Sequence[np.ndarray],
     rows: np.ndarray,
 ) -> wp.array:
-    convolution = Convolution(launcher, layout.shape, layout.padded, len(rows))
-    influence = smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2))
+    convolution = convolution_of(launcher, layout, len(rows))
+    influence = launcher.kept(
+        ("influence", layout, blur, split),
+        lambda: smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2)),
+    )
     result = mix_images(launcher, deposit_images(launcher, images, layout), rows, layout.node_count)
     convolution.apply(influence, result)
     return result

@@ -81,6 +81,8 @@ class Bodies:
         length: Length of a line body's axis [m], shape ``[n]``, float64; 0 for dots.
         width: Thickness of a line body [m], shape ``[n]``, float64; 0 for dots.
         area: Footprint [m²], shape ``[n]``, float64; NaN where a file does not say.
+        fixed: Whether a body was fixed, shape ``[n]``, bool.
+        named: Whether the names of classes and sizes are known; where a file does not say, numbers take their place.
     """
 
     position: np.ndarray
@@ -96,6 +98,8 @@ class Bodies:
     length: np.ndarray
     width: np.ndarray
     area: np.ndarray
+    fixed: np.ndarray
+    named: bool = True
 
     @property
     def angle(self) -> np.ndarray:
@@ -112,6 +116,7 @@ class Bodies:
             **{f"rotation_{axis}": values for axis, values in zip("wxyz", self.rotation.T, strict=True)},
             **{f"scale_{axis}": values for axis, values in zip("xyz", self.scale.T, strict=True)},
             "prototype_index": self.prototype_index,
+            "fixed": self.fixed.astype(np.int32),
         }
 
     def names(self) -> str:
@@ -206,7 +211,7 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
         scale=scale.astype(np.float32),
         prototype_index=index,
         prototypes=tuple(prototypes),
-        id=np.arange(count, dtype=np.int64),
+        id=np.asarray(placement.id, np.int64),
         class_index=np.asarray(placement.class_index, np.int32),
         size_index=np.asarray(placement.size_index, np.int32),
         class_name=placement.class_name,
@@ -214,6 +219,7 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
         length=np.asarray(placement.length, np.float64),
         width=np.asarray(placement.width, np.float64),
         area=np.asarray(placement.area, np.float64),
+        fixed=np.asarray(placement.fixed, bool),
     )
 
 
@@ -289,6 +295,8 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
         length=column("length", 0.0),
         width=column("width", 0.0),
         area=area,
+        fixed=column("fixed", 0.0) != 0.0,
+        named=bool(names.get("class")),
     )
 
 

@@ -30,6 +30,7 @@ ATTRIBUTES = {
     "_AREA": "area",
     "_LENGTH": "length",
     "_WIDTH": "width",
+    "_FIXED": "fixed",
 }
 # Whole numbers up to here are floats.
 MOST_IDS = 2**24

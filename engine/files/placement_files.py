@@ -73,9 +73,10 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
             ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
-            charges, 2]``, where lines may bend; readable without pickle; equal placements give
-            equal bytes), in ``.csv`` (one line per body, its columns named in the first), or in ``.usd``, ``.usdc``, ``.usda``,
-            ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
+            charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where bodies are fixed or
+            were edited; readable without pickle; equal placements give equal bytes), in ``.csv`` (one line per body, its
+            columns named in the first), or in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for
+            other programs).
         placement: What to write.
         assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
             formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
@@ -205,6 +206,9 @@ def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         area=placement.area,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
+        # Where nothing is fixed and nothing was edited they say nothing that the order does not.
+        **({"id": placement.id, "fixed": placement.fixed} if _is_marked(placement) else {}),
+        **({"size_name": np.array(_size_names(placement), dtype=np.str_)} if _is_marked(placement) else {}),
     )
 
 
@@ -213,11 +217,14 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
 
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
+    marked = _is_marked(placement)
     rows.writerow(
         ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
+        + (("id", "fixed") if marked else ())
     )
     class_name = [body_class.name for body_class in placement.problem.classes]
     size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
         placement.class_index.tolist(),
@@ -225,13 +232,26 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
-    shape = zip(placement.width.tolist(), placement.area.tolist(), strict=True)
+    shape = zip(placement.width.tolist(), placement.area.tolist(), *marks, strict=True)
     # Python writes the shortest digits that read back as the same number.
     rows.writerows(
         (*row, class_name[row[2]], size_name[row[2]][row[3]], *thickness_and_area)
         for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
+
+
+def _is_marked(placement: Placement) -> bool:
+    """Whether bodies have identities of their own, or are fixed."""
+    import numpy as np
+
+    return bool(placement.fixed.any() or (placement.id != np.arange(len(placement.id))).any())
+
+
+def _size_names(placement: Placement) -> list[str]:
+    names = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    pairs = zip(placement.class_index.tolist(), placement.size_index.tolist(), strict=True)
+    return [names[c][s] for c, s in pairs]
 
 
 def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:

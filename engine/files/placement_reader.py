@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,9 +58,13 @@ def _read_npz(path: Path) -> Bodies:
     if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):
         raise InputFileError(f"{path} must hold an array `position` of shape [n, 2]")
     columns = dict(zip("xyz", position.T, strict=False))
-    columns |= {key: arrays[key] for key in arrays if key not in ("class_name", "bends")}
-    names = [str(name) for name in arrays.get("class_name", [])]
-    return bodies_from_columns(columns, {"class": names}, str(path))
+    columns |= {key: arrays[key] for key in arrays if key not in ("class_name", "size_name", "bends")}
+    names: dict[str, Any] = {"class": [str(name) for name in arrays.get("class_name", [])]}
+    if all(key in arrays for key in ("class_index", "size_index", "size_name")):
+        names["size"] = _size_names(
+            arrays["class_index"], arrays["size_index"], arrays["size_name"], len(names["class"])
+        )
+    return bodies_from_columns(columns, names, str(path))
 
 
 def _read_csv(path: Path) -> Bodies:
@@ -80,17 +86,29 @@ def _read_csv(path: Path) -> Bodies:
         pairs = sorted({(_whole(c), str(k)) for c, k in zip(columns["class_index"], names["class_name"], strict=True)})
         labels = [name for _, name in pairs] if [c for c, _ in pairs] == list(range(len(pairs))) else []
     if labels and "size_index" in columns and names["size_name"]:
-        triples = sorted(
-            {
-                (_whole(c), _whole(s), str(k))
-                for c, s, k in zip(columns["class_index"], columns["size_index"], names["size_name"], strict=True)
-            }
-        )
-        sizes = [[name for c, _, name in triples if c == number] for number in range(len(labels))]
+        sizes = _size_names(columns["class_index"], columns["size_index"], names["size_name"], len(labels))
     return bodies_from_columns(columns, {"class": labels, "size": sizes}, str(path))
 
 
-def _whole(text: str) -> int:
+def _size_names(
+    class_index: Sequence[Any] | np.ndarray, size_index: Sequence[Any] | np.ndarray, names: Any, class_count: int
+) -> list[list[str]]:
+    """Return the names of the sizes of every class, from what every body says of its own."""
+    triples = sorted(
+        {(_whole(c), _whole(s), str(name)) for c, s, name in zip(class_index, size_index, names, strict=True)}
+    )
+    found: list[list[str]] = [[] for _ in range(class_count)]
+    for c, s, name in triples:
+        if 0 <= c < class_count and 0 <= s < len(triples):
+            own = found[c]
+            # A size that no body has is called by its number.
+            own += [f"size {number + 1}" for number in range(len(own), s)]
+            if s == len(own):
+                own.append(name)
+    return found
+
+
+def _whole(text: Any) -> int:
     try:
         return int(float(text))
     except (ValueError, OverflowError):

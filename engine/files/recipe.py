@@ -36,6 +36,21 @@ Instead of classes, a colour image may give them: one class per ink (see :mod:`~
     model = "CMYK"                 # default; CMY, CMY-RG-K, CMY-RB-K, CMY-RGB-K; or a list of inks and its non_overlap matrix
     area = 0.01                    # of a dot, m²; or [[image.size]] tables with name, area and share
 
+What is there already, and what bodies keep off, both any number of times:
+
+    include_fixed = false          # at the top; default: counts are of new bodies; true: they include fixed ones
+    [[fixed]]
+    file = "before.csv"            # or .npz, as placements are written; class and size, if given here, hold for all of the file
+    [[fixed]]
+    class = "pine"                 # default: the first
+    size = "large"                 # default: the first of the class
+    position = [[3.0, 4.0], [8.0, 2.5]]   # metres
+    angle = 0.0                    # default; a number, or one for each; so are length, area and id
+    [[obstacle]]
+    polygon = [[0, 0], [4, 0], [4, 3]]    # corners in metres; or disc = [x, y, radius]; or an image beside the recipe, white =
+    image = "lake.png"                    # obstacle (invert = true: black)
+    margin = 0.5                   # metres; default 0
+
 Messages name keys by their place, counted from 1: ``class[2].size[1].count`` is the count of the first size of the
 second class.
 """
@@ -56,11 +71,14 @@ from ..problem.problem import Balance, BodyClass, Domain, Problem, SamplingSetti
 from ..problem.validation import show
 from .image_files import read_color
 from .recipe_keys import WORDS, keys_of, read_group, read_settings
+from .recipe_scene import read_fixed, read_obstacles, scene_files
 from .recipe_table import RecipeTable, read_toml
 
 __all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "recipe_densities"]
 
 VERSION = 1
+# Keys of what is there before anything is placed.
+SCENE = ("fixed", "include_fixed", "obstacle")
 
 
 @dataclass(frozen=True)
@@ -91,11 +109,13 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     recipe = RecipeTable(parsed.path, "", "", parsed.entries)
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
-    recipe.check_keys("version", *keys_of(SamplingSettings), "domain", "balance", "class", "image")
+    recipe.check_keys("version", *keys_of(SamplingSettings), "domain", "balance", "class", "image", *SCENE)
     sampling = read_settings(recipe, SamplingSettings)
     if seed is not None:
         sampling["seed"] = validation.check_seed(seed)
     domain = read_group(recipe.table("domain"), Domain)
+    scene: dict[str, Any] = {"fixed": read_fixed(recipe), "obstacles": read_obstacles(recipe)}
+    scene["include_fixed"] = recipe.take("include_fixed", validation.check_switch, False)
 
     table = recipe.table("balance", optional=True)
     table.check_keys(*keys_of(Balance))
@@ -108,10 +128,10 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
             raise table.error("non_overlap", "cannot be combined with [image]: the ink model has its own")
         table = recipe.table("image")
         problem = table.build(lambda: _read_image(table, domain, balance))
-        return replace(problem, **sampling)
+        return recipe.build(lambda: replace(problem, **sampling, **scene))
     classes = [_read_class(table) for table in recipe.tables("class")]
     recipe.check_unique("class", [body_class.name for body_class in classes])
-    return recipe.build(lambda: Problem(domain, classes, Balance(**balance), **sampling))
+    return recipe.build(lambda: Problem(domain, classes, Balance(**balance), **sampling, **scene))
 
 
 def recipe_colors(path: str | Path | ParsedRecipe, problem: Problem) -> list[tuple[float, float, float]] | None:
@@ -138,7 +158,7 @@ def recipe_colors(path: str | Path | ParsedRecipe, problem: Problem) -> list[tup
 
 
 def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
-    """Return the density files that a recipe names, in its order; it need not be free of mistakes.
+    """Return the files that a recipe names, in its order; it need not be free of mistakes.
 
     Raises:
         InputFileError: The recipe cannot be read as TOML.
@@ -156,6 +176,7 @@ def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
                 names += [line.get("length"), line.get("direction") if line.get("direction") not in WORDS else None]
     image = recipe.get("image")
     names.append(image.get("file") if isinstance(image, dict) else None)
+    names += scene_files(recipe)
     return [parsed.path.parent / name for name in names if isinstance(name, str)]
 
 

@@ -13,6 +13,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Balance, BodyClass, Domain, Problem, SamplingSettings, Size
 from .placement_files import write_files
 from .recipe_keys import written_settings
+from .recipe_scene import written_fixed, written_obstacles
 
 __all__ = ["recipe_text", "write_recipe"]
 
@@ -61,12 +62,13 @@ def recipe_text(
 
     Args:
         problem: What it describes.
-        name_array: Gets what an array is (``"density"``, ``"length"`` or ``"direction"``), the array, and the name of its class;
-            returns the name of its file.
+        name_array: Gets what an array is (``"density"``, ``"length"``, ``"direction"`` or ``"obstacle"``), the array, and the name of
+            its class; returns the name of its file.
         colors: Of the classes, in a halftone.
     """
+    include_fixed = {"include_fixed": True} if problem.include_fixed else {}
     tables: list[tuple[str, dict[str, Any]]] = [
-        ("", {"version": 1, **written_settings(problem, SamplingSettings, _no_arrays)}),
+        ("", {"version": 1, **written_settings(problem, SamplingSettings, _no_arrays), **include_fixed}),
         ("[domain]", written_settings(problem.domain, Domain, _no_arrays)),
         ("[balance]", written_settings(problem.balance, Balance, _no_arrays)),
     ]
@@ -81,6 +83,9 @@ def recipe_text(
             keys["color"] = list(colors[number])
         tables.append(("[[class]]", keys))
         tables.extend(("[[class.size]]", written_settings(size, Size, name_of_class)) for size in asked.sizes)
+    tables.extend(("[[fixed]]", keys) for keys in written_fixed(problem))
+    obstacles = written_obstacles(problem, lambda what, array: name_array(what, array, ""))
+    tables.extend(("[[obstacle]]", keys) for keys in obstacles)
     lines: list[str] = []
     for header, keys in tables:
         if keys:
@@ -90,6 +95,7 @@ def recipe_text(
 
 def _asked(placed: PreparedClass) -> BodyClass:
     """Return what a class was made from; where more went into it, what asks for it as it is."""
+    placed = placed.base or placed
     return placed.asked or BodyClass(placed.name, placed.sizes, placed.density_image)
 
 

@@ -133,7 +133,7 @@ def read_geojson(path: Path) -> Bodies:
         raise InputFileError(f"{path} cannot be read as a GeoJSON file of points: {_brief(error)}") from None
     columns: dict[str, Any] = dict(zip("xyz", np.reshape(np.array(place, np.float64), (-1, 3)).T, strict=True))
     properties = [f.get("properties") or {} for f in features]
-    keys = ["id", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index"]
+    keys = ["id", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"]
     keys += [f"rotation_{axis}" for axis in "wxyz"] + [f"scale_{axis}" for axis in "xyz"]
     for key in keys:
         # A property of the same name that somebody else gave another meaning is none of ours.

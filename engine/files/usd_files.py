@@ -20,7 +20,7 @@ KEY = "esh:names"
 # Of assets that can be referred to.
 ENDINGS = (".usd", ".usdc", ".usda", ".usdz")
 # Names of the primvars, and how they are kept.
-PRIMVARS = {"class_index": "i4", "size_index": "i4", "area": "f4", "length": "f4", "width": "f4"}
+PRIMVARS = {"class_index": "i4", "size_index": "i4", "area": "f4", "length": "f4", "width": "f4", "fixed": "i4"}
 
 
 def _pxr(module: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,8 @@ class Placement:
         report: What was reached; None before it is measured.
         bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
             ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
+        id: Identity of every body, shape ``[n]``, int64: a body keeps it from one edit to the next, and a fixed one brings its own.
+        fixed: Whether a body was fixed, shape ``[n]``, bool; of every size those come last.
     """
 
     problem: Problem
@@ -45,6 +47,15 @@ class Placement:
     width: np.ndarray
     report: Report | None = None
     bends: np.ndarray | None = None
+    id: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    fixed: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+
+    def __post_init__(self) -> None:
+        count = len(self.position)
+        if not len(self.id):
+            object.__setattr__(self, "id", np.arange(count, dtype=np.int64))
+        if not len(self.fixed):
+            object.__setattr__(self, "fixed", np.zeros(count, bool))
 
     @property
     def class_name(self) -> tuple[str, ...]:

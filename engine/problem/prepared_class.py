@@ -5,6 +5,8 @@ What is asked is a :class:`~.problem.BodyClass`. Here its density is sharpened a
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,11 +16,12 @@ from ..errors import ProblemError
 from .apportionment import apportion
 from .density_correction import correct_density
 from .image_filters import unsharp_mask
+from .obstacles import Obstacle, clearance, mask_shape
 
 if TYPE_CHECKING:
-    from .problem import BodyClass, Size
+    from .problem import BodyClass, Domain, Size
 
-__all__ = ["PreparedClass", "PreparedDensity", "count_sizes", "prepare", "prepare_density"]
+__all__ = ["PreparedClass", "PreparedDensity", "count_sizes", "cut_out", "prepare", "prepare_density"]
 
 
 class PreparedDensity(NamedTuple):
@@ -43,6 +46,7 @@ class PreparedClass:
         density_image: The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform).
         notes: Sentences for the report on what happened to the density.
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
+        base: The class before obstacles were cut out of its density and fixed bodies added to its counts; None if it is that.
     """
 
     name: str
@@ -50,6 +54,7 @@ class PreparedClass:
     density_image: np.ndarray
     notes: tuple[str, ...] = ()
     asked: BodyClass | None = None
+    base: PreparedClass | None = None
 
     @property
     def body_count(self) -> int:
@@ -71,6 +76,29 @@ def prepare(body_class: BodyClass, domain_area: float, density: PreparedDensity 
     image, notes = density or prepare_density(body_class)
     sizes = count_sizes(body_class, float(image.mean(dtype=np.float64)) * domain_area)
     return PreparedClass(body_class.name, sizes, image, notes, body_class)
+
+
+def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obstacle]) -> PreparedClass:
+    """Return a class whose density is 0 on obstacles; its image may have more pixels.
+
+    Raises:
+        ProblemError: Nothing of the density is left, or too little for a count of ``"cover"``.
+    """
+    image = body_class.density_image
+    shape = mask_shape(obstacles, domain, (image.shape[0], image.shape[1]), body_class.body_count)
+    pixel = math.sqrt(domain.area / (shape[0] * shape[1]))
+    free = clearance(obstacles, domain, shape, pixel)
+    factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
+    fine = np.repeat(np.repeat(image, factors[0], axis=0), factors[1], axis=1)
+    # The share of a pixel that an edge leaves.
+    fine = fine * np.clip(0.5 + free / np.float32(pixel), 0.0, 1.0)
+    if not fine.any():
+        raise ProblemError(f'`obstacles` must leave a place where the density of class "{body_class.name}" is above 0')
+    # What is left says how many bodies cover it.
+    sizes = body_class.sizes
+    if body_class.asked is not None:
+        sizes = count_sizes(body_class.asked, float(fine.mean(dtype=np.float64)) * domain.area)
+    return replace(body_class, density_image=fine, sizes=sizes)
 
 
 def prepare_density(body_class: BodyClass) -> PreparedDensity:

@@ -17,7 +17,9 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
-from .prepared_class import PreparedClass, prepare
+from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
+from .obstacles import Obstacle
+from .prepared_class import PreparedClass, cut_out, prepare
 from .settings import Choice, Settings, described, setting, settle
 from .validation import Boundary, show
 
@@ -272,7 +274,7 @@ class Size(Settings):
             more="None where the class has the count and this size a share",
             low=1,
             soft_high=100_000,
-            check=validation.check_count,
+            check=validation.check_size_count,
         ),
     )
     share: float | None = field(
@@ -342,6 +344,13 @@ class Size(Settings):
         if self.distribution == "linear":
             return np.linspace(*self.area, count) if count > 1 else np.full(count, self.mean_area)
         return np.random.default_rng(seed).uniform(*self.area, count)
+
+
+def with_count(size: Size, count: int) -> Size:
+    """A size of so many bodies, which may be none or more than areas are listed for."""
+    result = object.__new__(Size)
+    result.__dict__.update(size.__dict__, count=count, share=None)
+    return result
 
 
 @described
@@ -480,15 +489,24 @@ class Problem(SamplingSettings):
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
         avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
+        fixed: Bodies that are there already: they take part in everything, and do not move. The rest of their class makes room:
+            where they already are what the density asks for, no more are placed. Kept as a :class:`FixedTable`, in class, then
+            size order. A size may have a ``count`` of 0 if there are such bodies of it.
+        include_fixed: Whether counts include them. By default counts are those of new bodies, beside them.
+        obstacles: What bodies keep off. Counts stay as they are, less ground is left to follow the density on.
 
     Raises:
         ProblemError: No class, two classes of one name, a seed that is not a whole number >= 0, a balance made for another
-            number of classes, or a line longer than the domain.
+            number of classes, a line longer than the domain, fixed bodies that do not belong to it, nothing to place, or
+            obstacles that leave a class no place.
     """
 
     domain: Domain
     classes: tuple[PreparedClass, ...]
     balance: Balance
+    fixed: FixedTable
+    obstacles: tuple[Obstacle, ...]
+    include_fixed: bool
 
     def __init__(
         self,
@@ -497,6 +515,10 @@ class Problem(SamplingSettings):
         balance: Balance | None = None,
         seed: int = 0,
         avoid_overlap: bool = False,
+        *,
+        fixed: FixedBodies | Sequence[FixedBody | FixedBodies] = (),
+        include_fixed: bool = False,
+        obstacles: Sequence[Obstacle] = (),
     ) -> None:
         balance = Balance() if balance is None else balance
         if not isinstance(domain, Domain):
@@ -507,11 +529,42 @@ class Problem(SamplingSettings):
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
-        prepared = tuple(c if isinstance(c, PreparedClass) else prepare(c, domain.area) for c in classes)
+        include_fixed = validation.check_switch(include_fixed, "`include_fixed`")
+        obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
+        # A class of another problem may have been cut and counted before.
+        bases = tuple((c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain.area) for c in classes)
+        prepared = tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
+        settle(self, include_fixed=include_fixed, obstacles=obstacles)
         super().__post_init__()
+        settle(self, fixed=fixed_table(fixed, prepared, domain))
+        counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]
+        settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))
+        if self.body_count == len(self.fixed.id):
+            raise ProblemError("a problem must have at least one body to place; all of them are fixed")
         self._check_balance()
         self._check_lines()
+
+    def _with_fixed(self, index: int, body_class: PreparedClass) -> PreparedClass:
+        """A class whose sizes count all of their bodies, fixed ones among them."""
+        sizes = []
+        for number, size in enumerate(body_class.sizes):
+            fixed = self.fixed.number_of(index, number)
+            key = f'`count` of size "{size.name}" of class "{body_class.name}"'
+            count = size.count or 0
+            if self.include_fixed and count < fixed:
+                raise ProblemError(f"{key} must include its {fixed} fixed bodies; got {show(count)}")
+            if fixed and self.include_fixed and isinstance(size.distribution, np.ndarray):
+                raise ProblemError(
+                    f"{key} must not include fixed bodies where areas are listed; set `include_fixed` to false"
+                )
+            total = count if self.include_fixed else count + fixed
+            if total < 1:
+                raise ProblemError(
+                    f"{key} must be a whole number of at least 1, or bodies of it be fixed; got {show(count)}"
+                )
+            sizes.append(size if total == count else with_count(size, total))
+        return body_class if sizes == list(body_class.sizes) else replace(body_class, sizes=tuple(sizes))
 
     def _check_balance(self) -> None:
         matrix = self.balance.non_overlap
@@ -562,6 +615,37 @@ class Problem(SamplingSettings):
 
     def body_areas(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[body_count]``, float64, in the same order."""
-        return np.concatenate(
-            [size.areas([self.seed, 2, c, s]) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
-        )
+        areas = []
+        for c, k in enumerate(self.classes):
+            for s, size in enumerate(k.sizes):
+                if not len(self.fixed.id):
+                    areas.append(size.areas([self.seed, 2, c, s]))
+                    continue
+                own = (self.fixed.class_index == c) & (self.fixed.size_index == s)
+                new = with_count(size, (size.count or 0) - int(own.sum()))
+                areas += [new.areas([self.seed, 2, c, s]), self.fixed.area[own]]
+        return np.concatenate(areas)
+
+    def body_is_fixed(self) -> np.ndarray:
+        """Whether each body is fixed, shape ``[body_count]``: of every size the new ones come first."""
+        if not len(self.fixed.id):
+            return np.zeros(self.body_count, bool)
+        result = []
+        for c, k in enumerate(self.classes):
+            for s, size in enumerate(k.sizes):
+                fixed = self.fixed.number_of(c, s)
+                result.append(np.arange(size.count or 0) >= (size.count or 0) - fixed)
+        return np.concatenate(result)
+
+    def body_ids(self) -> np.ndarray:
+        """Identity of every body, shape ``[body_count]``, int64: fixed ones have their own, all others free ones in their order."""
+        taken = self.fixed.id
+        first = int(taken.max(initial=-1)) + 1
+        unnamed = np.flatnonzero(taken < 0)
+        named = taken.copy()
+        named[unnamed] = first + np.arange(len(unnamed))
+        fixed = self.body_is_fixed()
+        result = np.empty(self.body_count, np.int64)
+        result[fixed] = named
+        result[~fixed] = first + len(unnamed) + np.arange(int((~fixed).sum()))
+        return result

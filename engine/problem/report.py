@@ -9,12 +9,13 @@ __all__ = ["ClassReport", "Report", "SizeReport"]
 
 @dataclass(frozen=True)
 class SizeReport:
-    """Counts of one size of one class."""
+    """Counts of one size of one class: ``asked`` and ``placed`` are of all its bodies, ``fixed`` of those that were there before."""
 
     name: str
     area: float
     asked: int
     placed: int
+    fixed: int = 0
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Report:
         smallest_spacing: Smallest distance between two bodies' centres, over the hexagonal spacing of as many bodies
             of the same mean density at that place; 1 is a perfect lattice. None with fewer than two bodies.
         overlaps: Number of pairs of bodies whose footprints (discs of their area) overlap; at least so many, where a body
-            overlaps more than 200 others.
+            overlaps more than 200 others. Pairs of fixed bodies do not count.
         covered: Sum of the footprints over the area where bodies may be (density above zero).
         classes: One entry per class.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.

@@ -322,6 +322,11 @@ def check_count(value: object, key: str) -> int:
     raise ProblemError(f"{key} must be a whole number of at least 1; got {show(value)}")
 
 
+def check_size_count(value: object, key: str) -> int:
+    """Return the count of a size: 0 is one where bodies of it are fixed, which only the whole problem tells."""
+    return 0 if is_real(value) and value == 0 else check_count(value, key)
+
+
 def check_seed(value: object, key: str = "`seed`") -> int:
     """Return the seed; raise ProblemError unless it is a whole number that fits 63 bits."""
     if isinstance(value, numbers.Integral) and is_real(value) and 0 <= int(value) < 2**63:

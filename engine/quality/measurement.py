@@ -48,6 +48,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
             "lower the counts or the areas"
         )
     overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
+    overlaps -= _overlaps_of_fixed(placement, launcher)
     if problem.avoid_overlap and overlaps:
         notes.append(
             f"{overlaps} pairs of footprints still overlap: the space where they may be cannot hold them all; lower the counts or "
@@ -67,14 +68,26 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
                 c.name,
                 errors[i],
                 tuple(
-                    SizeReport(s.name, s.mean_area, s.count or 0, placed)
-                    for s, placed in zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
+                    SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
+                    for number, (s, placed) in enumerate(
+                        zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
+                    )
                 ),
             )
             for i, c in enumerate(problem.classes)
         ),
         notes=tuple(notes),
     )
+
+
+def _overlaps_of_fixed(placement: Placement, launcher: Launcher) -> int:
+    """Overlaps among fixed bodies, which no run can part."""
+    fixed = placement.fixed
+    if not fixed.any():
+        return 0
+    angle, length, width = placement.angle[fixed], placement.length[fixed], placement.width[fixed]
+    bodies = measured_bodies(launcher, placement.problem.domain, placement.position[fixed], angle, length)
+    return count_overlaps(bodies, placement.area[fixed], length, width)
 
 
 def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:

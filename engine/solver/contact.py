@@ -95,6 +95,8 @@ class Contact:
             self._near.sort(pose)
             self._round(pose, bend, self._spare)
 
+        # Bodies that do not move stay on each other.
+        most = self._pinned_overlaps(pose, reached)
         one_round = self.launcher.record(run_round)
         counting = self.launcher.record(lambda: self._near.count_overlaps(pose, 0.0))
         fewest, since = math.inf, 0
@@ -102,13 +104,30 @@ class Contact:
             for _ in range(ROUNDS_AT_ONCE):
                 one_round.play()
             counting.play()
-            left = self._near.counted_overlaps()
-            if left == 0:
+            left = self._near.counted_overlaps() - most
+            if left <= 0:
                 return
             since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
             fewest = min(fewest, left) if since == 0 else fewest
             if since >= ROUNDS_WITHOUT_PROGRESS:
                 return
+
+    def _pinned_overlaps(self, pose: wp.array, length: np.ndarray) -> int:
+        """Overlaps among bodies that do not move; axes of lengths [m]."""
+        model = self._model
+        pinned = np.flatnonzero(model.body.flags & BodyFlags.PINNED)
+        if not len(pinned):
+            return 0
+        near = Neighbourhood(
+            self.launcher,
+            model.size,
+            model.problem.domain.periodic,
+            self._radii(length)[pinned] / model.unit,
+            0.5 * length[pinned] / model.unit,
+            model.body.area[pinned],
+        )
+        alone = wp.array(pose.numpy()[pinned], dtype=wp.vec4, device=self.launcher.device)
+        return near.overlap_count(alone, 0.0)
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near

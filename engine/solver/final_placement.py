@@ -27,6 +27,10 @@ def placement_of(model: Model, state: State) -> Placement:
         angle = np.where(body.kind < 0, 0.0, turned)
         length = pose[:, 3] * model.unit
         width = model.widths(length)
+    fixed = model.problem.fixed
+    # As they were given, not as float32 holds them.
+    position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
+    length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
     bends = _bends(model, state, position)
     shown = (body.flags & BodyFlags.GHOST) == 0
     return Placement(
@@ -38,6 +42,8 @@ def placement_of(model: Model, state: State) -> Placement:
         length[shown],
         width[shown],
         bends=None if bends is None else bends[shown],
+        id=body.identity[shown].astype(np.int64),
+        fixed=model.fixed[shown],
     )
 
 
@@ -70,9 +76,9 @@ def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | Non
 def _settled(model: Model, position: np.ndarray) -> np.ndarray:
     """Undo what rounding to float32 did to bodies on the very edge of the support."""
     problem = model.problem
-    for k, body_class in enumerate(problem.classes):
-        if (body_class.density_image > 0.0).all():
+    for k, support in enumerate(model.supports):
+        if (support > 0.0).all():
             continue
-        own = model.body.class_index == k
-        position[own] = move_into_support(body_class.density_image, position[own], problem.domain.size)
+        own = (model.body.support == k) & ~model.fixed
+        position[own] = move_into_support(support, position[own], problem.domain.size)
     return position

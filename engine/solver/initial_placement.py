@@ -19,6 +19,7 @@ from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
 from .model import Model
+from .targets import vacancy
 
 __all__ = ["first_pose", "initial_placement"]
 
@@ -35,22 +36,24 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
     Args:
         launcher: Where to run.
         model: What is to be placed; its problem's seed decides on all that is random.
-        images: The classes' densities on the device.
+        images: The model's supports on the device.
 
     Returns:
         Poses (x, y, 0, 0), ``wp.vec4``, shape ``[body_count]``. Every body stands inside the domain, where its density is above zero.
     """
     device = launcher.device
     problem, group = model.problem, model.body.group
-    count = np.bincount(group, minlength=model.groups.count)
+    # Fixed bodies take no part in it.
+    count = np.bincount(group[~model.fixed], minlength=model.groups.count)
     rng = np.random.default_rng(problem.seed)
     seed = int(rng.integers(1 << 31))
     shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
     of_bodies = [
+        wp.array(model.body.support, dtype=wp.int32, device=device),
         wp.array(group, dtype=wp.int32, device=device),
-        wp.array(_ranks(group, count), dtype=wp.int32, device=device),
+        wp.array(_ranks(group, count, ~model.fixed), dtype=wp.int32, device=device),
         wp.array(model.body.identity, dtype=wp.int32, device=device),
-        wp.array(count, dtype=wp.int32, device=device),
+        wp.array(np.maximum(count, 1), dtype=wp.int32, device=device),
         wp.array(shift, dtype=wp.float64, device=device),
     ]
     domain = wp.vec2(*model.size)
@@ -62,12 +65,16 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
         launcher.launch(
             kernels_start.place_bodies,
             body_class.body_count,
-            [k, *of_bodies, order, _pyramid(launcher, body_class.density_image, order), images, domain, seed],
+            [*of_bodies, order, _pyramid(launcher, model, k, order), images, domain, seed],
             [pose],
             first=first,
             grain=GRAIN_OF_NEIGHBOURS,
         )
         first += body_class.body_count
+    if model.fixed.any():
+        values = pose.numpy()
+        values[model.fixed, :2] = problem.fixed.position / model.unit
+        pose = wp.array(values, dtype=wp.vec4, device=device)
     return pose
 
 
@@ -76,25 +83,29 @@ def initial_placement(problem: Problem) -> np.ndarray:
     launcher = Launcher(resolve_device("cpu"))
     try:
         model = Model(problem)
-        images = images_for_kernels(launcher, [c.density_image for c in problem.classes], model.size)
+        images = images_for_kernels(launcher, model.supports, model.size)
         return first_pose(launcher, model, images).numpy()[:, :2] * np.float64(model.unit)
     finally:
         launcher.close()
 
 
-def _ranks(body_group: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Number of every body among those of its group."""
+def _ranks(body_group: np.ndarray, count: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """Number of every body among those of its group that are ``counted``; 0 for all others."""
+    bodies = np.flatnonzero(counted)
     first = np.concatenate([[0], np.cumsum(count)])
-    by_group = np.argsort(body_group, kind="stable")
-    rank = np.empty(len(body_group), dtype=np.int32)
-    rank[by_group] = np.arange(len(body_group)) - first[body_group[by_group]]
+    by_group = bodies[np.argsort(body_group[bodies], kind="stable")]
+    rank = np.zeros(len(body_group), dtype=np.int32)
+    rank[by_group] = np.arange(len(bodies)) - first[body_group[by_group]]
     return rank
 
 
-def _pyramid(launcher: Launcher, image: np.ndarray, order: int) -> wp.array:
-    """Integrals of an image over 4^l cells, for l from 0 to ``order``, one level after the other."""
+def _pyramid(launcher: Launcher, model: Model, class_index: int, order: int) -> wp.array:
+    """Integrals of a class's density over 4^l cells, for l from 0 to ``order``, one level after the other, less fixed bodies."""
     cells = 1 << order
-    share = integrate_boxes(launcher, image, (cells, cells))
+    share = integrate_boxes(launcher, model.problem.classes[class_index].density_image, (cells, cells))
+    left = vacancy(model, class_index, cells)
+    if left is not None and (share.numpy() * left.ravel()).any():
+        share = wp.array(share.numpy() * left.ravel(), dtype=float, device=launcher.device)
     pyramid = launcher.empty((4 ** (order + 1) - 1) // 3, wp.float64)
     launcher.launch(kernels_start.copy_finest, 4**order, [share, order], [pyramid])
     for level in reversed(range(order)):

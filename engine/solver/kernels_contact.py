@@ -168,7 +168,7 @@ def accept_push(
         return
     old = pose[i]
     new = old
-    k = bodies.class_index[i]
+    k = bodies.support[i]
     if bodies.line[i] < 0:
         p = wp.vec2(old[0], old[1])
         q = slide(p, p + wp.vec2(push[0], push[1]), k, images, space)

@@ -16,24 +16,35 @@ from .kernels_direction import LENGTHS, add, add_products
 wp.set_module_options({"enable_backward": False})
 
 PINNED = wp.constant(int(BodyFlags.PINNED))
-# Times that a line is pushed back into the support before its move is given up.
+# Times that a line is pushed back into the support before its move is given up. Measured on lines along the edges of bands: once
+# leaves a coverage error 5 % larger, eight times change no digit.
 PUSHES = wp.constant(3)
+# Bounds on a line's length over the preferred one, far from where lines settle: they start at line_rules.FIRST_LENGTH, and their mean
+# becomes the preferred one. Measured: 0.001 and 1.5 or 4 change no digit.
 SHORTEST_LINE = wp.constant(0.01)
 LONGEST_LINE = wp.constant(2.0)
+# Largest turn of a line in a step [rad], so that its shift and its turn stay independent. Measured: from 0.1 to 1 coverage errors
+# differ by 3 %, mean angles by 0.03 degrees.
 LARGEST_TURN = wp.constant(0.5)
+# Largest bend over the length, to either side: a line stays longer than it is wide. Measured: 0.1 and 0.5 change coverage errors by
+# less than 4 %.
 LARGEST_BEND = wp.constant(0.25)
+# Half a length that torques turn at least, over the preferred length: what is still a point would be turned without end. Measured:
+# from 0.01 to 0.2 coverage errors differ by 1 %.
 SHORTEST_LEVER = wp.constant(0.05)
+# How much steeper the energy is for lines side by side, per length over twice the step limit. Measured on 900 lines along a flow: with
+# 0, 16 cross and angles are wrong by 1.2 degrees, with 1 6 and 0.9; with 2 3, and coverage errors are 1 % larger.
 SIDE_BY_SIDE = wp.constant(1.0)
 # Forces on lines are weighed against preferred directions and lengths as so large a share of the moves that the inverse curvature
-# gives.
+# gives. Measured: 0.25 and 1 change coverage errors by 2 % along a flow, by 6 % where lines bend, and angles by 0.15 degrees.
 WEIGHING_SHARE = wp.constant(0.5)
 
 
 @wp.struct
 class Bodies:
-    """What bodies are: class, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
+    """What bodies are: support, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
 
-    class_index: wp.array(dtype=wp.int32)
+    support: wp.array(dtype=wp.int32)
     group: wp.array(dtype=wp.int32)
     line: wp.array(dtype=wp.int32)
     flags: wp.array(dtype=wp.int32)
@@ -483,7 +494,7 @@ def move_dots(
     old = wp.vec2(pose[i][0], pose[i][1])
     d = move_of(i, direction, motion)
     wanted = old + limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(old, steps.mesh)])
-    new = slide(old, wanted, bodies.class_index[i], images, space)
+    new = slide(old, wanted, bodies.support[i], images, space)
     shift = difference(old, new, space)
     pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
     motion.displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
@@ -510,7 +521,7 @@ def move_lines(
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]
-    k = bodies.class_index[i]
+    k = bodies.support[i]
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
     centre = wp.vec2(old[0], old[1])

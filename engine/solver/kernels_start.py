@@ -110,7 +110,7 @@ def cell_on_curve(share: wp.float64, order: int, pyramid: wp.array(dtype=wp.floa
 @wp.kernel
 def place_bodies(
     first: int,
-    class_index: int,
+    support: wp.array(dtype=wp.int32),
     group: wp.array(dtype=wp.int32),
     rank: wp.array(dtype=wp.int32),
     identity: wp.array(dtype=wp.int32),
@@ -127,6 +127,7 @@ def place_bodies(
     """Put the bodies of one class at even steps of the running sum of its density along the curve, at random within their cells."""
     i = first + wp.tid()
     g = group[i]
+    k = support[i]
     state = wp.rand_init(seed, identity[i])
     # Half a step of jitter: enough to hide the curve, little enough to stay even.
     along = group_shift[g] + wp.float64(0.5 * wp.randf(state))
@@ -139,14 +140,14 @@ def place_bodies(
     for _redraw in range(REDRAWS):
         if inside == 0:
             position = wp.min(corner + wp.cw_mul(cell, wp.vec2(wp.randf(state), wp.randf(state))), BELOW_ONE * domain)
-            if in_support(position, class_index, images, domain):
+            if in_support(position, k, images, domain):
                 inside = 1
     if inside == 0:
         # The vector leads from one pixel's centre to another's.
-        pixel = density_pixel(position, class_index, images, domain)
-        height = images.height[class_index]
-        width = images.width[class_index]
-        index = pixel - images.start[class_index]
+        pixel = density_pixel(position, k, images, domain)
+        height = images.height[k]
+        width = images.width[k]
+        index = pixel - images.start[k]
         size = wp.cw_div(domain, wp.vec2(float(width), float(height)))
         centre = wp.cw_mul(size, wp.vec2(float(index % width) + 0.5, float(height - 1 - index / width) + 0.5))
         within = wp.vec2(wp.randf(state) - 0.5, wp.randf(state) - 0.5)

@@ -75,8 +75,11 @@ class LineRules:
         # A line whose length the forces do not change reaches it by itself.
         self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
 
-    def first_angle_and_length(self, position: np.ndarray) -> np.ndarray:
-        """Angle [rad] and length of every body at the start, shape ``[body_count, 2]``, for positions in the solver's unit."""
+    def first_angle_and_length(self, position: np.ndarray, share: float = FIRST_LENGTH) -> np.ndarray:
+        """Angle [rad] and length of every body at the start, shape ``[body_count, 2]``, for positions in the solver's unit.
+
+        Lengths are so large a ``share`` of those that are asked for.
+        """
         result = np.zeros((len(position), 2))
         model = self._model
         size = model.problem.domain.size
@@ -89,7 +92,20 @@ class LineRules:
             led = (preferred**2).sum(axis=1) > 0.0
             angle[led] = 0.5 * np.arctan2(preferred[led, 1], preferred[led, 0])
             result[own, 0] = angle
-            result[own, 1] = FIRST_LENGTH * _at(self._lengths[kind], metres, size) / model.unit
+            result[own, 1] = share * _at(self._lengths[kind], metres, size) / model.unit
+        return result
+
+    def fixed_angle_and_length(self) -> np.ndarray:
+        """Angle [rad] and length of every fixed body in the solver's unit, shape ``[fixed bodies, 2]``; 0 for dots."""
+        model = self._model
+        table = model.problem.fixed
+        result = np.zeros((len(table.id), 2))
+        kinds = model.body.kind[model.fixed]
+        for kind in range(self.kind_count):
+            own = kinds == kind
+            asked = _at(self._lengths[kind], table.position[own], model.problem.domain.size)
+            length = np.where(np.isnan(table.length[own]), asked, table.length[own])
+            result[own] = np.stack([table.angle[own], length / model.unit], axis=1)
         return result
 
 

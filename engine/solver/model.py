@@ -6,7 +6,8 @@ Everything that runs over bodies reads these tables; only here are classes and s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Line, Problem
+from .body_flags import BodyFlags
+from .supports import supports_of
+
+if TYPE_CHECKING:
+    from .edit import CarriedOver
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
@@ -38,7 +44,8 @@ class BodyTable:
         area: Its footprint [m²], float64.
         longest: Longest axis that is asked of it [m], float64; 0 for a dot.
         flags: See :class:`~.body_flags.BodyFlags`.
-        identity: What is random about it follows from this number; its index, unless it is part of a larger whole.
+        identity: What is random about it follows from this number; see :meth:`~.problem.Problem.body_ids`.
+        support: Which of the model's supports says where it may be.
     """
 
     class_index: np.ndarray
@@ -49,6 +56,7 @@ class BodyTable:
     longest: np.ndarray
     flags: np.ndarray
     identity: np.ndarray
+    support: np.ndarray
 
     @property
     def count(self) -> int:
@@ -62,6 +70,7 @@ class Model:
     Args:
         problem: What is to be placed.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
+        unit: Metres per unit of length; None for that in which charges have a mean number density of 1.
 
     Attributes:
         problem: The problem.
@@ -69,11 +78,13 @@ class Model:
         charge: Their charges.
         groups: Their groups, and how these see each other.
         kinds: The kinds of lines among them.
-        unit: Metres per unit of length of the solver, in which charges have a mean number density of 1.
+        fixed: Whether each body is a fixed one of the problem, shape ``[n]``, bool.
+        supports: Images that are above zero where bodies may be.
+        unit: Metres per unit of length of the solver; charges have a mean number density of about 1 in it.
         size: Extent of the domain in units.
     """
 
-    def __init__(self, problem: Problem, flags: np.ndarray | None = None) -> None:
+    def __init__(self, problem: Problem, flags: np.ndarray | None = None, *, unit: float | None = None) -> None:
         self.problem = problem
         sizes = [(c, size) for c in problem.classes for size in c.sizes]
         counts = [size.count or 0 for _, size in sizes]
@@ -84,19 +95,35 @@ class Model:
         self.groups: Groups = group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
+        area = problem.body_areas()
+        self.fixed = problem.body_is_fixed()
+        flags = np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32)
+        flags = np.where(self.fixed, flags | BodyFlags.PINNED, flags)
+        supports = supports_of(problem, class_index, size_index, area)
+        self.supports = supports.images
         self.body = BodyTable(
             class_index=class_index.astype(np.int32),
             size_index=size_index.astype(np.int32),
             group=self.groups.body_group,
             kind=np.repeat(kind, counts).astype(np.int32),
-            area=problem.body_areas(),
+            area=area,
             longest=np.repeat(longest, counts),
-            flags=np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32),
-            identity=np.arange(n, dtype=np.int32),
+            flags=flags.astype(np.int32),
+            identity=problem.body_ids().astype(np.int32),
+            support=supports.of_body.astype(np.int32),
         )
         self.charge: BodyCharges = charges_of(problem)
-        self.unit = math.sqrt(problem.domain.area / len(self.charge.charge))
+        self.unit = unit or math.sqrt(problem.domain.area / len(self.charge.charge))
         self.size = (problem.domain.size[0] / self.unit, problem.domain.size[1] / self.unit)
+
+    def carry(self, old: Model, carried: CarriedOver) -> None:
+        """Give bodies that were in another model before the identities and flags that they had there."""
+        came = carried.source >= 0
+        flags = self.body.flags.copy()
+        # Whom the problem fixed before, it may have let go.
+        kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
+        flags[came] |= kept[carried.source[came]]
+        self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
 
     @property
     def body_count(self) -> int:
@@ -113,6 +140,11 @@ class Model:
         """Whether a body may bend, shape ``[n]``."""
         bends = np.array([kind.line.straightness is not None for kind in self.kinds] + [False])
         return bends[self.body.kind]
+
+    @property
+    def body_charge(self) -> np.ndarray:
+        """Sum of the charges of every body, shape ``[n]``."""
+        return np.bincount(self.charge.body, weights=self.charge.charge, minlength=self.body_count)
 
     @property
     def group_charge(self) -> np.ndarray:

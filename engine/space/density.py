@@ -106,19 +106,19 @@ def sample_density(image: np.ndarray, position: np.ndarray, size: tuple[float, f
 def move_into_support(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
     """Return positions (shape ``[n, 2]``) of which those on zero density moved to the nearest pixel above zero nearby.
 
-    They end just inside that pixel, so that rounding cannot put them out again. Of pixels beyond the eight neighbours the
-    one whose centre is nearest is taken.
+    They end just inside that pixel, so that rounding cannot put them out again.
     """
     result = np.array(position, dtype=np.float64)
     height, width = image.shape
     pixel = np.array([size[0] / width, size[1] / height])
-    full = np.argwhere(image > 0.0)
-    low = np.stack([full[:, 1], height - 1 - full[:, 0]], axis=1) * pixel
     for body in np.flatnonzero(sample_density(image, result, size) <= 0.0):
-        outside = np.abs(low + 0.5 * pixel - result[body]) / pixel
-        near = np.flatnonzero((outside <= 1.51).all(axis=1))
-        candidates = near if len(near) else np.array([np.argmin((outside * pixel).max(axis=1))])
-        inside = np.clip(result[body], low[candidates] + 1e-3 * pixel, low[candidates] + (1.0 - 1e-3) * pixel)
+        column, row = np.clip(np.floor(result[body] / pixel).astype(int), 0, (width - 1, height - 1))
+        top, left = max(height - 2 - row, 0), max(column - 1, 0)
+        near = np.argwhere(image[top : height + 1 - row, left : column + 2] > 0.0) + (top, left)
+        if not len(near):
+            near = np.argwhere(image > 0.0)
+        low = np.stack([near[:, 1], height - 1 - near[:, 0]], axis=1) * pixel
+        inside = np.clip(result[body], low + 1e-3 * pixel, low + (1.0 - 1e-3) * pixel)
         result[body] = inside[np.argmin(((inside - result[body]) ** 2).sum(axis=1))]
     return result
 

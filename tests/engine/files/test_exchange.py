@@ -441,3 +441,38 @@ def test_an_asset_of_usd_must_have_a_default_prim(tmp_path, placement):
     (tmp_path / "a.usda").write_text('#usda 1.0\ndef Sphere "a" {}\n')
     with pytest.raises(EshError, match=r"a\.usda must be a USD file that has a default prim; it has none"):
         esh.write_placement(tmp_path / "b.usd", placement, assets={"log": [glb, tmp_path / "a.usda"]})
+
+
+@pytest.mark.parametrize("ending", [available(ending) for ending in READABLE])
+def test_fixed_bodies_come_from_every_format(tmp_path, placement, ending):
+    kept = np.array([True] * 3 + [False] * 8 + [True])
+    marked = replace(placement, id=np.arange(12) * 10 + 5, fixed=kept)
+    esh.write_placement(tmp_path / f"there{ending}", marked)
+    read = esh.load_placement(tmp_path / f"there{ending}")
+    np.testing.assert_array_equal(read.fixed, kept)
+    np.testing.assert_array_equal(read.id, marked.id)
+    assert read.size_name == (("large", '"small"'), ("only",), ("1/2",))
+
+    again = Problem(
+        Domain((10.0, 4.0)),
+        placement.problem.classes[:2] + (BodyClass("log", [Size("1/2", 0.4, 3, line=Line(2.0))]),),
+        fixed=[esh.read_fixed_bodies(tmp_path / f"there{ending}")],
+    )
+    assert len(again.fixed.id) == 12
+    order = np.argsort(again.fixed.id)
+    np.testing.assert_array_equal(again.fixed.id[order], marked.id)
+    np.testing.assert_allclose(again.fixed.position[order], placement.position, atol=1e-6)
+    np.testing.assert_array_equal(again.fixed.class_index[order], placement.class_index)
+    np.testing.assert_array_equal(again.fixed.size_index[order], placement.size_index)
+
+
+def test_fixed_bodies_of_others_get_the_class_that_is_said(tmp_path):
+    (tmp_path / "rocks.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+        "1 2 3\n4 3 6\n"
+    )
+    fixed = esh.read_fixed_bodies(tmp_path / "rocks.ply", body_class="rock", size="one")
+    classes = [BodyClass("pine", [Size("one", 0.1, 3)]), BodyClass("rock", [Size("one", 0.2, 1)])]
+    problem = Problem(Domain((10.0, 4.0)), classes, fixed=[fixed])
+    np.testing.assert_array_equal(problem.fixed.position, [[1, 2], [4, 3]])
+    np.testing.assert_array_equal(problem.fixed.class_index, [1, 1])

@@ -220,7 +220,7 @@ MISTAKES = {
     "count zero": (
         "count = 60",
         "count = 0",
-        '`class[2].size[1].count` (class "beech", size "only") must be a whole number of at least 1; got 0',
+        '`count` of size "only" of class "beech" must be a whole number of at least 1, or bodies of it be fixed; got 0',
     ),
     "count negative": ("count = 60", "count = -6", "must be a whole number of at least 1; got -6"),
     "count fraction": ("count = 60", "count = 6.5", "must be a whole number of at least 1; got 6.5"),

@@ -107,7 +107,7 @@ def _check_meaning(made):
         emphasis = made.size_emphasis if isinstance(made.size_emphasis, tuple) else (made.size_emphasis,)
         assert all(type(factor) is float and 1 <= factor < math.inf for factor in emphasis)
     elif isinstance(made, Size):
-        assert made.count is None or (type(made.count) is int and made.count >= 1)
+        assert made.count is None or (type(made.count) is int and made.count >= 0)
         areas = made.area if isinstance(made.area, tuple) else (made.area,)
         assert all(type(area) is float and 0 < area < math.inf for area in areas)
         assert type(made.name) is str and made.name.isprintable()
@@ -139,7 +139,7 @@ def test_whole_counts_of_every_type_are_kept(count, kept):
 
 
 @pytest.mark.parametrize(
-    "count", [0, -1, 0.5, 119.5, math.nan, math.inf, -math.inf, "3", True, np.bool_(True), 2j, [3], Decimal(3)]
+    "count", [-1, 0.5, 119.5, math.nan, math.inf, -math.inf, "3", True, np.bool_(True), 2j, [3], Decimal(3)]
 )
 def test_other_counts_are_refused_by_value(count):
     with pytest.raises(ProblemError, match='`count` of size "a" must be a whole number of at least 1; got '):

@@ -1,0 +1,136 @@
+"""Fixed bodies from files: placements as this program writes them, or tables from elsewhere."""
+
+from __future__ import annotations
+
+import csv
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputFileError, ProblemError
+from ..problem.fixed_bodies import FixedBodies
+from ..problem.validation import show
+from .body_formats import FORMATS
+from .placement_files import one_of
+
+__all__ = ["read_fixed_bodies"]
+
+ACCEPTED = "fixed bodies are a .npz or .csv file, or one of the other formats that placements are written in"
+# Columns that hold numbers; a cell that is empty says nothing.
+NUMBERS = ("x", "y", "angle", "length", "area", "id", "class_index", "size_index")
+
+
+def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: str | None = None) -> FixedBodies:
+    """Read bodies that are to stay where they are.
+
+    Args:
+        path: A ``.csv`` with a line of column names: ``x`` and ``y`` [m] are needed; ``class_name`` or ``class_index``, ``size_name``
+            or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²] and ``id`` are read, others are not looked at. Or a
+            ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what :func:`~esh.write_placement` writes.
+            Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from above.
+        body_class: The class of all of them, whatever the file says.
+        size: Their size, whatever the file says.
+
+    Raises:
+        InputFileError: A missing or damaged file, or one that holds something else.
+    """
+    path = Path(path)
+    readers = {".csv": _read_csv, ".npz": _read_npz} | dict.fromkeys(FORMATS, _read_bodies)
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputFileError(f"{path} must end in {one_of(readers)}; got the ending {path.suffix!r}")
+    if not path.is_file():
+        raise InputFileError(f"{path} {'is not a file' if path.exists() else 'does not exist'}; {ACCEPTED}")
+    try:
+        columns = reader(path)
+        return FixedBodies(
+            columns["position"],
+            _label(columns, "class", body_class),
+            _label(columns, "size", size),
+            columns.get("angle", 0.0),
+            columns.get("length"),
+            columns.get("area"),
+            columns.get("id"),
+        )
+    except ProblemError as error:
+        raise InputFileError(f"{path}: {error}") from None
+    except InputFileError:
+        raise
+    except (OSError, ValueError, EOFError, csv.Error, zipfile.BadZipFile) as error:
+        raise InputFileError(f"{path} cannot be read ({' '.join(str(error).split())}); {ACCEPTED}") from None
+
+
+def _label(columns: dict[str, np.ndarray], what: str, chosen: str | None) -> str | int | Sequence[str | int]:
+    """Class or size of every body: names where there are some."""
+    if chosen is not None:
+        return chosen
+    for name in (f"{what}_name", f"{what}_index"):
+        if name in columns:
+            return columns[name].tolist()
+    return 0
+
+
+def _read_bodies(path: Path) -> dict[str, np.ndarray]:
+    bodies = FORMATS[path.suffix.lower()].read(path)
+    columns = {key: getattr(bodies, key) for key in ("angle", "length", "area", "id", "class_index", "size_index")}
+    if bodies.named:
+        pairs = zip(bodies.class_index.tolist(), bodies.size_index.tolist(), strict=True)
+        columns["size_name"] = np.array([bodies.size_name[c][s] for c, s in pairs], dtype=np.str_)
+        columns["class_name"] = np.array([bodies.class_name[c] for c in bodies.class_index.tolist()], dtype=np.str_)
+    return columns | {"position": bodies.position[:, :2]}
+
+
+def _read_csv(path: Path) -> dict[str, np.ndarray]:
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        rows = csv.reader(file)
+        names = [name.strip() for name in next(rows, [])]
+        lines = [row for row in rows if row]
+    for needed in ("x", "y"):
+        if needed not in names:
+            raise InputFileError(f"{path} must have a column `{needed}`; its columns are {show(', '.join(names))}")
+    for number, line in enumerate(lines, start=2):
+        if len(line) != len(names):
+            raise InputFileError(f"{path} must have {len(names)} cells in every line; line {number} has {len(line)}")
+    cells = dict(zip(names, zip(*lines, strict=True) if lines else [()] * len(names), strict=True))
+    columns: dict[str, np.ndarray] = {
+        name: np.array(cells[name]) for name in ("class_name", "size_name") if name in cells
+    }
+    for name in NUMBERS:
+        if name in cells:
+            columns[name] = _numbers(path, name, cells[name])
+    columns["position"] = np.stack([columns["x"], columns["y"]], axis=1)
+    for name in ("class_index", "size_index"):
+        if name in columns:
+            columns[name] = columns[name].astype(np.int64)
+    return columns
+
+
+def _numbers(path: Path, name: str, cells: Sequence[str]) -> np.ndarray:
+    nothing = {"id": -1.0, "angle": 0.0, "class_index": 0.0, "size_index": 0.0}.get(name, np.nan)
+    result = np.empty(len(cells))
+    for place, cell in enumerate(cells):
+        try:
+            result[place] = float(cell) if cell.strip() else nothing
+        except ValueError:
+            raise InputFileError(
+                f"{path} must hold numbers in its column `{name}`; line {place + 2} has {show(cell)}"
+            ) from None
+    return result
+
+
+def _read_npz(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as stored:
+        if "position" not in stored.files:
+            raise InputFileError(f"{path} must hold an array `position`; it holds {show(', '.join(stored.files))}")
+        wanted = ("position", "angle", "length", "area", "id", "class_index", "size_index", "class_name", "size_name")
+        columns = {name: stored[name] for name in wanted if name in stored.files}
+    names = columns.get("class_name")
+    # Placements list the names that their indices count.
+    if names is not None and "class_index" in columns:
+        index = columns.pop("class_index")
+        if index.size and not 0 <= index.min() <= index.max() < len(names):
+            raise InputFileError(f"{path} must have a name for every `class_index`; it has {len(names)} names")
+        columns["class_name"] = names[index.astype(np.int64)]
+    return columns

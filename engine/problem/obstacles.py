@@ -1,0 +1,235 @@
+"""Obstacles: where no body may be, and what they leave of densities.
+
+All of it happens on pixels a fraction of the bodies' spacing wide. What attracts bodies ends smoothly within a pixel of an obstacle's
+edge, and so holds as much as is asked beside it. Where bodies may be ends before that pixel: no body ever stands on an obstacle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import ProblemError
+from . import validation
+from .validation import show
+
+if TYPE_CHECKING:
+    from .problem import Domain
+
+__all__ = ["Obstacle", "clearance", "distance_to", "mask_shape"]
+
+# Pixels over the mean spacing of bodies, and along the longer side of the domain at least and at most.
+PIXELS_PER_SPACING = 5.0
+FEWEST_PIXELS = 384
+MOST_PIXELS = 4096
+# From this value on an obstacle's image is one.
+THRESHOLD = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Something that bodies keep off: one of a polygon, a disc and an image.
+
+    Args:
+        polygon: Corners [m], shape ``[3 or more, 2]``, in either order; where its edges cross, what is inside an odd number of times.
+        disc: Centre along x and y, and radius [m].
+        image: Shape ``[height, width]``, row 0 at the top, stretched over the domain: an obstacle from half on, of 0..1 or of true
+            and false.
+        margin: How far bodies keep off its edge [m]: their centres, and their whole footprints where overlap is avoided.
+
+    Raises:
+        ProblemError: None or several of the three, or a value that is none.
+    """
+
+    polygon: np.ndarray | Sequence[Sequence[float]] | None = None
+    disc: Sequence[float] | None = None
+    image: np.ndarray | None = None
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("polygon", "disc", "image") if getattr(self, name) is not None]
+        if len(given) != 1:
+            got = " and ".join(f"`{name}`" for name in given) or "none of them"
+            raise ProblemError(f"an obstacle must have one of `polygon`, `disc` and `image`; got {got}")
+        checks = {"polygon": check_polygon, "disc": check_disc, "image": _check_image}
+        value = checks[given[0]](getattr(self, given[0]), f"`obstacle.{given[0]}`")
+        object.__setattr__(self, given[0], value)
+        margin = validation.check_at_least_zero(self.margin, "`obstacle.margin`")
+        object.__setattr__(self, "margin", margin)
+
+
+def check_polygon(value: object, key: str) -> np.ndarray:
+    """Return the corners, float64, shape ``[n, 2]``; raise ProblemError unless there are three or more."""
+    try:
+        corners = np.array(value, dtype=np.float64)
+    except validation.FOREIGN_ERRORS:
+        corners = np.empty(0)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
+        raise ProblemError(f"{key} must be three or more corners, each x and y in metres; got {show(value)}")
+    return corners
+
+
+def check_disc(value: object, key: str) -> tuple[float, float, float]:
+    """Return centre and radius; raise ProblemError unless the radius is above 0."""
+    entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
+    x, y, radius = (math.nan if entry is None else entry for entry in (entries if len(entries) == 3 else [None] * 3))
+    if not (math.isfinite(x) and math.isfinite(y) and 0.0 < radius < math.inf):
+        raise ProblemError(f"{key} must be x, y and a radius above 0, in metres; got {show(value)}")
+    return x, y, radius
+
+
+def _check_image(value: object, key: str) -> np.ndarray:
+    try:
+        image = np.asarray(value)
+    except validation.FOREIGN_ERRORS:
+        image = np.empty(0)
+    if image.ndim != 2 or not image.size or image.dtype.kind not in "buif":
+        raise ProblemError(f"{key} must be an image of shape [height, width]; got {show(value)}")
+    if not np.isfinite(image).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
+    return image.astype(np.float32) >= THRESHOLD
+
+
+def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], count: int) -> tuple[int, int]:
+    """Pixels for a density of ``shape`` that obstacles are cut out of: each of its own is divided into whole ones.
+
+    Args:
+        obstacles: The obstacles.
+        domain: Where.
+        shape: Height and width of the density's image.
+        count: Bodies that are to follow it.
+    """
+    longer = max(domain.size)
+    wanted = PIXELS_PER_SPACING * longer / math.sqrt(domain.area / max(count, 1))
+    pixel = longer / min(max(wanted, FEWEST_PIXELS), MOST_PIXELS)
+    result = []
+    for axis, (pixels, length) in enumerate(zip(shape, domain.size[::-1], strict=True)):
+        of_images = [obstacle.image.shape[axis] for obstacle in obstacles if obstacle.image is not None]
+        fine = max([math.ceil(length / pixel), *(min(n, MOST_PIXELS) for n in of_images)])
+        result.append(pixels * math.ceil(fine / pixels))
+    return result[0], result[1]
+
+
+def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
+    """How far every pixel's centre is from the nearest obstacle with its margin [m].
+
+    Args:
+        obstacles: The obstacles.
+        domain: Where; obstacles in a periodic one go on at the other side.
+        shape: Rows and columns of pixels over the domain, row 0 at the top.
+        reach: Nobody asks for more than this [m].
+
+    Returns:
+        Shape ``shape``, float32: below 0 within an obstacle or its margin, and at most ``reach``.
+    """
+    result = np.full(shape, reach, np.float32)
+    for obstacle in obstacles:
+        if obstacle.image is not None:
+            np.minimum(
+                result,
+                _from_image(obstacle.image, domain, shape, reach + obstacle.margin) - obstacle.margin,
+                out=result,
+            )
+            continue
+        for shift in _shifts(domain):
+            _cut_shape(result, obstacle, shift, domain, reach)
+    return result
+
+
+def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, periodic: bool) -> np.ndarray:
+    """Distance of every pixel's centre from that of the nearest one in ``mask``, exact up to ``reach``, which is the most.
+
+    Args:
+        mask: Shape ``[height, width]``, bool.
+        pixel: Width and height of a pixel.
+        reach: Largest distance of interest.
+        periodic: Whether the image wraps.
+    """
+    rows, columns = (min(math.ceil(reach / side), n) for side, n in zip(pixel[::-1], mask.shape, strict=True))
+    large = np.float32(2.0 * reach + 1.0)
+    # First up and down, then across: the square of the distance is a sum.
+    squared = np.full(mask.shape, large**2, np.float32)
+    padded = np.pad(mask, ((rows, rows), (0, 0)), mode="wrap") if periodic else np.pad(mask, ((rows, rows), (0, 0)))
+    for step in range(-rows, rows + 1):
+        away = np.float32((step * pixel[1]) ** 2)
+        np.minimum(squared, np.where(padded[rows + step : rows + step + mask.shape[0]], away, large**2), out=squared)
+    beside = ((0, 0), (columns, columns))
+    wide = np.pad(squared, beside, mode="wrap") if periodic else np.pad(squared, beside, constant_values=large**2)
+    for step in range(-columns, columns + 1):
+        away = np.float32((step * pixel[0]) ** 2)
+        np.minimum(squared, wide[:, columns + step : columns + step + mask.shape[1]] + away, out=squared)
+    return np.minimum(np.sqrt(squared), np.float32(reach))
+
+
+def _shifts(domain: Domain) -> Iterator[tuple[float, float]]:
+    copies = (-1, 0, 1) if domain.periodic else (0,)
+    for row in copies:
+        for column in copies:
+            yield column * domain.size[0], row * domain.size[1]
+
+
+def _window(
+    low: np.ndarray, high: np.ndarray, domain: Domain, shape: tuple[int, int]
+) -> tuple[slice, slice, np.ndarray, np.ndarray]:
+    """Pixels that a box comes upon: rows and columns, x of the columns' centres and y of the rows'."""
+    height, width = shape
+    pixel_x, pixel_y = domain.size[0] / width, domain.size[1] / height
+    left, right = np.clip([math.floor(low[0] / pixel_x), math.ceil(high[0] / pixel_x)], 0, width)
+    bottom, top = np.clip([math.floor(low[1] / pixel_y), math.ceil(high[1] / pixel_y)], 0, height)
+    rows, columns = slice(height - top, height - bottom), slice(left, right)
+    x = (np.arange(left, right) + 0.5) * pixel_x
+    y = domain.size[1] - (np.arange(height - top, height - bottom) + 0.5) * pixel_y
+    return rows, columns, x.astype(np.float64), y.astype(np.float64)
+
+
+def _cut_shape(
+    result: np.ndarray, obstacle: Obstacle, shift: tuple[float, float], domain: Domain, reach: float
+) -> None:
+    """Bring the distance from a polygon or a disc, moved by ``shift``, into ``result``."""
+    shape = (result.shape[0], result.shape[1])
+    most = reach + obstacle.margin
+    if obstacle.disc is not None:
+        x, y, radius = obstacle.disc
+        centre = np.array([x, y]) + shift
+        rows, columns, xs, ys = _window(centre - radius - most, centre + radius + most, domain, shape)
+        away = np.hypot(xs - centre[0], (ys - centre[1])[:, None]) - radius - obstacle.margin
+        np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
+        return
+    corners = np.asarray(obstacle.polygon) + shift
+    rows, columns, xs, ys = _window(corners.min(0) - most, corners.max(0) + most, domain, shape)
+    if not (len(xs) and len(ys)):
+        return
+    inside = np.zeros((len(ys), len(xs)), bool)
+    away = np.full(inside.shape, most**2)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        # The pixels near this edge.
+        low, high = np.minimum(a, b) - most, np.maximum(a, b) + most
+        i = slice(*np.searchsorted(xs, [low[0], high[0]]))
+        j = slice(*(len(ys) - np.searchsorted(ys[::-1], [high[1], low[1]])))
+        edge = b - a
+        dx, dy = xs[i] - a[0], (ys[j] - a[1])[:, None]
+        along = np.clip((dx * edge[0] + dy * edge[1]) / max(float(edge @ edge), 1e-300), 0.0, 1.0)
+        squared = (dx - along * edge[0]) ** 2 + (dy - along * edge[1]) ** 2
+        np.minimum(away[j, i], squared, out=away[j, i])
+        crossed = np.flatnonzero((ys >= min(a[1], b[1])) & (ys < max(a[1], b[1])))
+        if len(crossed):
+            crossing = a[0] + (ys[crossed] - a[1]) * edge[0] / edge[1]
+            inside[crossed] ^= xs < crossing[:, None]
+    away = np.where(inside, -np.sqrt(away), np.sqrt(away)) - obstacle.margin
+    np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
+
+
+def _from_image(image: np.ndarray, domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
+    """Distance of every pixel's centre from the edge of an image's obstacles, below 0 within them."""
+    row = ((np.arange(shape[0]) + 0.5) * image.shape[0] / shape[0]).astype(np.int64)
+    column = ((np.arange(shape[1]) + 0.5) * image.shape[1] / shape[1]).astype(np.int64)
+    mask = image[row[:, None], column]
+    pixel = (domain.size[0] / shape[1], domain.size[1] / shape[0])
+    half = np.float32(0.5 * min(pixel))
+    away = distance_to(mask, pixel, reach + float(half), domain.periodic) - half
+    # Within them nobody asks how far: half a pixel on their edge, more than that elsewhere.
+    return np.where(mask, np.float32(-2.0) * half, away)

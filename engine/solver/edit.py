@@ -1,0 +1,331 @@
+"""From one problem to another: which bodies stay, which go, and where new ones come down.
+
+Most of a state is still right after an edit. Where a density fell its surplus is taken out, and set down where it rose; what is left
+to the descent is the small scale. Both happen at points that are spread by a small descent of their own, so that no place loses or
+gets two while another has none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..problem.image_filters import gaussian_blur
+from ..problem.problem import Problem
+from ..space.density import box_integrals, move_into_support, sample_density
+from .body_flags import BodyFlags
+from .model import Model
+from .state import State
+from .targets import BLUR_OF_FIXED, vacancy
+
+__all__ = ["CarriedOver", "carry_lines", "carry_over"]
+
+# Cells per body in which densities are compared; powers of two along either side.
+CELLS_PER_BODY = 2
+SMALLEST_ORDER, LARGEST_ORDER = 3, 10
+# Densities that differ by less have not changed: images are read and blurred in float32.
+UNCHANGED = 1e-4
+# Where fewer stay than this share, it is those that are spread evenly; elsewhere those that go are.
+FEW = 0.3
+# Bodies of a row of cells among which the nearest to a point is looked for.
+IN_ROW = 16
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedOver:
+    """Where the bodies of a new model are after an edit.
+
+    Attributes:
+        position: [m], shape ``[n, 2]``, float64.
+        source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
+        identity: Identity of every body, shape ``[n]``, int64.
+        removed: Positions of bodies that were taken out [m], shape ``[m, 2]``.
+    """
+
+    position: np.ndarray
+    source: np.ndarray
+    identity: np.ndarray
+    removed: np.ndarray
+
+    @property
+    def new(self) -> np.ndarray:
+        """Whether a body is new, shape ``[n]``."""
+        return self.source < 0
+
+
+@dataclass(eq=False)
+class _Change:
+    """What an edit does to the bodies of one size of a class, fixed ones aside.
+
+    Attributes:
+        rows: Their indices in the new model.
+        pool: Indices of those that there are, in the old one.
+        wanted: How many of them each cell is to have; row 0 at the bottom.
+        there: How many each cell has.
+        stays: Whether each of ``pool`` stays; at first, whether it has a place at all.
+        surplus: How many are to go of those that have one, where most stay.
+        thinned: Which of ``pool`` are where most are to go.
+        survivors: How many of these are to stay.
+    """
+
+    rows: np.ndarray
+    pool: np.ndarray
+    wanted: np.ndarray
+    there: np.ndarray
+    stays: np.ndarray
+    surplus: int
+    thinned: np.ndarray
+    survivors: int
+
+    @property
+    def counts(self) -> list[int]:
+        """How many points are spread over each of :attr:`densities`."""
+        staying = int((self.stays & ~self.thinned).sum()) - self.surplus + self.survivors
+        return [self.surplus, self.survivors, len(self.rows) - staying]
+
+    @property
+    def densities(self) -> list[np.ndarray]:
+        """Where bodies go, where they survive, and where they come."""
+        most_go = self.wanted < FEW * self.there
+        loss = np.where(most_go, 0.0, np.maximum(self.there - self.wanted, 0.0))
+        return [_somewhere(loss, self.wanted), _somewhere(np.where(most_go, self.wanted, 0.0), self.wanted), self.gain]
+
+    def thin_out(self, points: list[np.ndarray], position: np.ndarray, problem: Problem) -> None:
+        """Decide who stays, by the points that were spread over the first two densities."""
+        candidates = np.flatnonzero(self.stays & ~self.thinned)
+        self.stays[candidates[_nearest(points[0], position[self.pool[candidates]], problem)]] = False
+        candidates = np.flatnonzero(self.thinned)
+        self.stays[candidates] = False
+        self.stays[candidates[_nearest(points[1], position[self.pool[candidates]], problem)]] = True
+
+    @property
+    def gain(self) -> np.ndarray:
+        """How many each cell is to gain."""
+        return _somewhere(np.maximum(self.wanted - self.there, 0.0), self.wanted)
+
+
+# Gets densities, row 0 at the bottom, and counts; returns as many points [m] for each.
+Spread = Callable[[list[np.ndarray], list[int]], list[np.ndarray]]
+
+
+def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: int, spread: Spread) -> CarriedOver:
+    """Bring the bodies of one model over to another.
+
+    Args:
+        old: The model before the edit.
+        position: Where its bodies are [m], shape ``[old count, 2]``, float64.
+        model: The model after it, in the same domain.
+        first_identity: Identity of the first body that is new; later ones follow.
+        spread: Spreads points over densities.
+    """
+    body, before = model.body, old.body
+    source = np.full(model.body_count, -1, np.int64)
+    result = np.zeros((model.body_count, 2))
+    fixed = np.flatnonzero(model.fixed)
+    # What is fixed now has its place from the problem; it may have been one of the old bodies.
+    index_of = {identity: index for index, identity in enumerate(before.identity.tolist())} if len(fixed) else {}
+    for row in fixed.tolist():
+        source[row] = index_of.get(int(body.identity[row]), -1)
+    result[fixed] = model.problem.fixed.position
+    used = (before.flags & BodyFlags.GHOST) != 0
+    used[source[fixed][source[fixed] >= 0]] = True
+    taken = used.copy()
+    changes = _changes(old, position, model, used)
+
+    points = spread(
+        [density for change in changes for density in change.densities],
+        [count for change in changes for count in change.counts],
+    )
+    for number, change in enumerate(changes):
+        change.thin_out(points[3 * number : 3 * number + 2], position, model.problem)
+        at = points[3 * number + 2]
+        staying = change.pool[change.stays]
+        old_rows, new_rows = _seats(change.rows, len(staying), body.area)
+        # Bodies of a range keep their ranks.
+        by_area = len(staying) and np.ptp(before.area[staying]) > 0.0
+        source[old_rows] = staying[np.argsort(before.area[staying], kind="stable")] if by_area else staying
+        result[old_rows] = position[source[old_rows]]
+        result[new_rows] = at
+    gone = ~taken
+    gone[source[source >= 0]] = False
+    identity = body.identity.astype(np.int64)
+    carried = (source >= 0) & ~model.fixed
+    identity[carried] = before.identity[source[carried]]
+    fresh = (source < 0) & ~model.fixed
+    identity[fresh] = first_identity + np.arange(int(fresh.sum()))
+    return CarriedOver(_in_support(model, result), source, identity, position[gone])
+
+
+def _changes(old: Model, position: np.ndarray, model: Model, used: np.ndarray) -> list[_Change]:
+    """What is to happen to every size; marks the old bodies that belong to one as ``used``."""
+    body, before = model.body, old.body
+    old_classes = {c.name: index for index, c in enumerate(old.problem.classes)}
+    pinned_now = used.copy()
+    changes = []
+    for c, body_class in enumerate(model.problem.classes):
+        k = old_classes.get(body_class.name, -1)
+        old_sizes = {} if k < 0 else {s.name: i for i, s in enumerate(old.problem.classes[k].sizes)}
+        order = _order(body_class.body_count)
+        asked = _asked(model, c, order)
+        asked_before = _asked(old, k, order) if k >= 0 else np.zeros_like(asked)
+        for s, size in enumerate(body_class.sizes):
+            rows = np.flatnonzero((body.class_index == c) & (body.size_index == s) & ~model.fixed)
+            of_size = (before.class_index == k) & (before.size_index == old_sizes.get(size.name, -1))
+            pool = np.flatnonzero(of_size & ~used)
+            used[pool] = True
+            there = int((of_size & ~old.fixed).sum()) * asked_before
+            # Who is pinned now no longer counts, who was let go does.
+            for sign, group in ((-1.0, of_size & ~old.fixed & pinned_now), (1.0, of_size & old.fixed & ~pinned_now)):
+                if group.any():
+                    there = np.maximum(
+                        there + sign * _blurred(position[group], model, body_class.body_count, order), 0.0
+                    )
+            if len(pool) and there.any():
+                there *= len(pool) / there.sum()
+            wanted = len(rows) * asked
+            changes.append(_change(rows, pool, wanted, there, position[pool], model.problem))
+    return changes
+
+
+def _somewhere(density: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    return density if density.any() else otherwise
+
+
+def _blurred(position: np.ndarray, model: Model, count: int, order: int) -> np.ndarray:
+    """Bodies per cell, blurred as fixed ones are where they take the place of others."""
+    cells = 1 << order
+    column, row = _cells_of(position, cells, model.problem)
+    there = np.bincount(row * cells + column, minlength=cells * cells).reshape(cells, cells)
+    return gaussian_blur(there, BLUR_OF_FIXED * cells / math.sqrt(count))
+
+
+def _change(
+    rows: np.ndarray, pool: np.ndarray, wanted: np.ndarray, there: np.ndarray, position: np.ndarray, problem: Problem
+) -> _Change:
+    """See :class:`_Change`; ``position`` are those of the pool [m]."""
+    column, row = _cells_of(position, len(wanted), problem)
+    ratio = wanted[row, column] / np.maximum(there[row, column], 1e-300)
+    going = np.clip(1.0 - ratio, 0.0, 1.0)
+    going[going < UNCHANGED] = 0.0
+    stays = going < 1.0
+    thinned = stays & (ratio < FEW)
+    survivors = min(round(float((1.0 - going[thinned]).sum())), len(rows))
+    most_stay = stays & ~thinned
+    surplus = round(float(going[most_stay].sum()))
+    # As many come as the densities say; how many stay for that is decided where most go, or else where most stay. There is never one
+    # more than is asked for.
+    coming = round(float(np.maximum(wanted - there, 0.0).sum()))
+    staying = min(max(len(rows) - coming, 0), int(stays.sum()))
+    of_thinned = survivors if surplus > survivors else staying - (int(most_stay.sum()) - surplus)
+    survivors = min(max(of_thinned, 0), int(thinned.sum()), staying)
+    surplus = min(max(int(most_stay.sum()) - (staying - survivors), 0), int(most_stay.sum()))
+    return _Change(rows, pool, wanted, there, stays, surplus, thinned, survivors)
+
+
+def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem) -> np.ndarray:
+    """Indices of bodies, a different one for each point: the nearest that is left of those in the cells around it."""
+    count = len(points)
+    if count == 0:
+        return np.zeros(0, np.int64)
+    if count >= len(position):
+        return np.arange(len(position))
+    cells = max(1, int(math.sqrt(len(position))))
+    column, row = _cells_of(position, cells, problem)
+    key = row * cells + column
+    by_cell = np.argsort(key, kind="stable")
+    key = key[by_cell]
+    column, row = _cells_of(points, cells, problem)
+    candidates = []
+    for step in (-1, 0, 1):
+        line = (row + step) * cells
+        first = np.searchsorted(key, line + np.maximum(column - 1, 0))
+        last = np.searchsorted(key, line + np.minimum(column + 1, cells - 1), side="right")
+        last = np.where((row + step >= 0) & (row + step < cells), last, first)
+        # In a crowd, those in the middle of the range.
+        first = np.maximum(first, (first + last - IN_ROW) // 2)
+        place = first[:, None] + np.arange(IN_ROW)
+        candidates.append(np.where(place < last[:, None], by_cell[np.minimum(place, len(key) - 1)], -1))
+    found = np.concatenate(candidates, axis=1)
+    away = ((position[found] - points[:, None]) ** 2).sum(axis=2)
+    away[found < 0] = np.inf
+    ranked = np.take_along_axis(found, np.argsort(away, axis=1, kind="stable"), axis=1).tolist()
+    free = [True] * len(position)
+    chosen = []
+    for of_point in ranked:
+        for candidate in of_point:
+            if candidate >= 0 and free[candidate]:
+                free[candidate] = False
+                chosen.append(candidate)
+                break
+    if len(chosen) < count:
+        # Points far from all bodies.
+        left = np.flatnonzero(free)
+        chosen += left[np.linspace(0, len(left) - 1, count - len(chosen)).astype(int)].tolist()
+    return np.array(chosen)
+
+
+def carry_lines(old: Model, state: State, model: Model, new_state: State, carried: CarriedOver) -> None:
+    """Bring what lines have beside their poses over to the state of another model: bends, and the factors of their lengths."""
+    if not old.kinds or not model.kinds:
+        return
+    count, count_before = np.diff(model.charge.first), np.diff(old.charge.first)
+    same = np.flatnonzero((carried.source >= 0) & (count == count_before[carried.source]) & ~model.fixed)
+    bend, bend_before = new_state.bend.numpy(), state.bend.numpy()
+    for charges in np.unique(count[same]).tolist():
+        rows = same[count[same] == charges]
+        place = np.arange(charges)
+        from_place = old.charge.first[carried.source[rows]][:, None] + place
+        bend[model.charge.first[rows][:, None] + place] = bend_before[from_place] * (old.unit / model.unit)
+    new_state.bend.assign(bend)
+    if len(old.kinds) == len(model.kinds):
+        new_state.length_factor.assign(state.length_factor.numpy())
+
+
+def _seats(rows: np.ndarray, staying: int, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which rows of a size stay with those that are there, and which are new ones': evenly among its areas, smallest first."""
+    by_area = rows[np.argsort(area[rows], kind="stable")]
+    new = len(rows) - staying
+    if area[by_area[0]] == area[by_area[-1]] if len(rows) else True:
+        return rows[:staying], rows[staying:]
+    chosen = np.zeros(len(rows), bool)
+    chosen[np.floor((np.arange(new) + 0.5) * len(rows) / max(new, 1)).astype(int)] = True
+    return by_area[~chosen], by_area[chosen]
+
+
+def _order(count: int) -> int:
+    """How finely densities are compared: in 2^order cells along either side."""
+    return min(max(math.ceil(0.5 * math.log2(CELLS_PER_BODY * count + 1.0)), SMALLEST_ORDER), LARGEST_ORDER)
+
+
+def _asked(model: Model, class_index: int, order: int) -> np.ndarray:
+    """Share of a class's bodies that are to be placed in every cell, shape ``[rows, columns]``, row 0 at the bottom, sum 1."""
+    cells = 1 << order
+    share = box_integrals(model.problem.classes[class_index].density_image, (cells, cells))
+    left = vacancy(model, class_index, cells)
+    if left is not None and (share * left).any():
+        share = share * left
+        share /= share.sum()
+    return share
+
+
+def _cells_of(position: np.ndarray, cells: int, problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    column, row = (
+        np.clip((position[:, a] * (cells / problem.domain.size[a])).astype(np.int32), 0, cells - 1) for a in (0, 1)
+    )
+    return column, row
+
+
+def _in_support(model: Model, position: np.ndarray) -> np.ndarray:
+    """Bodies that are not fixed, brought to where they may be."""
+    position = np.clip(position, 0.0, model.problem.domain.size)
+    for k, support in enumerate(model.supports):
+        if (support > 0.0).all():
+            continue
+        own = np.flatnonzero((model.body.support == k) & ~model.fixed)
+        outside = own[sample_density(support, position[own], model.problem.domain.size) <= 0.0]
+        if len(outside):
+            position[outside] = move_into_support(support, position[outside], model.problem.domain.size)
+    return position

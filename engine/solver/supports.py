@@ -1,0 +1,97 @@
+"""Where bodies may be: where their density is above zero, and clear of obstacles."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ProblemError
+from ..problem.obstacles import clearance
+from ..problem.problem import Line, Problem
+
+__all__ = ["Supports", "supports_of"]
+
+# Bodies of a size whose footprints differ keep off obstacles by one of so many distances, the next larger one.
+LEVELS = 4
+# Farther than by rounding.
+SAFELY = 1.0 + 1e-4
+
+
+class Supports(NamedTuple):
+    """Images that are above zero where bodies may be.
+
+    Attributes:
+        images: The distinct ones, each of shape ``[height, width]``.
+        of_body: Which one holds for every body, shape ``[n]``, int32.
+    """
+
+    images: list[np.ndarray]
+    of_body: np.ndarray
+
+
+def supports_of(problem: Problem, class_index: np.ndarray, size_index: np.ndarray, area: np.ndarray) -> Supports:
+    """Return where the bodies of a problem may be.
+
+    Args:
+        problem: The problem.
+        class_index: Class of every body, shape ``[n]``.
+        size_index: Its size.
+        area: Its footprint [m²].
+
+    Raises:
+        ProblemError: Obstacles leave bodies of a size no place.
+    """
+    if not problem.obstacles:
+        return Supports([c.density_image for c in problem.classes], class_index)
+    images: list[np.ndarray] = []
+    of_body = np.zeros(len(class_index), np.int32)
+    radius = _radii(problem, class_index, size_index, area)
+    for c, body_class in enumerate(problem.classes):
+        image = body_class.density_image
+        shape = (image.shape[0], image.shape[1])
+        pixel = np.array(problem.domain.size) / shape[::-1]
+        # A pixel belongs to the support with its corners.
+        corner = 0.5 * float(np.hypot(*pixel))
+        own = class_index == c
+        free = clearance(
+            problem.obstacles, problem.domain, shape, (float(radius[own].max()) + corner) * SAFELY + float(pixel.max())
+        )
+        for s, size in enumerate(body_class.sizes):
+            bodies = np.flatnonzero(own & (size_index == s))
+            low, high = float(radius[bodies].min()), float(radius[bodies].max())
+            steps = LEVELS if high > low else 1
+            level = np.ceil((radius[bodies] - low) / max(high - low, 1e-300) * steps).astype(int).clip(1, steps)
+            for number in np.unique(level).tolist():
+                needed = low + (high - low) * number / steps
+                support = np.where(free >= (needed + corner) * SAFELY, image, np.float32(0.0))
+                if not support.any():
+                    raise ProblemError(
+                        f'`obstacles` must leave a place for size "{size.name}" of class "{body_class.name}", which keeps off them '
+                        f"by {needed:.3g} m"
+                    )
+                of_body[bodies[level == number]] = len(images)
+                images.append(support)
+    return Supports(images, of_body)
+
+
+def _radii(problem: Problem, class_index: np.ndarray, size_index: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """How far footprints reach from the charges of every body [m]; 0 where footprints may overlap what they like."""
+    if not problem.avoid_overlap:
+        return np.zeros(len(area))
+    radius = np.sqrt(area / math.pi)
+    for c, body_class in enumerate(problem.classes):
+        for s, size in enumerate(body_class.sizes):
+            if size.line is not None:
+                own = (class_index == c) & (size_index == s)
+                radius[own] = 0.5 * _width(size.line, area[own])
+    return radius
+
+
+def _width(line: Line, area: np.ndarray) -> np.ndarray:
+    """Thickness of capsules of these areas whose axes are as long as is asked in the mean."""
+    if line.width is not None:
+        return np.full(len(area), line.width)
+    mean = float(np.mean(line.length))
+    return 2.0 / math.pi * (np.sqrt(mean**2 + math.pi * area) - mean)

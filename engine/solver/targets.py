@@ -1,0 +1,103 @@
+"""What attracts the groups: their densities, and what fixed bodies are too many of for them.
+
+Fixed bodies repel, and count as part of what the density asks for. Where they are more than it asks for, the excess is a target of its
+own: without it, others would keep away from them far and wide. So the target is max(a density, that of the fixed bodies), of as much
+charge as there is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from ..field.field import FieldTarget
+from ..problem.image_filters import gaussian_blur
+from ..space.density import box_integrals
+from .model import Model
+
+__all__ = ["group_targets", "vacancy"]
+
+# Fixed bodies are counted in cells of the size of their group's spacing, blurred by so many of them: fluctuations of bodies that stand
+# at random are no excess.
+BLUR_OF_FIXED = 1.5
+FEWEST_CELLS, MOST_CELLS = 4, 512
+# Halvings of the interval in which the density's share of the target lies.
+BISECTIONS = 60
+
+
+def group_targets(model: Model) -> list[FieldTarget]:
+    """Return what attracts every group: its class's density, and beside it the excess of fixed bodies where there is one."""
+    classes = model.problem.classes
+    images = [classes[c].density_image for c in model.groups.class_index]
+    charge = model.group_charge
+    fixed = model.fixed
+    result = []
+    for g, image in enumerate(images):
+        own = fixed & (model.body.group == g)
+        if not own.any():
+            result.append(FieldTarget(image, charge[g]))
+            continue
+        bodies = (model.body.group == g).sum()
+        share, excess = _excess(model, image, own, float(charge[g]), int(bodies))
+        more = (FieldTarget(excess.astype(np.float32), float(excess.sum())),) if excess.any() else ()
+        result.append(FieldTarget(image, share, more))
+    return result
+
+
+def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
+    """Share of a class's density that fixed bodies leave to new ones in ``cells`` by ``cells`` cells, row 0 at the bottom.
+
+    None where none of the class is fixed.
+    """
+    of_class = model.body.class_index == class_index
+    own = model.fixed & of_class
+    if not own.any():
+        return None
+    image = model.problem.classes[class_index].density_image
+    total = float(model.body_charge[of_class].sum())
+    there, asked = _on_cells(model, image, own, int(of_class.sum()))
+    share = _water_level(asked, there, total)
+    left = np.clip(1.0 - there / np.maximum(share * asked, 1e-300), 0.0, 1.0)[::-1]
+    row, column = ((np.arange(cells) + 0.5) * n / cells for n in left.shape)
+    return left[row.astype(int)[:, None], column.astype(int)]
+
+
+def _excess(model: Model, image: np.ndarray, own: np.ndarray, total: float, bodies: int) -> tuple[float, np.ndarray]:
+    """Charge that the density stands for, and the excess of fixed bodies over it per cell, row 0 at the top."""
+    there, asked = _on_cells(model, image, own, bodies)
+    share = _water_level(asked, there, total)
+    excess = np.maximum(there - share * asked, 0.0)
+    return total - float(excess.sum()), excess
+
+
+def _water_level(asked: np.ndarray, there: np.ndarray, total: float) -> float:
+    """The factor of ``asked`` with which max(asked, there) adds up to ``total``."""
+    low, high = 0.0, total
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if np.maximum(middle * asked, there).sum() > total:
+            high = middle
+        else:
+            low = middle
+    return 0.5 * (low + high)
+
+
+def _on_cells(model: Model, image: np.ndarray, own: np.ndarray, bodies: int) -> tuple[np.ndarray, np.ndarray]:
+    """Charge of fixed bodies, blurred, and share of the density in cells about a spacing of the group wide, row 0 at the top."""
+    domain = model.problem.domain
+    spacing = math.sqrt(domain.area / bodies)
+    rows, columns = (int(np.clip(round(length / spacing), FEWEST_CELLS, MOST_CELLS)) for length in domain.size[::-1])
+    table = model.problem.fixed
+    position = table.position[own[model.fixed]]
+    column = np.minimum((position[:, 0] / domain.size[0] * columns).astype(int), columns - 1)
+    row = np.minimum(((1.0 - position[:, 1] / domain.size[1]) * rows).astype(int), rows - 1)
+    there = np.bincount(row * columns + column, weights=model.body_charge[own], minlength=rows * columns)
+    there = there.reshape(rows, columns)
+    mode: Literal["wrap", "symmetric"] = "wrap" if domain.periodic else "symmetric"
+    pad = [min(math.ceil(5.0 * BLUR_OF_FIXED), n) for n in (rows, columns)]
+    wide = gaussian_blur(np.pad(there, [(pad[0], pad[0]), (pad[1], pad[1])], mode=mode), BLUR_OF_FIXED)
+    there = wide[pad[0] : pad[0] + rows, pad[1] : pad[1] + columns]
+    there *= model.body_charge[own].sum() / max(float(there.sum()), 1e-300)
+    return there, box_integrals(image, (rows, columns))[::-1]

@@ -1,0 +1,230 @@
+"""Fixed bodies and obstacles in recipes and files: what is written reads back, and mistakes are named."""
+
+import numpy as np
+import pytest
+from esh import (
+    BodyClass,
+    Domain,
+    EshError,
+    FixedBodies,
+    InputFileError,
+    Line,
+    Obstacle,
+    Problem,
+    Size,
+    read_fixed_bodies,
+    read_recipe,
+    solve,
+    write_placement,
+    write_recipe,
+)
+from esh.engine.files.recipe import recipe_densities
+
+HEAD = """
+version = 1
+[domain]
+size = [20, 10]
+[[class]]
+name = "pine"
+density = 1.0
+[[class.size]]
+name = "large"
+area = 1.0
+count = 30
+[[class.size]]
+name = "small"
+area = [0.1, 0.3]
+count = 20
+[[class]]
+name = "rock"
+density = 1.0
+[[class.size]]
+name = "any"
+area = 2.0
+count = 0
+"""
+ROCK = '[[fixed]]\nclass = "rock"\nposition = [[15, 5]]\n'
+
+
+def write(tmp_path, text, name="r.toml"):
+    path = tmp_path / name
+    path.write_text(HEAD + ROCK + text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def before():
+    classes = [
+        BodyClass("pine", [Size("large", 1.0, 5), Size("small", (0.1, 0.3), 4)]),
+        BodyClass("rock", [Size("any", 2.0, 2, line=Line(1.0, 0.3))]),
+    ]
+    return solve(
+        Problem(Domain((20.0, 10.0)), classes, fixed=FixedBodies([[3.0, 3.0]], id=[70])), device="cpu", max_steps=3
+    )
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_a_placement_that_was_written_can_be_fixed(before, tmp_path, ending):
+    write_placement(tmp_path / f"before{ending}", before)
+    problem = read_recipe(write(tmp_path, f'[[fixed]]\nfile = "before{ending}"\n'))
+    table = problem.fixed
+    assert len(table.id) == 13
+    own = table.id >= 0
+    order = np.argsort(table.id[own])
+    expected = np.argsort(before.id)
+    np.testing.assert_array_equal(table.position[own][order], before.position[expected])
+    np.testing.assert_array_equal(table.area[own][order], before.area[expected])
+    np.testing.assert_array_equal(table.size_index[own][order], before.size_index[expected])
+    np.testing.assert_array_equal(table.angle[own][order], before.angle[expected])
+    assert 70 in table.id
+
+
+def test_files_say_who_was_fixed(before, tmp_path):
+    write_placement(tmp_path / "a.csv", before)
+    header, *lines = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
+    assert header.endswith(",id,fixed")
+    assert [line.endswith(",70,1") for line in lines].count(True) == 1
+    write_placement(tmp_path / "a.npz", before)
+    with np.load(tmp_path / "a.npz") as stored:
+        assert stored["id"][stored["fixed"]].tolist() == [70]
+        assert stored["size_name"].tolist().count("small") == 4
+
+
+def test_a_table_from_elsewhere_needs_only_positions(tmp_path):
+    (tmp_path / "t.csv").write_text("name,x,y\noak,1,2\n,3.5,4\n", encoding="utf-8")
+    table = read_recipe(write(tmp_path, '[[fixed]]\nfile = "t.csv"\nclass = "pine"\nsize = "small"\n')).fixed
+    assert table.position[:2].tolist() == [[1.0, 2.0], [3.5, 4.0]]
+    assert table.size_index.tolist() == [1, 1, 0]
+    assert table.area[:2].tolist() == [0.2, 0.2]
+    np.savez(tmp_path / "t.npz", position=[[1.0, 2.0]])
+    assert read_fixed_bodies(tmp_path / "t.npz").position.tolist() == [[1.0, 2.0]]
+
+
+def test_bodies_and_obstacles_stand_in_a_recipe(tmp_path):
+    np.save(tmp_path / "lake.npy", np.eye(4))
+    text = """
+[[fixed]]
+position = [[1, 2], [3, 4]]
+angle = [0.1, 0.2]
+area = 4
+id = [7, 8]
+[[obstacle]]
+polygon = [[0, 0], [4, 0], [4, 3]]
+margin = 0.5
+[[obstacle]]
+disc = [10, 5, 2]
+[[obstacle]]
+image = "lake.npy"
+invert = true
+"""
+    path = write(tmp_path, text)
+    problem = read_recipe(path)
+    assert problem.fixed.id.tolist() == [7, 8, -1]
+    assert problem.fixed.angle.tolist() == [0.1, 0.2, 0.0]
+    assert problem.fixed.area.tolist() == [4.0, 4.0, 2.0]
+    polygon, disc, image = problem.obstacles
+    assert polygon.polygon.tolist() == [[0, 0], [4, 0], [4, 3]]
+    assert (polygon.margin, disc.disc) == (0.5, (10.0, 5.0, 2.0))
+    np.testing.assert_array_equal(image.image, np.eye(4) == 0)
+    assert [p.name for p in recipe_densities(path)] == ["lake.npy"]
+    assert problem.body_count == 53
+    # At the top, before the tables.
+    whole = (
+        path.read_text(encoding="utf-8")
+        .replace("version = 1", "version = 1\ninclude_fixed = true")
+        .replace("count = 0", "count = 1")
+    )
+    (tmp_path / "all.toml").write_text(whole, encoding="utf-8")
+    assert read_recipe(tmp_path / "all.toml").body_count == 51
+
+
+def test_a_problem_is_written_with_them_and_solves_to_the_same_bytes(tmp_path):
+    lines = [Size("stick", 0.5, 9, line=Line(1.0))]
+    problem = Problem(
+        Domain((20.0, 10.0)),
+        [BodyClass("pine", [Size("a", 0.5, 40)]), BodyClass("log", lines)],
+        fixed=[
+            FixedBodies([[1.0, 1.0 / 3.0], [2.0, 9.0]], "pine", id=[3, 9]),
+            FixedBodies([[8.0, 8.0]], "log", length=2.0),
+        ],
+        include_fixed=True,
+        obstacles=[
+            Obstacle(disc=(5, 5, 1), margin=0.1),
+            Obstacle(polygon=[[9, 9], [12, 9], [12, 7]]),
+            Obstacle(image=np.eye(9)),
+        ],
+        avoid_overlap=True,
+    )
+    write_recipe(tmp_path / "r.toml", problem)
+    again = read_recipe(tmp_path / "r.toml")
+    assert again.body_count == problem.body_count == 49
+    first, second = (solve(p, device="cpu", max_steps=5) for p in (problem, again))
+    for name in ("position", "angle", "length", "area", "id", "fixed"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[[fixed]]\n", r"`fixed\[2\].position` or `file` must be given: one of the two"),
+        ('[[fixed]]\nposition = [[1, 2]]\nfile = "a.csv"\n', "`fixed.2..position` cannot be combined with `file`"),
+        ('[[fixed]]\nfile = "a.csv"\nangle = 1\n', "`fixed.2..angle` is only for bodies that the recipe lists"),
+        (
+            '[[fixed]]\nfile = "a.csv"\n',
+            "`fixed.2..file` cannot be used: .*a.csv does not exist; fixed bodies are a .npz or",
+        ),
+        ('[[fixed]]\nfile = "a.txt"\n', "must end in .csv, .npz, .usd, .* or .geojson; got the ending '.txt'"),
+        ("[[fixed]]\nposition = [1, 2]\n", "`fixed.2..position` must be a list of positions, each x and y in metres"),
+        (
+            "[[fixed]]\nposition = [[1, 2]]\nangle = true\n",
+            "`fixed.2..angle` must be a number, or a list of one for every",
+        ),
+        ('[[fixed]]\nposition = [[1, 2]]\nclass = "oak"\n', '`fixed.body_class` must be one of "pine", "rock"'),
+        ("[[fixed]]\nposition = [[1, 2]]\nid = [0.5]\n", "`fixed.2..id` must be a list of whole numbers"),
+        (
+            "[[fixed]]\nposition = [[1, 2]]\npositon = 1\n",
+            "`fixed.2..positon` is not a known key; did you mean `position`",
+        ),
+        ("[[obstacle]]\nmargin = 1\n", "`obstacle.1.`: an obstacle must have one of"),
+        ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in metres; got"),
+        ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number of 0 or more"),
+        (
+            "[[obstacle]]\ndisc = [1, 2, 3]\ninvert = true\n",
+            "`obstacle.1..invert` is only for an obstacle that is an `image`",
+        ),
+        ('[[obstacle]]\nimage = "no.png"\n', "`obstacle.1..image` cannot be used: .*no.png does not exist"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, text, message):
+    with pytest.raises(InputFileError, match=message):
+        read_recipe(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x;y\n1;2\n", "must have a column `x`"),
+        ("x,y\n1\n", "must have 2 cells in every line; line 2 has 1"),
+        ("x,y\n1,b\n", 'must hold numbers in its column `y`; line 2 has "b"'),
+        ("x,y,area\n1,2,-3\n", "`fixed.area` must be above 0"),
+        ("", "must have a column `x`"),
+    ],
+)
+def test_damaged_tables_are_named(tmp_path, content, message):
+    path = tmp_path / "t.csv"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(InputFileError, match=message):
+        read_fixed_bodies(path)
+
+
+def test_damaged_archives_are_named(tmp_path):
+    path = tmp_path / "t.npz"
+    path.write_bytes(b"PK nothing")
+    with pytest.raises(InputFileError, match="cannot be read"):
+        read_fixed_bodies(path)
+    np.savez(path, points=[[1.0, 2.0]])
+    with pytest.raises(InputFileError, match="must hold an array `position`; it holds"):
+        read_fixed_bodies(path)
+    np.savez(path, position=[[1.0, 2.0]], class_index=[3], class_name=["a"])
+    with pytest.raises(EshError, match="must have a name for every `class_index`; it has 1 names"):
+        read_fixed_bodies(path)

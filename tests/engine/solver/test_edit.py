@@ -1,0 +1,314 @@
+"""After an edit most bodies are where they were; what changed is followed, by bodies that keep their identities."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from esh import BodyClass, Domain, FixedBodies, Line, Obstacle, Problem, ProblemError, Size, Solver
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.solver.edit import CarriedOver, carry_over
+from esh.engine.solver.model import Model
+
+DOMAIN = Domain((64.0, 64.0))
+N = 2000
+Y, X = np.mgrid[:64, :64] / 64.0
+HILLS = (0.3 + np.sin(5 * X) ** 2 * np.cos(4 * Y) ** 2).astype(np.float32)
+STROKE = (np.abs(Y - 0.5 - 0.2 * np.sin(6 * X)) < 0.035) & (X > 0.1) & (X < 0.8)
+SPACING = 64.0 / np.sqrt(N)
+
+
+def problem_of(density=HILLS, count=N, **more):
+    return Problem(DOMAIN, [BodyClass("k", [Size("a", 0.2, count)], density)], seed=1, **more)
+
+
+@pytest.fixture(scope="module")
+def settled():
+    """A solver that has settled, as its state."""
+    with Solver(problem_of(), device="cpu") as solver:
+        solver.run(150)
+        return solver.state.copy()
+
+
+def solver_at(settled):
+    return Solver(problem_of(), device="cpu", state=settled)
+
+
+def painted(factor):
+    return np.where(STROKE, factor * HILLS, HILLS)
+
+
+def error(placement, density):
+    return coverage_error(placement.position, placement.area, density, DOMAIN)
+
+
+def far(position, least=2.5):
+    """Whether positions are so many spacings from the stroke."""
+    rows, columns = np.nonzero(STROKE)
+    pixels = np.stack([columns + 0.5, 63.5 - rows], axis=1)
+    return np.linalg.norm(position[:, None] - pixels, axis=2).min(axis=1) > least * SPACING
+
+
+def moved(before, after):
+    """How far bodies that are in both have moved, in spacings, and where they were."""
+    _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+    return np.linalg.norm(after.position[j] - before.position[i], axis=1) / SPACING, before.position[i]
+
+
+def counts_by_density(factor):
+    return round(N * painted(factor).mean() / HILLS.mean())
+
+
+@pytest.mark.parametrize("factor", [0.2, 3.0])
+def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled, factor):
+    """The count follows the density, as under a brush."""
+    density, count = painted(factor), counts_by_density(factor)
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        edit = solver.edit(problem_of(density, count))
+        after = solver.placement()
+        assert edit.steps == 5
+        solver.run(150)
+        converged = error(solver.placement(), density)
+    assert len(after.position) == count
+    assert error(after, density) < 1.25 * converged
+    assert error(before, density) > 5.0 * converged
+    way, at = moved(before, after)
+    assert (way[far(at)] < 0.1).mean() > 0.9
+    np.testing.assert_array_equal(np.sort(np.setdiff1d(after.id, before.id)), np.sort(edit.added))
+    np.testing.assert_array_equal(np.sort(np.setdiff1d(before.id, after.id)), np.sort(edit.removed))
+    changed = abs(count - N)
+    assert changed <= max(len(edit.added), len(edit.removed)) < changed + 20
+
+
+@pytest.mark.parametrize("factor", [0.2, 3.0])
+def test_a_stroke_that_keeps_the_count_is_followed_as_well(settled, factor):
+    density = painted(factor)
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        edit = solver.edit(problem_of(density))
+        after = solver.placement()
+        solver.run(150)
+        converged = error(solver.placement(), density)
+    assert len(edit.added) == len(edit.removed) > 30
+    assert error(after, density) < 1.35 * converged
+    way, at = moved(before, after)
+    assert (way[far(at)] < 0.25).mean() > 0.8
+
+
+def test_nothing_changed_changes_nearly_nothing(settled):
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        edit = solver.edit(problem_of())
+        assert len(edit.added) == len(edit.removed) == 0
+        assert moved(before, solver.placement())[0].max() < 0.05
+        np.testing.assert_array_equal(solver.placement().id, before.id)
+        solver.edit(problem_of(), steps=0)
+        np.testing.assert_array_equal(solver.placement().id, before.id)
+
+
+def test_five_percent_more_bodies_come_down_evenly(settled):
+    with solver_at(settled) as solver:
+        edit = solver.edit(problem_of(count=N + 100))
+        after = solver.placement()
+        solver.run(150)
+        assert error(after, HILLS) < 1.6 * error(solver.placement(), HILLS)
+    assert edit.added.tolist() == list(range(N, N + 100))
+    assert len(edit.removed) == 0
+
+
+def test_fewer_bodies_are_taken_out_evenly(settled):
+    with solver_at(settled) as solver:
+        edit = solver.edit(problem_of(count=N - 150))
+        after = solver.placement()
+        solver.run(150)
+        assert error(after, HILLS) < 1.6 * error(solver.placement(), HILLS)
+    assert len(edit.added) == 0
+    assert len(edit.removed) == 150
+
+
+def test_identities_are_never_used_again(settled):
+    with solver_at(settled) as solver:
+        seen = set(solver.placement().id.tolist())
+        for count in (N + 20, N - 20, N + 20):
+            edit = solver.edit(problem_of(count=count), steps=1)
+            assert not seen & set(edit.added.tolist())
+            seen |= set(edit.added.tolist())
+            assert len(set(solver.placement().id.tolist())) == count
+
+
+def test_an_obstacle_clears_its_place_and_gives_it_back(settled):
+    pond = Obstacle(disc=(32.0, 32.0, 8.0), margin=0.5)
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        edit = solver.edit(problem_of(obstacles=[pond]))
+        after = solver.placement()
+        assert (np.linalg.norm(after.position - 32.0, axis=1) >= 8.5).all()
+        inside = np.linalg.norm(before.position - 32.0, axis=1) < 8.5
+        gone = np.isin(before.id, edit.removed)
+        # Those that stood on it, and hardly any other: one by one they come down elsewhere.
+        assert inside.sum() > 60
+        assert gone[np.linalg.norm(before.position - 32.0, axis=1) < 7.5].all()
+        assert (gone & ~inside).sum() <= 10
+        assert len(after.position) == N
+        solver.edit(problem_of())
+        assert (np.linalg.norm(solver.placement().position - 32.0, axis=1) < 8.5).sum() == pytest.approx(
+            inside.sum(), rel=0.15
+        )
+
+
+def test_a_body_is_pinned_where_it_is_and_nothing_else_happens(settled):
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        chosen = np.array([7, 900])
+        fixed = FixedBodies.of_placement(before, chosen)
+        edit = solver.edit(problem_of(fixed=fixed, include_fixed=True))
+        after = solver.placement()
+        assert len(edit.added) == len(edit.removed) == 0
+        assert after.id[after.fixed].tolist() == chosen.tolist()
+        np.testing.assert_array_equal(after.position[after.fixed], before.position[chosen])
+        assert np.percentile(moved(before, after)[0], 99) < 0.1
+        # And let go again.
+        edit = solver.edit(problem_of())
+        again = solver.placement()
+        assert len(edit.added) == len(edit.removed) == 0
+        assert not again.fixed.any()
+        assert set(again.id.tolist()) == set(before.id.tolist())
+
+
+def test_a_pinned_body_that_is_moved_makes_the_others_move(settled):
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        one = int(np.linalg.norm(before.position - [20.0, 20.0], axis=1).argmin())
+        to = before.position[one] + [0.5 * SPACING, 0.1]
+        fixed = FixedBodies([to], id=[one])
+        solver.edit(problem_of(fixed=fixed, include_fixed=True))
+        after = solver.placement()
+    assert after.position[after.id == one].tolist() == [to.tolist()]
+    near = np.linalg.norm(after.position - to, axis=1)
+    assert np.sort(near)[1] > 0.4 * SPACING
+    way, at = moved(before, after)
+    assert (way[np.linalg.norm(at - to, axis=1) > 6 * SPACING] < 0.1).mean() > 0.97
+
+
+def test_classes_and_sizes_come_and_go_by_name(settled):
+    both = [Size("a", 0.2, 500), Size("b", 0.4, 100)]
+    other = BodyClass("other", [Size("a", 0.3, 300)])
+    with solver_at(settled) as solver:
+        edit = solver.edit(Problem(DOMAIN, [other, BodyClass("k", both, HILLS)], seed=1))
+        placement = solver.placement()
+        assert len(edit.removed) == N - 500
+        assert len(edit.added) == 400
+        kept = placement.id < N
+        assert (placement.class_index[kept] == 1).all()
+        assert (placement.size_index[kept] == 0).all()
+        assert placement.report is None
+        edit = solver.edit(Problem(DOMAIN, [other]))
+        assert len(edit.removed) == 600
+        assert len(edit.added) == 0
+
+
+def test_bodies_of_a_range_keep_their_ranks():
+    def of(count):
+        return Problem(DOMAIN, [BodyClass("k", [Size("a", (0.1, 0.9), count)])])
+
+    with Solver(of(200), device="cpu") as solver:
+        solver.run(20)
+        before = solver.placement()
+        solver.edit(of(220), steps=0)
+        after = solver.placement()
+    _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+    assert len(i) == 200
+    np.testing.assert_array_equal(np.argsort(before.area[i]), np.argsort(after.area[j]))
+    np.testing.assert_allclose(after.area[j], before.area[i], atol=0.03)
+    new = ~np.isin(after.id, before.id)
+    np.testing.assert_allclose(np.sort(after.area[new]), np.linspace(0.12, 0.88, 20), atol=0.03)
+
+
+def test_lines_keep_angle_length_and_bend():
+    def of(count):
+        line = Line(3.0, "none", straightness=0.2)
+        return Problem(DOMAIN, [BodyClass("k", [Size("a", 0.5, count, line=line), Size("dot", 0.1, 50)])])
+
+    with Solver(of(150), device="cpu") as solver:
+        solver.run(40)
+        before = solver.placement()
+        solver.edit(of(170), steps=0)
+        after = solver.placement()
+    _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+    assert len(i) == 200
+    np.testing.assert_allclose(after.position[j], before.position[i], atol=1e-4)
+    np.testing.assert_allclose(after.angle[j], before.angle[i], atol=1e-5)
+    np.testing.assert_allclose(after.length[j], before.length[i], atol=1e-4)
+    np.testing.assert_allclose(after.bends[j], before.bends[i], atol=1e-3)
+    assert np.nanmax(np.abs(np.diff(before.bends[i], 2, axis=1))) > 1e-2
+    new = ~np.isin(after.id, before.id)
+    np.testing.assert_allclose(after.length[new], 3.0, rtol=1e-5)
+
+
+def test_footprints_do_not_overlap_after_an_edit():
+    def of(count):
+        return Problem(DOMAIN, [BodyClass("k", [Size("a", 1.2, count)], HILLS)], avoid_overlap=True)
+
+    from esh.engine.quality.overlaps import overlap_count
+
+    with Solver(of(1500), device="cpu") as solver:
+        solver.run(40)
+        solver.separate()
+        solver.edit(of(1600))
+        placement = solver.placement()
+        assert overlap_count(placement.position, placement.area, DOMAIN, solver.launcher) == 0
+
+
+def test_edits_give_the_same_bytes_on_any_number_of_threads(monkeypatch):
+    found = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("ESH_THREADS", threads)
+        with Solver(problem_of(count=6000), device="cpu") as solver:
+            solver.run(3)
+            solver.edit(problem_of(painted(3.0), 6000))
+            solver.edit(problem_of(painted(3.0), 6300, obstacles=[Obstacle(disc=(9, 9, 5))]))
+            found.append(solver.placement())
+    np.testing.assert_array_equal(found[0].position, found[1].position)
+    np.testing.assert_array_equal(found[0].id, found[1].id)
+
+
+def test_the_domain_stays(settled):
+    with solver_at(settled) as solver, pytest.raises(ProblemError, match="`domain` must stay what it was in an edit"):
+        solver.edit(Problem(Domain((64.0, 65.0)), [BodyClass("k", [Size("a", 1.0, 3)])]))
+
+
+def test_a_body_goes_where_no_points_are_spread():
+    """Bodies without a place go, whatever else is asked for; others only to make room."""
+    old = Model(problem_of(np.ones((1, 1)), 100))
+    position = np.random.default_rng(0).random((100, 2)) * [32.0, 64.0]
+    position[45:, 0] += 32.0
+    half = np.zeros((1, 2))
+    half[0, 1] = 1.0
+    asked = []
+
+    def spread(densities, counts):
+        asked.append(counts)
+        return [np.tile([[48.0, 32.0]], (count, 1)) for count in counts]
+
+    carried = carry_over(old, position, Model(problem_of(half, 100)), 100, spread)
+    assert isinstance(carried, CarriedOver)
+    left = position[:, 0] < 32.0
+    assert carried.new.sum() == 50
+    assert (carried.position[:, 0] >= 32.0).all()
+    # Fifty are to come, so that five of those that could stay make room for them.
+    assert asked == [[5, 0, 50]]
+    kept = carried.source[carried.source >= 0]
+    assert not left[kept].any()
+    assert len(np.unique(kept)) == 50
+
+
+def test_fixed_bodies_of_a_problem_that_is_replaced_are_still_told_apart(settled):
+    with solver_at(settled) as solver:
+        fixed = FixedBodies([[1.0, 1.0]], id=[50_000])
+        solver.edit(problem_of(fixed=fixed), steps=1)
+        assert solver.placement().id.max() == 50_000
+        edit = solver.edit(replace(problem_of(count=N + 5), seed=3), steps=1)
+        # It was let go and stays, so that four more are enough.
+        assert 50_000 in solver.placement().id
+        assert len(edit.added) == 4
+        assert edit.added.min() > 50_000
