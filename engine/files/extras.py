@@ -23,8 +23,11 @@ def import_extra(module: str, extra: str, what: str) -> ModuleType:
     """
     try:
         return importlib.import_module(module)
-    except ImportError:
+    except ImportError as error:
         name = module.partition(".")[0]
+        if error.name not in (name, module):  # it is there, but something that it needs is not
+            reason = " ".join(str(error).split())
+            raise EshError(f"{what} needs the library {name}, which cannot be used: {reason}") from None
         raise EshError(
             f"{what} needs the library {name}, which is not installed: pip install 'esh-scatter[{extra}]'"
         ) from None

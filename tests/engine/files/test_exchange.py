@@ -427,6 +427,15 @@ def test_an_asset_must_be_of_the_format(tmp_path, placement):
     assert [path.name for path in tmp_path.iterdir()] == ["log.glb"]
 
 
+def test_a_library_that_is_there_but_broken_says_why(tmp_path, placement, monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pyarrow"]:
+        monkeypatch.delitem(sys.modules, name)
+    (tmp_path / "pyarrow.py").write_text('raise ImportError("pyarrow requires NumPy 3")')
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(EshError, match=r"needs the library pyarrow, which cannot be used: pyarrow requires NumPy 3"):
+        esh.write_placement(tmp_path / "a.parquet", placement)
+
+
 def test_an_asset_must_be_for_something(tmp_path, placement):
     with pytest.raises(EshError, match=r"an asset must be for a class or a size .*; got 'birch'"):
         esh.write_placement(tmp_path / "a.glb", placement, assets={"birch": "birch.glb"})
