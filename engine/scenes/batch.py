@@ -174,9 +174,11 @@ def run_batch(
 
 
 def _scenes(batch: Batch, recipe: ParsedRecipe, variations: list[Variation], device: str) -> Iterator[Scene]:
+    # Absolute: who solves a scene may work in another folder.
+    source, absolute = recipe.path.resolve().parent, batch.folder.resolve()
     for number, (seed, values) in enumerate(scene_parameters(variations, batch.seeds, batch.design)):
-        folder = batch.folder / _name(number)
-        yield Scene(number, seed, values, recipe, folder, device, batch.max_steps, batch.endings)
+        folder = absolute / _name(number)
+        yield Scene(number, seed, values, recipe, source, folder, device, batch.max_steps, batch.endings)
 
 
 def _name(number: int) -> str:

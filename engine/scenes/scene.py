@@ -9,7 +9,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from ..errors import EshError
@@ -32,7 +32,8 @@ class Scene:
         seed: Of the problem.
         parameters: Key -> value, of the keys that vary.
         recipe: The recipe before it is varied.
-        folder: Where the scene's files will lie.
+        source: The recipe's folder, absolute.
+        folder: Where the scene's files will lie, absolute.
         device: See :func:`~esh.solve`.
         max_steps: See there.
         endings: Of the placement's files.
@@ -42,6 +43,7 @@ class Scene:
     seed: int
     parameters: Mapping[str, Any]
     recipe: ParsedRecipe
+    source: Path
     folder: Path
     device: str
     max_steps: int
@@ -86,13 +88,14 @@ def scene_files(scene: Scene, inputs: Mapping[str, bytes] | None = None) -> dict
             # As the recipe was called where it was given.
             text = " ".join(str(error).split()).replace(str(here.recipe.path), str(scene.recipe.path))
             return {"report.json": strict_json(report | {"error": text})}
+        # While the files that it names are there.
+        files["recipe.toml"] = _recipe_text(entries, scene, here.recipe.path.parent)
     for ending in scene.endings:
         name = f"placement{ending}"
         file = io.BytesIO()
         placement_writer(scene.folder / name, placement)(file)
         files[name] = file.getvalue()
     assert placement.report is not None
-    files["recipe.toml"] = _recipe_text(entries, scene)
     digest = hashlib.sha256(files[f"placement{scene.endings[0]}"]).hexdigest()
     report |= {"bodies": problem.body_count, "hash": digest, **placement.report.to_dict()}
     # Last, so that a reader who finds it finds the others, too.
@@ -117,15 +120,14 @@ def input_files(entries: Any, folder: Path) -> Iterator[tuple[dict[str, Any], st
             yield from input_files(entry, folder)
 
 
-def _recipe_text(entries: dict[str, Any], scene: Scene) -> bytes:
-    """Return the recipe of a scene; it names its images from where it will lie."""
+def _recipe_text(entries: dict[str, Any], scene: Scene, beside: Path) -> bytes:
+    """Return the recipe of a scene; it names its images, which now lie in ``beside``, from where it will lie."""
     entries = copy.deepcopy(entries)
-    source = scene.recipe.path.resolve().parent
-    for table, key in list(input_files(entries, scene.recipe.path.parent)):
+    for table, key in list(input_files(entries, beside)):
         try:
-            name = os.path.relpath(source / table[key], scene.folder.resolve())
+            name = os.path.relpath(scene.source / table[key], scene.folder)
         except ValueError:  # on another drive
-            name = str(source / table[key])
-        table[key] = PurePosixPath(Path(name).as_posix()).as_posix()
+            name = str(scene.source / table[key])
+        table[key] = Path(name).as_posix()
     text: str = import_extra("tomli_w", "batch", "a batch").dumps(entries)
     return text.encode("utf-8")

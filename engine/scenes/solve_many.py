@@ -85,9 +85,9 @@ def make_pool(workers: int | None, device: str, count: int) -> WorkerPool | None
     on_cpu = resolve_device(device).is_cpu
     if workers is None:
         workers = core_count() if on_cpu and count >= WORTH_PROCESSES else 0
-        if workers == 1 or not _can_start():
+        if workers == 1:
             workers = 0
-    workers = min(workers, count)
+    workers = min(workers, count) if _can_start() else 0
     return WorkerPool(workers, max(1, core_count() // workers)) if workers else None
 
 

@@ -157,7 +157,7 @@ def test_scenes_that_fail_are_listed_and_the_others_made(recipe, tmp_path, capfd
     assert command_line.main([*map(str, arguments)]) == 1
     out, err = capfd.readouterr()
     assert "6 scenes are done (6 in this run), 2 of them failed" in out
-    assert err.count("\n") == 2 and "scene 000002 failed: " in err and "`class[1].size[1].count`" in err
+    assert err.count("\n") == 2 and "scene 000002 failed: " in err and "`count`" in err and "large" in err
     rows = parquet.read_table(folder / "manifest.parquet").to_pylist()
     assert [row["error"] is None for row in rows] == [True, True, False, False, True, True]
     assert [row["class[1].size[1].count"] for row in rows] == [5, 5, 0, 0, 7, 7]
@@ -167,6 +167,27 @@ def test_scenes_that_fail_are_listed_and_the_others_made(recipe, tmp_path, capfd
     assert "(0 in this run)" in capfd.readouterr().out
     assert command_line.main([*map(str, arguments), "--retry"]) == 1
     assert "(2 in this run)" in capfd.readouterr().out
+
+
+def test_a_machine_without_the_recipe_s_folder_makes_the_same(recipe, tmp_path):
+    from dataclasses import replace
+
+    from esh.engine.files.recipe import ParsedRecipe, parse_recipe
+    from esh.engine.scenes.scene import Scene, scene_files
+
+    parsed = parse_recipe(recipe)
+    parameters = {"class[pine].size[1].count": 12}
+    here = Scene(3, 7, parameters, parsed, recipe.parent, tmp_path / "out" / "000003", "cpu", 4, (".npz",))
+    expected = scene_files(here)
+    inputs = {"images/pine.png": (recipe.parent / "images" / "pine.png").read_bytes()}
+    # There, the paths of here lead nowhere.
+    there = replace(here, recipe=ParsedRecipe(Path("/nowhere/forest.toml"), parsed.entries))
+    made = scene_files(there, inputs)
+    assert made["placement.npz"] == expected["placement.npz"]
+    assert made["recipe.toml"] == expected["recipe.toml"]
+    assert b'density = "../../in/images/pine.png"' in made["recipe.toml"]
+    failed = json.loads(scene_files(replace(there, parameters={"class[1].size[1].count": 0}), inputs)["report.json"])
+    assert failed["error"].startswith("/nowhere/forest.toml: ")
 
 
 MISTAKES = {
