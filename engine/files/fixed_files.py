@@ -13,7 +13,7 @@ from ..errors import InputFileError, ProblemError
 from ..problem.fixed_bodies import FixedBodies
 from ..problem.validation import show
 from .body_formats import FORMATS
-from .placement_files import one_of
+from .placement_files import name_in_cell, one_of
 
 __all__ = ["read_fixed_bodies"]
 
@@ -95,7 +95,7 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
             raise InputFileError(f"{path} must have {len(names)} cells in every line; line {number} has {len(line)}")
     cells = dict(zip(names, zip(*lines, strict=True) if lines else [()] * len(names), strict=True))
     columns: dict[str, np.ndarray] = {
-        name: np.array(cells[name]) for name in ("class_name", "size_name") if name in cells
+        name: np.array(list(map(name_in_cell, cells[name]))) for name in ("class_name", "size_name") if name in cells
     }
     for name in NUMBERS:
         if name in cells:

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputFileError
 from .bodies import Bodies, bodies_from_columns
 from .body_formats import FORMATS
-from .placement_files import check_ending
+from .placement_files import check_ending, name_in_cell
 
 __all__ = ["READABLE", "load_placement"]
 
@@ -78,7 +78,7 @@ def _read_csv(path: Path) -> Bodies:
     if table and len(table) != len(head):
         raise InputFileError(f"{path} must have as many columns in every line as in the first, {len(head)}")
     texts = dict(zip(head, table or [()] * len(head), strict=True))
-    names = {key: texts.pop(key, ()) for key in ("class_name", "size_name")}
+    names = {key: list(map(name_in_cell, texts.pop(key, ()))) for key in ("class_name", "size_name")}
     columns = {key: list(values) for key, values in texts.items()}
     labels: list[str] = []
     sizes: list[list[str]] = []

@@ -485,3 +485,14 @@ def test_fixed_bodies_of_others_get_the_class_that_is_said(tmp_path):
     problem = Problem(Domain((10.0, 4.0)), classes, fixed=[fixed])
     np.testing.assert_array_equal(problem.fixed.position, [[1, 2], [4, 3]])
     np.testing.assert_array_equal(problem.fixed.class_index, [1, 1])
+
+
+def test_names_that_are_quoted_for_spreadsheets_come_back_as_they_were(tmp_path):
+    classes = [BodyClass(name, [Size(f"{name} size", 0.1, 2)]) for name in ("=pine", "'beech", "'+oak")]
+    placement = esh.solve(Problem(Domain((4.0, 4.0)), classes), device="cpu", max_steps=2)
+    esh.write_placement(tmp_path / "a.csv", placement)
+    assert "'=pine" in (tmp_path / "a.csv").read_text()
+    assert esh.load_placement(tmp_path / "a.csv").class_name == ("=pine", "'beech", "'+oak")
+    fixed = esh.read_fixed_bodies(tmp_path / "a.csv")
+    again = Problem(Domain((4.0, 4.0)), classes, fixed=[fixed])
+    np.testing.assert_array_equal(np.sort(again.fixed.class_index), [0, 0, 1, 1, 2, 2])
