@@ -4,11 +4,11 @@ import atexit
 
 import bpy
 
-from . import exchange, lists, operators, panels, properties, running, versions
+from . import exchange_operators, lists, operators, panels, properties, running, versions
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (properties, lists, operators, panels, exchange)
+_MODULES = (properties, lists, operators, panels, exchange_operators)
 
 
 def register() -> None:
@@ -18,7 +18,7 @@ def register() -> None:
             bpy.utils.register_class(cls)
     properties.attach()
     versions.attach()
-    exchange.attach()
+    exchange_operators.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
 
@@ -30,7 +30,7 @@ def unregister() -> None:
     if not _MODULES[0].CLASSES[0].is_registered:
         return
     running.end(wait=True)
-    exchange.detach()
+    exchange_operators.detach()
     versions.detach()
     properties.detach()
     for module in reversed(_MODULES):

@@ -7,9 +7,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import exchange, lists, operators, panels, properties, registration  # noqa: E402
+from esh.esh_scatter import exchange_operators, lists, operators, panels, properties, registration  # noqa: E402
 
-MODULES = (properties, lists, operators, panels, exchange)
+MODULES = (properties, lists, operators, panels, exchange_operators)
 PREFIX = "ESH_"
 
 
