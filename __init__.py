@@ -30,19 +30,21 @@ if TYPE_CHECKING:
     from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
-    from .engine.problem.scatter_settings import ScatterSettings
+    from .engine.problem.scatter_settings import ScatterSettings, Standing
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
     from .engine.surface.instances import Instances
+    from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.footprint import measure_footprint
 
 __all__ = [
     "__version__",
+    "Amount",
     "AttributeDensity",
     "Balance",
     "BodyClass",
@@ -78,6 +80,7 @@ __all__ = [
     "Size",
     "SizeReport",
     "Solver",
+    "Standing",
     "State",
     "Unsharp",
     "VertexGroupDensity",
@@ -103,6 +106,7 @@ __all__ = [
 
 # Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
 _MODULES = {
+    "Amount": ".esh_scatter.amount",
     "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
     "BodyClass": ".engine.problem.problem",
@@ -138,6 +142,7 @@ _MODULES = {
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
     "Solver": ".engine.solver.solver",
+    "Standing": ".engine.problem.scatter_settings",
     "State": ".engine.solver.state",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",

@@ -16,7 +16,7 @@ __all__ = ["find_result", "write_result"]
 TARGET = "esh_scatter_target"
 NAME = "esh_scatter_name"
 
-_WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color"}
+_WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color", "BOOLEAN": "value"}
 
 
 def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
@@ -92,7 +92,7 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
     # As an attribute, which is copied as a whole; vertices are set one after the other.
     mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
     for attribute_name, (kind, values) in attributes.items():
-        dtype = np.int32 if kind == "INT" else np.float32
+        dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
         attribute = mesh.attributes.new(attribute_name, kind, "POINT")
         attribute.data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
     mesh.update()
