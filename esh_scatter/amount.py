@@ -36,7 +36,9 @@ class Amount:
     def __post_init__(self) -> None:
         given = {name: value for name, value in vars(self).items() if value is not None}
         if len(given) != 1:
-            raise ProblemError(f"an Amount must have one of `per_area`, `distance` and `cover`; got {show(given or None)}")
+            raise ProblemError(
+                f"an Amount must have one of `per_area`, `distance` and `cover`; got {show(given or None)}"
+            )
         ((name, value),) = given.items()
         number = as_float(value)
         if number is None or not 0.0 < number < math.inf:

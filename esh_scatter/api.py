@@ -153,8 +153,8 @@ class ScatterClass(ClassSettings):
         default=None,
         metadata=setting(
             "How many to place, all sizes together",
-            more='The sizes then have shares instead of counts (a single size has all of it); or an :class:`~esh.Amount`; or ``"cover"``: '
-            "as many as it takes for the footprints to add up to the density, taken as covered share of the ground",
+            more="The sizes then have shares instead of counts (a single size has all of it); or an :class:`~esh.Amount`; or "
+            '``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground',
             check=lambda value, key: value if isinstance(value, Amount) else check_class_count(value, key),
         ),
     )
@@ -223,6 +223,7 @@ class ScatterJob:
 
     Attributes:
         settings: How it is made.
+        device: Where it runs, as Warp names it.
         problem: What the sampler is asked.
         placement: What it answered; None before :meth:`solve`.
 
@@ -245,7 +246,7 @@ class ScatterJob:
             raise ProblemError(f"`settings` must be ScatterSettings, or None; got {show(settings)}")
         self.settings = replace(settings or ScatterSettings(), **changes)
         self.name = check_name(name, "`name`")
-        resolve_device(self.settings.device)
+        self.device = resolve_device(self.settings.device).alias
         self.target = check_target(target, context)
         self.result = _check_result(result)
         self.classes = _check_classes(classes)
@@ -373,7 +374,9 @@ class ScatterJob:
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
             if isinstance(shape.area, tuple) and outlines:
-                ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
+                ground.fit[own] = np.sqrt(
+                    placement.area[own] / np.array([outline.area for outline in outlines])[variant]
+                )
             if shape.line is not None and outlines:
                 # Of lines, the outline's middle lies on the point.
                 ground.long[own] = True

@@ -11,7 +11,15 @@ from ..engine.problem.scatter_settings import Standing
 from .node_group import HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
 from .standing import Ground, stand
 
-__all__ = ["CLASSES_OF_POINTS", "SEED", "can_stand_anew", "ground_attributes", "hide_points", "paint_points", "stand_anew"]
+__all__ = [
+    "CLASSES_OF_POINTS",
+    "SEED",
+    "can_stand_anew",
+    "ground_attributes",
+    "hide_points",
+    "paint_points",
+    "stand_anew",
+]
 
 # Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
 SEED = "esh_scatter_seed"
@@ -45,8 +53,10 @@ def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, 
 
 def can_stand_anew(result: bpy.types.Object) -> bool:
     """Tell whether a result has kept what is needed; those of earlier versions have not, and in Edit Mode nothing can be written."""
-    return result.mode != "EDIT" and SEED in result.data and all(
-        name in result.data.attributes for name in ("id", _NORMAL, _HEADING, _LIFT, ROTATION, SCALE)
+    return (
+        result.mode != "EDIT"
+        and SEED in result.data
+        and all(name in result.data.attributes for name in ("id", _NORMAL, _HEADING, _LIFT, ROTATION, SCALE))
     )
 
 

@@ -4,11 +4,11 @@ import atexit
 
 import bpy
 
-from . import lists, operators, panels, properties, running, versions
+from . import lists, menus, operators, panels, properties, running, versions
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (properties, lists, operators, panels)
+_MODULES = (properties, lists, operators, menus, panels)
 
 
 def register() -> None:
@@ -18,6 +18,7 @@ def register() -> None:
             bpy.utils.register_class(cls)
     properties.attach()
     versions.attach()
+    menus.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
 
@@ -26,6 +27,7 @@ def unregister() -> None:
     """Stop a run that is under way and take everything away again."""
     atexit.unregister(unregister)
     running.end(wait=True)
+    menus.detach()
     versions.detach()
     properties.detach()
     for module in reversed(_MODULES):

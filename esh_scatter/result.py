@@ -10,13 +10,20 @@ import numpy as np
 from .node_group import build_node_group
 from .target import RESULT_TAG
 
-__all__ = ["find_result", "write_result"]
+__all__ = ["find_result", "remove_result", "rename_result", "write_result"]
 
 # Custom properties of a result: what made it.
 TARGET = "esh_scatter_target"
 NAME = "esh_scatter_name"
 
-_WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color", "BOOLEAN": "value"}
+_WRITTEN = {
+    "FLOAT": "value",
+    "INT": "value",
+    "FLOAT_VECTOR": "vector",
+    "QUATERNION": "value",
+    "FLOAT_COLOR": "color",
+    "BOOLEAN": "value",
+}
 
 
 def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
@@ -97,3 +104,21 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
         attribute.data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
     mesh.update()
     return mesh
+
+
+def rename_result(item: bpy.types.Object, name: str) -> None:
+    """Give a result the name of what made it."""
+    item.name = name
+    item[NAME] = name
+
+
+def remove_result(item: bpy.types.Object) -> None:
+    """Remove a result from the file, with its points and its node group where nothing else uses them."""
+    mesh = item.data
+    groups = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
+    bpy.data.objects.remove(item)
+    if mesh is not None and not mesh.users and mesh.get(RESULT_TAG):
+        bpy.data.meshes.remove(mesh)
+    for group in groups:
+        if _is_ours(group) and not group.users:
+            bpy.data.node_groups.remove(group)

@@ -50,7 +50,9 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
     overlaps -= _overlaps_of_fixed(placement, launcher)
     if problem.avoid_overlap and overlaps and covered <= 1.0:
-        pairs = "1 pair of footprints still overlaps" if overlaps == 1 else f"{overlaps} pairs of footprints still overlap"
+        pairs = (
+            "1 pair of footprints still overlaps" if overlaps == 1 else f"{overlaps} pairs of footprints still overlap"
+        )
         notes.append(f"{pairs}, where more is asked for than fits; lower the counts or the areas")
     spacing = measure_spacing(bodies, _number_density(bodies, problem))
     return Report(

@@ -179,7 +179,9 @@ class Window:
         )
         monkeypatch.setattr(running.bpy, "context", self.context)
         running.start(self.context, job, scene.esh_scatter.active)
-        operator = SimpleNamespace(report=lambda kind, text: self.reports.append((*kind, text)))
+        operator = SimpleNamespace(
+            report=lambda kind, text: self.reports.append((*kind, text)), _undo=lambda _context: None
+        )
         for name in ("_stopped", "_write", "_finish"):
             setattr(operator, name, getattr(operators.ESH_OT_scatter, name).__get__(operator))
         self.operator = operator
