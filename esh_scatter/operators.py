@@ -484,7 +484,7 @@ class ESH_OT_class_copy(_ClassEdit):
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
-        return scatter and scatter.active_class and len(scatter.classes) > 1
+        return (scatter and scatter.active_class and len(scatter.classes) > 1) or None
 
     _missing = "Add another class first"
 
@@ -543,7 +543,7 @@ class ESH_OT_classes_from_selection(_ClassesFromObjects):
         from .selection import sources_in
 
         scatter = active_scatter(context)
-        return scatter and sources_in(context.selected_objects, scatter.target)
+        return (scatter and sources_in(context.selected_objects, scatter.target)) or None
 
     _missing = "Select objects to place, other than the target"
 
