@@ -16,6 +16,8 @@ OUTPUT ?= output
 PLATFORM ?=
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
+FUZZ_SECONDS ?= 600
+FUZZ_SEED ?= 0
 
 # The first of these that runs and that has a bpy wheel; with PYTHON=…, only that one.
 PYTHON ?=
@@ -26,7 +28,7 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza figures bench test extension docs lint format clean
+.PHONY: help demo pizza figures bench test fuzz extension docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
@@ -34,6 +36,7 @@ help: ## Say what can be made
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
+	@echo "make fuzz       solve recipes of all kinds for ten minutes, and look at what comes of them (FUZZ_SEED=…)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
 	@echo "make docs       build the documentation as web pages into $(OUTPUT)/docs/"
 	@echo "make lint       check style and types"
@@ -63,6 +66,9 @@ ifeq ($(VERSION),3.11)
 	@echo "The part that touches Blender once more, in the oldest that is supported:"
 	$(VENV_OLDEST)/bin/python -m pytest tests/esh_scatter tests/test_extension_zip.py $(PYTEST_ARGS)
 endif
+
+fuzz: $(VENV)/.with-test
+	$(RUN) tools/fuzz.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 extension: $(VENV)/.with-blender
 	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..engine.errors import EshError
+from ..engine.errors import EshError, ProblemError
 from ..engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..engine.problem.scatter_settings import ScatterSettings
 from ..engine.problem.settings import settings_of
@@ -20,7 +20,7 @@ from . import running, words
 from .class_copy import CLASS_PARTS, copy_class
 from .described_properties import property_of
 from .properties import ESH_PG_class, ESH_PG_scatter, active_scatter, selected_class, selected_scatter, unused_name
-from .target import RESULT_TAG
+from .target import is_result
 
 if TYPE_CHECKING:
     from .api import ScatterResult
@@ -136,17 +136,15 @@ class _Run(bpy.types.Operator):
         try:
             if session.run.error is not None:
                 raise session.run.error
-            settings = session.scene.esh_scatter.scatters[session.scatter_index]
+            scatters = session.scene.esh_scatter.scatters
+            if session.scatter_index >= len(scatters):
+                raise ProblemError("the settings of this scatter were removed during the run; nothing was placed")
+            settings = scatters[session.scatter_index]
             settings.forget_deleted_result()
-            result = session.job.write(context)
+            result = session.job.write()
         except EshError as error:
             self.report({"ERROR"}, _sentence(error))
             self._undo(context)
-            return {"CANCELLED"}
-        except ReferenceError:
-            self.report(
-                {"ERROR"}, "The target, an object to place or the scene was removed during the run. Nothing was changed"
-            )
             return {"CANCELLED"}
         return self._finish(settings, result)
 
@@ -220,7 +218,7 @@ class ESH_OT_scatter_selection(_Run):
             obstacle = "Switch to Object Mode first"
         elif active is None or active.type != "MESH":
             obstacle = "Select the objects to place, then the ground, which must be a mesh"
-        elif active.get(RESULT_TAG):
+        elif is_result(active):
             obstacle = "The active object is the result of a scatter. Select the ground last"
         elif not _selected_sources(context, active):
             obstacle = "Select the objects to place as well, then the ground last"

@@ -336,7 +336,7 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         return
     report = scatter.report
     if report is not None and scatter.result_in(context.scene) is None:
-        _write_text(context, column, "The result was deleted", icon="INFO")
+        _write_text(context, column, "The result is no longer there", icon="INFO")
     elif report is not None:
         changes = scatter.changes()
         if changes:

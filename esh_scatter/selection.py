@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import bpy
 
 from ..engine.errors import ProblemError
-from .target import RESULT_TAG
+from .target import is_result
 
 if TYPE_CHECKING:
     from .properties import ESH_PG_class, ESH_PG_scatter
@@ -36,9 +36,7 @@ class Measured(NamedTuple):
 
 def sources_in(candidates: Iterable[bpy.types.Object], target: bpy.types.Object | None) -> list[bpy.types.Object]:
     """Return those of some objects that can be placed on a target, by name."""
-    found = [
-        item for item in candidates if item != target and item.type in SCATTERED_TYPES and not item.get(RESULT_TAG)
-    ]
+    found = [item for item in candidates if item != target and item.type in SCATTERED_TYPES and not is_result(item)]
     return sorted(found, key=lambda item: item.name_full)
 
 

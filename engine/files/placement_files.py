@@ -14,7 +14,7 @@ import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
 
@@ -32,6 +32,8 @@ __all__ = [
     "write_placement",
 ]
 
+# What formulas begin with in spreadsheets, those of East Asian keyboards among them.
+FORMULAS = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 Writer = Callable[[BinaryIO], None]
 
 
@@ -56,7 +58,7 @@ def write_placement(path: str | Path, placement: Placement) -> None:
             ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
             charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where bodies are fixed or
             were edited; readable without pickle; equal placements give equal bytes) or in ``.csv`` (one line per body, its
-            columns named in the first).
+            columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front).
         placement: What to write.
 
     Raises:
@@ -118,35 +120,119 @@ def check_writable(path: str | Path) -> None:
 def write_files(writers: Mapping[Path, Writer]) -> None:
     """Write several files, all of them or none.
 
-    Each is written under another name in its own folder; when the last one is complete, all take their places.
+    Each is written under another name in its own folder; when the last one is complete, all take their places. What lay there
+    is kept until they have.
 
     Raises:
         EshError: One cannot be written; then no older file has been touched, and nothing new is left behind.
     """
     for path in writers:
         check_writable(path)
-    staged: list[tuple[Path, Path]] = []
+    staged: list[_Staged] = []
     path = Path()
+    complete = False
     try:
         for path, writer in writers.items():
-            target = path.resolve()  # a link stays a link: what it points to is replaced
-            beside = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.part")
-            staged.append((beside, target))
-            with beside.open("xb") as file:
-                writer(file)
-                file.flush()
-                os.fsync(file.fileno())
-            if target.exists():
-                shutil.copymode(target, beside)
-        for beside, target in staged:
-            path = target
-            beside.replace(target)
+            staged.append(_Staged(path))
+            staged[-1].write(writer)
+        for item in staged:
+            path = item.path
+            item.take_place()
+        complete = True
     except (OSError, ValueError, MemoryError) as error:
         raise EshError(f"{path} cannot be written: {_reason(error)}") from None
     finally:
-        for beside, _ in staged:
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
+        for item in reversed(staged):
+            item.finish(complete)
+
+
+class _Staged:
+    """A file that is written beside its place, and what lay there before."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._target = path.resolve()  # a link stays a link: what it points to is replaced
+        stem = f".{self._target.name[:40]}.{secrets.token_hex(4)}"
+        self._beside = self._target.with_name(f"{stem}.part")
+        self._kept = self._target.with_name(f"{stem}.kept")
+        self._existed = False
+        self._began = False
+
+    def write(self, writer: Writer) -> None:
+        """Write it, all of it, under another name."""
+        with self._beside.open("xb") as file:
+            guarded = _FirstErrorKept(file)
+            writer(guarded)  # type: ignore[arg-type]
+            guarded.flush()
+            if guarded.error is not None:
+                raise guarded.error
+            os.fsync(file.fileno())
+        if self._target.exists():
+            shutil.copymode(self._target, self._beside)
+
+    def take_place(self) -> None:
+        """Put it where it belongs; what lies there keeps a second name."""
+        self._existed = self._target.exists()
+        if self._existed:
+            try:
+                os.link(self._target, self._kept)
+            except OSError:  # no hard links on this file system
+                shutil.copy2(self._target, self._kept)
+        self._began = True
+        self._beside.replace(self._target)
+
+    def finish(self, complete: bool) -> None:
+        """Leave one file: this one, or if something went wrong what was there before."""
+        with contextlib.suppress(OSError):
+            came = self._began and not self._beside.exists()
+            self._beside.unlink(missing_ok=True)
+            if came and not complete:
+                if self._existed:
+                    # Where this fails, the older file stays under its other name.
+                    self._kept.replace(self._target)
+                else:
+                    self._target.unlink(missing_ok=True)
+            self._kept.unlink(missing_ok=True)
+
+
+class _FirstErrorKept:
+    """A file that writes into nothing after its first error, and keeps that.
+
+    Archives that break off in the middle write on from their destructors, where nobody can catch what is raised.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.error: OSError | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def _try(self, call: Callable[[], int | None], otherwise: int) -> int:
+        if self.error is None:
+            try:
+                return call() or 0
+            except OSError as error:
+                self.error = error
+        return otherwise
+
+    def write(self, data: Any) -> int:
+        """Write, or act as if."""
+        size = memoryview(data).nbytes
+        self._try(lambda: self._file.write(data), size)
+        return size
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go there, or act as if."""
+        return self._try(lambda: self._file.seek(offset, whence), offset)
+
+    def tell(self) -> int:
+        """Tell the place, or anything."""
+        return self._try(self._file.tell, 0)
+
+    def flush(self) -> None:
+        """Hand on what waits."""
+        self._try(self._file.flush, 0)
 
 
 def _write_npz(file: BinaryIO, placement: Placement) -> None:
@@ -180,8 +266,8 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
         + (("id", "fixed") if marked else ())
     )
-    class_name = [body_class.name for body_class in placement.problem.classes]
-    size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
+    size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
     marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
@@ -197,6 +283,11 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
+
+
+def _as_text(name: str) -> str:
+    """A name as a cell that no spreadsheet takes for a formula: those that begin like one get a quote in front."""
+    return f"'{name}" if name.lstrip().startswith(FORMULAS) else name
 
 
 def _is_marked(placement: Placement) -> bool:

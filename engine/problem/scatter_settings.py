@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from .problem import Balance, SamplingSettings
 from .settings import Choice, Settings, as_given, described, same_setting, setting
+from .validation import LARGEST_ANGLE
 
 __all__ = ["RunSettings", "ScatterSettings", "Standing"]
 
@@ -36,6 +37,7 @@ class Standing(Settings):
             more="Long bodies lie along their direction instead",
             unit="rad",
             low=0.0,
+            high=LARGEST_ANGLE,
             soft_high=2.0 * math.pi,
         ),
     )

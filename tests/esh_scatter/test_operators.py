@@ -88,6 +88,15 @@ def test_the_report_is_kept_and_running_again_replaces_the_result(scatter):
     assert positions(scatter.result) == first
 
 
+def test_renaming_a_scatter_renames_its_result(scatter):
+    bpy.ops.esh.scatter()
+    result = scatter.result
+    scatter.name = "Forest"
+    assert result.name == "Forest" and result["esh_scatter_name"] == "Forest" and not scatter.outdated
+    bpy.ops.esh.scatter()
+    assert scatter.result == result
+
+
 def test_incomplete_classes_are_skipped_with_a_sentence(scatter, capfd):
     scatter.classes[1].density_kind = "IMAGE"
     assert bpy.ops.esh.scatter() == {"FINISHED"}
@@ -218,7 +227,7 @@ def test_the_modal_run_gives_what_the_script_gives(scatter, monkeypatch):
     real_context = bpy.context
     window = Window(monkeypatch, job)
     job_write = job.write
-    monkeypatch.setattr(job, "write", lambda _context: job_write(real_context), raising=False)
+    monkeypatch.setattr(job, "write", lambda: job_write(real_context), raising=False)
     assert window.send("A") == {"RUNNING_MODAL"}, "what would change the scene is held back"
     assert window.send("MIDDLEMOUSE") == {"PASS_THROUGH"}, "looking around is not"
     assert window.run_to_end() == {"FINISHED"}
@@ -237,7 +246,7 @@ class Job:
         while progress(SimpleNamespace(step=1, steps=5)):
             pass
 
-    def write(self, _context):
+    def write(self):
         self.written = True
 
 

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -10,6 +11,7 @@ from esh.engine.problem.problem import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, panels, properties, registration, running  # noqa: E402
 from esh.esh_scatter.described_properties import shown_settings  # noqa: E402
+from esh.esh_scatter.result import write_result  # noqa: E402
 
 
 class Layout:
@@ -190,12 +192,19 @@ def test_the_button_says_why_nothing_can_be_done():
     assert "Choose a target: the mesh to scatter on" in words
 
 
+def new_result(target) -> bpy.types.Object:
+    """A result without points."""
+    empty = {"instance_index": ("INT", np.zeros(0)), "rotation": ("QUATERNION", np.zeros(0))}
+    empty["scale"] = ("FLOAT_VECTOR", np.zeros(0))
+    return write_result(bpy.context.scene, None, target, "Result", [], np.zeros((0, 3)), empty)
+
+
 def ready_scatter():
     """A scatter with one class to which nothing is missing, and its result."""
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     scatter.add_class().name = "Pine"
     scatter.classes[0].sizes[0].source_object = new_object("Tree")
-    scatter.remember(new_object("Result"), report())
+    scatter.remember(new_result(scatter.target), report())
     return scatter
 
 
@@ -226,7 +235,7 @@ def test_a_deleted_result_leaves_no_report():
     assert "Closest" in draw_all()
     bpy.context.scene.collection.objects.unlink(scatter.result)
     drawn = draw_all()
-    assert "The result was deleted" in drawn and "Closest" not in drawn
+    assert "The result is no longer there" in drawn and "Closest" not in drawn
 
 
 def test_the_report_shows_counts_metres_and_every_note_once():

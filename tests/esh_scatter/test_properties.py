@@ -282,12 +282,6 @@ def test_renaming_and_removing_a_class_is_followed_by_what_may_overlap(scatter):
     assert scatter.classes[0].may_overlap == ""
 
 
-def test_renaming_a_scatter_renames_its_result(scatter):
-    scatter.remember(new_object("Ground Scatter"), {"steps": 3})
-    scatter.name = "Forest"
-    assert scatter.result.name == "Forest" and scatter.result["esh_scatter_name"] == "Forest"
-
-
 @pytest.mark.parametrize(
     ("kind", "name", "value", "told"),
     [
