@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
-    from .engine.problem.scatter_settings import ScatterSettings
+    from .engine.problem.scatter_settings import ScatterSettings, Standing
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .engine.solver.state import State
     from .engine.surface.footprint import Footprint
     from .engine.surface.instances import Instances
+    from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
     from .esh_scatter.exchange import export_result, import_placement
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "__version__",
+    "Amount",
     "AttributeDensity",
     "Balance",
     "Bodies",
@@ -84,6 +86,7 @@ __all__ = [
     "Size",
     "SizeReport",
     "Solver",
+    "Standing",
     "State",
     "Unsharp",
     "VertexGroupDensity",
@@ -114,6 +117,7 @@ __all__ = [
 
 # Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
 _MODULES = {
+    "Amount": ".esh_scatter.amount",
     "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
     "Bodies": ".engine.files.bodies",
@@ -151,6 +155,7 @@ _MODULES = {
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
     "Solver": ".engine.solver.solver",
+    "Standing": ".engine.problem.scatter_settings",
     "State": ".engine.solver.state",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",

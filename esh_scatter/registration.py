@@ -4,11 +4,11 @@ import atexit
 
 import bpy
 
-from . import exchange_operators, lists, operators, panels, properties, running, versions
+from . import exchange_operators, lists, menus, operators, panels, properties, running, versions
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (properties, lists, operators, panels, exchange_operators)
+_MODULES = (properties, lists, operators, menus, panels, exchange_operators)
 
 
 def register() -> None:
@@ -19,6 +19,7 @@ def register() -> None:
     properties.attach()
     versions.attach()
     exchange_operators.attach()
+    menus.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
 
@@ -30,6 +31,7 @@ def unregister() -> None:
     if not _MODULES[0].CLASSES[0].is_registered:
         return
     running.end(wait=True)
+    menus.detach()
     exchange_operators.detach()
     versions.detach()
     properties.detach()

@@ -47,6 +47,8 @@ class Report:
         covered: Sum of the footprints over the area where bodies may be (density above zero).
         classes: One entry per class.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
+        closest: Smallest distance between two bodies' centres [m], in the plane of the domain; None with fewer than two bodies.
+        usual: Median of every body's distance to its nearest neighbour [m].
     """
 
     steps: int
@@ -59,6 +61,8 @@ class Report:
     covered: float
     classes: tuple[ClassReport, ...]
     notes: tuple[str, ...] = ()
+    closest: float | None = None
+    usual: float | None = None
 
     def to_dict(self) -> dict:
         """Return the report as plain dictionaries and lists, ready for JSON."""

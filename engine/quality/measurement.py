@@ -15,7 +15,7 @@ from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .overlaps import count_overlaps
-from .spacing import smallest_distance
+from .spacing import measure_spacing
 
 __all__ = ["measure"]
 
@@ -49,18 +49,21 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         )
     overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
     overlaps -= _overlaps_of_fixed(placement, launcher)
-    if problem.avoid_overlap and overlaps:
-        notes.append(
-            f"{overlaps} pairs of footprints still overlap: the space where they may be cannot hold them all; lower the counts or "
-            "the areas"
+    if problem.avoid_overlap and overlaps and covered <= 1.0:
+        pairs = (
+            "1 pair of footprints still overlaps" if overlaps == 1 else f"{overlaps} pairs of footprints still overlap"
         )
+        notes.append(f"{pairs}, where more is asked for than fits; lower the counts or the areas")
+    spacing = measure_spacing(bodies, _number_density(bodies, problem))
     return Report(
         steps=0,
         converged=False,
         seconds=0.0,
         device=str(launcher.device.alias),
         coverage_error=whole,
-        smallest_spacing=smallest_distance(bodies, _number_density(bodies, problem)),
+        smallest_spacing=spacing and spacing.smallest,
+        closest=spacing and spacing.closest,
+        usual=spacing and spacing.usual,
         overlaps=overlaps,
         covered=covered,
         classes=tuple(
