@@ -48,6 +48,8 @@ def fill_in():
     with window_context():
         region = next(region for region in bpy.context.area.regions if region.type == "UI")
         region.active_panel_category = "ESH Scatter"
+        for item in list(bpy.data.objects):
+            bpy.data.objects.remove(item)
         bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)
         ground = bpy.context.object
         ground.name = "Ground"

@@ -193,10 +193,10 @@ def test_the_button_says_why_nothing_can_be_done():
 
 
 def new_result(target) -> bpy.types.Object:
-    """A result without points."""
-    empty = {"instance_index": ("INT", np.zeros(0)), "rotation": ("QUATERNION", np.zeros(0))}
-    empty["scale"] = ("FLOAT_VECTOR", np.zeros(0))
-    return write_result(bpy.context.scene, None, target, "Result", [], np.zeros((0, 3)), empty)
+    """A result of one point."""
+    one = {"instance_index": ("INT", np.zeros(1)), "rotation": ("QUATERNION", np.ones((1, 4)))}
+    one["scale"] = ("FLOAT_VECTOR", np.ones((1, 3)))
+    return write_result(bpy.context.scene, None, target, "Result", [], np.zeros((1, 3)), one)
 
 
 def ready_scatter():
