@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
+    from .engine.problem.cover import Cover, cover_of
     from .engine.problem.fixed_bodies import FixedBodies, FixedBody
+    from .engine.problem.footprint import Footprint, Footprints
     from .engine.problem.obstacles import Obstacle
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
-    from .engine.surface.footprint import Footprint
+    from .engine.surface.footprint import Outline
     from .engine.surface.instances import Instances
     from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
@@ -55,6 +57,7 @@ __all__ = [
     "BodyClass",
     "BodyFlags",
     "ClassReport",
+    "Cover",
     "Density",
     "DeviceError",
     "Domain",
@@ -63,12 +66,14 @@ __all__ = [
     "FixedBodies",
     "FixedBody",
     "Footprint",
+    "Footprints",
     "ImageDensity",
     "Ink",
     "InkModel",
     "InputFileError",
     "Instances",
     "Line",
+    "Outline",
     "Obstacle",
     "Placement",
     "PreparedClass",
@@ -90,6 +95,7 @@ __all__ = [
     "State",
     "Unsharp",
     "VertexGroupDensity",
+    "cover_of",
     "draw_plan",
     "export_result",
     "halftone_problem",
@@ -124,20 +130,23 @@ _MODULES = {
     "BodyClass": ".engine.problem.problem",
     "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
+    "Cover": ".engine.problem.cover",
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
     "Domain": ".engine.problem.problem",
     "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
+    "Footprint": ".engine.problem.footprint",
+    "Footprints": ".engine.problem.footprint",
     "FixedBodies": ".engine.problem.fixed_bodies",
     "FixedBody": ".engine.problem.fixed_bodies",
-    "Footprint": ".engine.surface.footprint",
     "ImageDensity": ".esh_scatter.densities",
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
     "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.problem",
+    "Outline": ".engine.surface.footprint",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
     "PreparedClass": ".engine.problem.prepared_class",
@@ -159,6 +168,7 @@ _MODULES = {
     "State": ".engine.solver.state",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
+    "cover_of": ".engine.problem.cover",
     "draw_plan": ".engine.drawing.plan",
     "export_result": ".esh_scatter.exchange",
     "halftone_problem": ".engine.problem.color_separation",

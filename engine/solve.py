@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +16,9 @@ from .quality.measurement import measure
 from .solver.solver import Progress, Solver
 
 __all__ = ["solve"]
+
+# Seconds after which whoever watches is asked again while outlines are being parted.
+MOMENT = 0.1
 
 
 def solve(
@@ -31,13 +35,13 @@ def solve(
         problem: What to place where.
         device: ``"auto"`` (an NVIDIA GPU where there is one), ``"cpu"`` or ``"cuda:0"``.
         max_steps: Steps of the relaxation at most, >= 1.
-        progress: Called after every step with a :class:`Progress`; returning False stops the run, which then returns what
-            is there, with ``report.converged`` False.
+        progress: Called after every step with a :class:`Progress`, and with the last one again while outlines are being parted for
+            longer than a moment; returning False stops the run, which then returns what is there, with ``report.converged`` False.
         profile: Gets the seconds that every phase takes.
 
     Returns:
-        The placement, with exact counts and its report. ``report.converged`` is True when the forces have little left to ask for: an
-        RMS move below 0.005 of the local spacing.
+        The placement, with exact counts and its report. ``report.converged`` is True when the forces have little left to ask for, an
+        RMS move below 0.005 of the local spacing, and no outlines overlap where they are to keep apart.
 
     Raises:
         ProblemError: No problem, one that does not fit into memory or leaves the range of float32, a ``progress`` that cannot be
@@ -51,10 +55,38 @@ def solve(
         raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
-        steps, converged = solver.run(max_steps, progress)
-        solver.separate()
+        watched = _Watched(progress)
+        steps, converged = solver.run(max_steps, None if progress is None else watched)
+        parted = solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):
             placement = solver.placement()
             report = measure(placement, solver.launcher)
+        converged = converged and (parted or not report.overlaps)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
+
+
+class _Watched:
+    """A progress callback, and what it was told last."""
+
+    def __init__(self, progress: Callable[[Progress], bool | None] | None) -> None:
+        self._progress = progress
+        self._last: Progress | None = None
+        self._time = math.inf
+        self._stopped = False
+
+    def __call__(self, state: Progress) -> bool | None:
+        assert self._progress is not None
+        self._last = state
+        answer = self._progress(state)
+        self._stopped = answer is False
+        self._time = time.perf_counter()
+        return answer
+
+    def go_on(self) -> bool:
+        """Ask again, if it is a while since it was asked; whoever has stopped the run once does not want to wait for contact."""
+        if self._stopped or self._last is None:
+            return not self._stopped
+        if time.perf_counter() - self._time > MOMENT:
+            self(self._last)
+        return not self._stopped

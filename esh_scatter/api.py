@@ -46,7 +46,7 @@ from ..engine.problem.validation import (
 from ..engine.solve import solve
 from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
-from ..engine.surface.footprint import Footprint
+from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
 from .amount import Amount
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
@@ -184,7 +184,7 @@ class _Shape:
     """What a size's bodies and their instances have to do with each other."""
 
     # Per variant: the outline, or None where nothing had to be measured.
-    outlines: tuple[Footprint | None, ...]
+    outlines: tuple[Outline | None, ...]
     area: float | tuple[float, float]
     line: Line | None
 
@@ -261,7 +261,7 @@ class ScatterJob:
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
         # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
-        measured: dict[bpy.types.Object, Footprint] = {}
+        measured: dict[bpy.types.Object, Outline] = {}
         self._densities: dict[object, np.ndarray] = {}
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
@@ -544,11 +544,11 @@ def _shape(
     members: list[bpy.types.Object],
     context: bpy.types.Context,
     key: str,
-    measured_before: dict[bpy.types.Object, Footprint],
+    measured_before: dict[bpy.types.Object, Outline],
 ) -> _Shape:
     """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
 
-    def measure(member: bpy.types.Object) -> Footprint:
+    def measure(member: bpy.types.Object) -> Outline:
         if member not in measured_before:
             measured_before[member] = measure_footprint(member, context, f"`area` of {key}")
         return measured_before[member]
@@ -556,7 +556,7 @@ def _shape(
     area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
     if size.line is not None and not isinstance(size.line, (bool, Line)):
         raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
-    outlines: tuple[Footprint | None, ...] = (None,) * len(members)
+    outlines: tuple[Outline | None, ...] = (None,) * len(members)
     if area is None or isinstance(area, tuple) or size.line is not False:
         try:
             outlines = tuple(measure(member) for member in members)
@@ -573,7 +573,7 @@ def _shape(
     return _Shape(outlines, area, line)
 
 
-def _line_around(outlines: list[Footprint], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
+def _line_around(outlines: list[Outline], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
     """A stiff capsule as long and as wide as the largest of the outlines, scaled to the largest area of a range."""
     scale = 1.0
     if isinstance(area, tuple):

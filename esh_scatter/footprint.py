@@ -6,15 +6,13 @@ import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
-from ..engine.surface.footprint import Footprint, outline
+from ..engine.surface.footprint import Outline, outline
 from .target import read_triangles, world_matrix
 
 __all__ = ["measure_footprint"]
 
 
-def measure_footprint(
-    item: bpy.types.Object, context: bpy.types.Context | None = None, key: str = "`area`"
-) -> Footprint:
+def measure_footprint(item: bpy.types.Object, context: bpy.types.Context | None = None, key: str = "`area`") -> Outline:
     """Measure the footprint of an object as it stands, with its rotation and scale.
 
     Modifiers count where Blender evaluates the object, that is, in the view layer.

@@ -64,7 +64,7 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     tilt = None
     if standing.tilt > 0.0:
         # Directions alike, and within the cone all points alike, as far as it is flat.
-        lean = np.random.default_rng([seed, 5]).random((most, 2))[ground.identity]
+        lean = np.random.default_rng([seed, 6]).random((most, 2))[ground.identity]
         tilt = standing.tilt * np.sqrt(lean[:, 0]), 2.0 * math.pi * lean[:, 1]
     rotation = body_rotations(ground.normal, standing.align_to_normal, turn, tilt)
     lift = standing.offset * ground.normal.astype(np.float64)

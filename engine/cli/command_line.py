@@ -234,7 +234,11 @@ def _solve(options: argparse.Namespace) -> int:
 
         check_assets(problem, assets)
     from ..device.profile import Profile
+    from ..problem.cover import cover_of
 
+    warning = cover_of(problem).warning if problem.avoid_overlap and not options.quiet else None
+    if warning is not None:
+        print(f"esh-scatter: {options.recipe}: {warning}", file=sys.stderr, flush=True)
     profile = Profile() if options.profile else None
     placement = _run(problem, options, profile)
     writers = {path: placement_writer(path, placement, assets=assets) for path in options.output}

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..problem.body_footprints import footprints_of_placement
+
 if TYPE_CHECKING:
     from ..problem.placement import Placement
 
@@ -52,5 +54,8 @@ def copies_of_bodies(placement: Placement) -> Copies:
         if bent.any():
             low[bent], high[bent] = np.nanmin(placement.bends[bent], axis=1), np.nanmax(placement.bends[bent], axis=1)
     # A disc of the domain's diagonal covers all of it from wherever it is: no copy of a larger one adds anything.
-    radius = np.minimum(placement.radius, math.hypot(*placement.problem.domain.size))[:, None]
+    footprints = footprints_of_placement(placement)
+    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
+    radius = np.where(footprints.is_outline, np.maximum(circle * footprints.factor, placement.radius), placement.radius)
+    radius = np.minimum(radius, math.hypot(*placement.problem.domain.size))[:, None]
     return copies_within(low - radius, high + radius, placement.problem.domain.size)

@@ -1,4 +1,4 @@
-"""The plan of a placement as a picture: every body a disc or a capsule of its size, coloured by class, with a legend.
+"""The plan of a placement as a picture: every body's outline, a disc or a capsule, coloured by class, with a legend.
 
 Drawn with Pillow at three times the size and averaged down: sharp down to bodies below a pixel, and 100,000 of them
 take a few seconds.
@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import EshError
 from ..files.placement_files import write_files
+from ..problem.body_footprints import footprints_of_placement
 from ..problem.placement import disc_radius
 from .halftone import line_axis
 from .periodic_copies import copies_of_bodies
@@ -23,6 +24,7 @@ from .periodic_copies import copies_of_bodies
 if TYPE_CHECKING:
     from PIL import Image
 
+    from ..problem.body_footprints import BodyFootprints
     from ..problem.placement import Placement
 
 __all__ = ["PALETTE", "draw_plan"]
@@ -49,6 +51,8 @@ INK: Color = (52, 52, 56)
 FAINT_INK: Color = (128, 126, 122)
 
 PLAN_PIXELS = 1600
+# Points of the arc around a corner of a rounded outline.
+ARC_POINTS = 12
 MARGIN = 56
 OVERSAMPLING = 3
 LINE_HEIGHT = 40
@@ -130,6 +134,7 @@ def _draw_bodies(
 
     # A disc larger than the picture fills it; Pillow need not know by how much.
     most = 4.0 * math.hypot(*image.size)
+    footprints = footprints_of_placement(placement)
     copies = copies_of_bodies(placement)
     body = np.concatenate([np.flatnonzero(seen) for _, seen in copies])
     position = np.concatenate([placement.position[seen] + shift for shift, seen in copies])
@@ -144,11 +149,20 @@ def _draw_bodies(
     # Points along the axes of lines, from the middles of their bodies, in pixels.
     axes = {
         int(i): (line_axis(placement, int(i)) - placement.position[i]) * [fine, -fine]
-        for i in np.flatnonzero(placement.width > 0.0)
+        for i in np.flatnonzero((placement.width > 0.0) & ~footprints.is_outline)
     }
     for index in order.tolist():
         c, s = class_index[index], size_index[index]
         axis = axes.get(int(body[index]))
+        if footprints.is_outline[body[index]]:
+            _draw_outline(
+                draw,
+                center[index],
+                _outline(placement, footprints, int(body[index])) * fine,
+                rims[index],
+                (size_color[c][s], rim_color[c][s]),
+            )
+            continue
         if axis is not None:
             points, rim = center[index] + axis, rims[index]
             if rim:
@@ -161,6 +175,19 @@ def _draw_bodies(
         image.paste(PAPER, (0, 0, *image.size))
         image.paste(inside, (margin, margin))
     return image.reduce(OVERSAMPLING)
+
+
+def _outline(placement: Placement, footprints: BodyFootprints, body: int) -> np.ndarray:
+    """Corners of a body's outline as it is turned, from its position [m]; y up."""
+    c, s = math.cos(placement.angle[body]), math.sin(placement.angle[body])
+    points = footprints.shapes[footprints.shape[body]].outline(ARC_POINTS) * footprints.factor[body]
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def _draw_outline(draw: Any, center: np.ndarray, outline: np.ndarray, rim: int, colors: tuple[Color, Color]) -> None:
+    """Draw a polygon with a rim inside of it; its points are seen from ``center``, in pixels with y up."""
+    corners = [tuple(point) for point in (center + outline * [1.0, -1.0]).tolist()]
+    draw.polygon(corners, fill=colors[0], outline=colors[1] if rim else None, width=max(1, rim))
 
 
 def _draw_capsule(draw: Any, points: np.ndarray, radius: float, color: Color | int) -> None:
@@ -189,8 +216,8 @@ def _legend_lines(
         for s, size in enumerate(body_class.sizes[:MOST_SIZES_LISTED]):
             count = int((in_class & (placement.size_index == s)).sum())
             text = f"{_short(size.name)}  {count:,}"
-            if isinstance(size.area, tuple):
-                text += f", areas {size.area[0]:.3g} to {size.area[1]:.3g}"
+            if size.is_range:
+                text += ", areas {:.3g} to {:.3g}".format(*size.area_span)
             if size.line is None:
                 radius, half = min(max(disc_radius(size.mean_area) * scale, 5.0), 15.0), 0.0
             else:

@@ -19,7 +19,7 @@ __all__ = ["read_fixed_bodies"]
 
 ACCEPTED = "fixed bodies are a .npz or .csv file, or one of the other formats that placements are written in"
 # Columns that hold numbers; a cell that is empty says nothing.
-NUMBERS = ("x", "y", "angle", "length", "area", "id", "class_index", "size_index")
+NUMBERS = ("x", "y", "angle", "length", "area", "id", "class_index", "size_index", "variant", "scale")
 
 
 def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: str | None = None) -> FixedBodies:
@@ -27,9 +27,10 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
 
     Args:
         path: A ``.csv`` with a line of column names: ``x`` and ``y`` [m] are needed; ``class_name`` or ``class_index``, ``size_name``
-            or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²] and ``id`` are read, others are not looked at. Or a
-            ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what :func:`~esh.write_placement` writes.
-            Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from above.
+            or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²], ``id``, ``variant`` and ``scale`` are read, others are
+            not looked at. Or a ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what
+            :func:`~esh.write_placement` writes. Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from
+            above.
         body_class: The class of all of them, whatever the file says.
         size: Their size, whatever the file says.
 
@@ -53,6 +54,8 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
             columns.get("length"),
             columns.get("area"),
             columns.get("id"),
+            columns.get("variant", 0),
+            columns.get("scale"),
         )
     except ProblemError as error:
         raise InputFileError(f"{path}: {error}") from None

@@ -74,12 +74,12 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
     """Write a placement; an older file is replaced only once the new one is complete.
 
     Args:
-        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
-            ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
-            charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where bodies are fixed or
-            were edited; readable without pickle; equal placements give equal bytes), in ``.csv`` (one line per body, its
-            columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front), or in ``.usd``,
-            ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
+        path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
+            ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
+            ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where
+            bodies are fixed or were edited; readable without pickle; equal placements give equal bytes), in ``.csv`` (one line per
+            body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front), or in
+            ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
         placement: What to write.
         assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
             formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
@@ -291,6 +291,8 @@ def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         length=np.asarray(placement.length, dtype=np.float64),
         width=np.asarray(placement.width, dtype=np.float64),
         area=placement.area,
+        variant=placement.variant,
+        scale=placement.scale,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
         # Where nothing is fixed and nothing was edited they say nothing that the order does not.
@@ -306,8 +308,11 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     rows = csv.writer(text, lineterminator="\n")
     marked = _is_marked(placement)
     rows.writerow(
-        ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
-        + (("id", "fixed") if marked else ())
+        (
+            *("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"),
+            *("width", "area", "variant", "scale"),
+            *(("id", "fixed") if marked else ()),
+        )
     )
     class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
     size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
@@ -319,11 +324,15 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
-    shape = zip(placement.width.tolist(), placement.area.tolist(), *marks, strict=True)
+    shape = zip(
+        *(values.tolist() for values in (placement.width, placement.area, placement.variant, placement.scale)),
+        *marks,
+        strict=True,
+    )
     # Python writes the shortest digits that read back as the same number.
     rows.writerows(
-        (*row, class_name[row[2]], size_name[row[2]][row[3]], *thickness_and_area)
-        for row, thickness_and_area in zip(zip(*columns, strict=True), shape, strict=True)
+        (*row, class_name[row[2]], size_name[row[2]][row[3]], *rest)
+        for row, rest in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
 

@@ -6,6 +6,7 @@
     [domain]
     size = [40.0, 30.0]            # metres, x and y
     boundary = "open"              # default; or "periodic"
+    inset = false                  # default; true: footprints lie inside as a whole
     [balance]
     class_separation = 0.5         # default
     size_emphasis = 2.0            # default; or a list, one for each larger size
@@ -23,6 +24,11 @@
     area = 3.0                     # footprint, m²; or a range [0.5, 2.0]
     count = 120                    # or share = 0.25 where the class has the count
     distribution = "linear"        # default, of a range; or "uniform", or a list of areas
+    footprint = { rectangle = [2.0, 0.3] }   # outline; or { polygon = [[x, y], ...] }, { disc = radius } or
+                                   # { capsule = [length, width] }, or a list of such; default: a disc of the area
+    turn = "free"                  # default, of a footprint: as it fits; or "random", or radians
+    scale_jitter = 0.0             # default: bodies are scaled by a factor within 1 ± this
+    room = 1.0                     # default: factor on the footprint for keeping apart; or gap = 0.1, in metres
     [class.size.line]              # only for long bodies
     length = 2.0                   # metres; or an image beside the recipe, black = length_range[0], white = length_range[1]
     direction = "density"          # default; "none", radians, or an image beside the recipe
@@ -200,6 +206,8 @@ def _read_size(table: RecipeTable, of_shares: bool) -> Size:
         raise table.error(
             "count", "cannot be combined with a `count` of the class: give a `share` of the class instead"
         )
+    if not {"area", "footprint"} & table.entries.keys():
+        raise table.error("area", "is missing")
     values = read_settings(table, Size)
     if not of_shares and not {"count", "share"} & values.keys():
         raise table.error("count", "is missing")

@@ -15,10 +15,12 @@ import numpy as np
 from ..errors import ProblemError
 from ..problem import validation
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
-from ..problem.problem import BodyClass, Line
+from ..problem.footprint import Footprints
+from ..problem.problem import BodyClass, Line, Size
 from ..problem.settings import settings_of
 from ..problem.validation import show
 from .image_files import read_array, read_color, read_density
+from .recipe_footprints import FOOTPRINT_KEYS, check_footprint, written_footprints
 from .recipe_table import RecipeTable
 
 __all__ = ["WORDS", "NameArray", "keys_of", "plain_value", "read_group", "read_settings", "written_settings"]
@@ -171,6 +173,22 @@ def _write_direction(direction: str | float | np.ndarray, name_array: NameArray)
     return {"direction": name_array("direction", direction), "direction_kind": kind}
 
 
+# Outlines
+
+
+def _read_footprint(table: RecipeTable) -> Footprints:
+    for name in FOOTPRINT_KEYS:
+        if name in table.entries and "footprint" not in table.entries:
+            raise table.error(name, "is only for a size with a `footprint`")
+    outlines, weights = table.take("footprint", check_footprint)
+    given = {name: table.entries[name] for name in FOOTPRINT_KEYS if name in table.entries}
+    return table.build(lambda: Footprints(outlines, weights=weights, **given))
+
+
+def _write_footprint(footprints: Footprints, _name_array: NameArray) -> dict[str, Any]:
+    return written_footprints(footprints)
+
+
 def _is_array(name: str) -> bool:
     return Path(name).suffix.lower() == ".npy"
 
@@ -231,6 +249,7 @@ def _vectors(image: np.ndarray, key: str) -> np.ndarray:
 
 
 SPECIAL: dict[tuple[type, str], Key] = {
+    (Size, "footprint"): Key(("footprint", *FOOTPRINT_KEYS), _read_footprint, _write_footprint),
     (BodyClass, "density"): Key(("density", "invert"), _read_density, _write_density),
     (Line, "length"): Key(("length", "length_range"), _read_length, _write_length),
     (Line, "direction"): Key(("direction", "direction_kind"), _read_direction, _write_direction),

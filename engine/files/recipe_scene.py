@@ -58,6 +58,10 @@ def written_fixed(problem: Problem) -> list[dict[str, Any]]:
             # TOML has a number that is none, but nobody wants to read it.
             if not np.isnan(table.length[own]).any():
                 keys["length"] = table.length[own].tolist()
+            if table.variant[own].any():
+                keys["variant"] = table.variant[own].tolist()
+            if not np.isnan(table.scale[own]).any():
+                keys["scale"] = table.scale[own].tolist()
             if (table.id[own] >= 0).all():
                 keys["id"] = table.id[own].tolist()
             tables.append(keys)
@@ -82,7 +86,7 @@ def written_obstacles(problem: Problem, name_array: NameArray) -> list[dict[str,
 
 
 def _read_fixed(table: RecipeTable) -> FixedBodies:
-    table.check_keys("file", "class", "size", "position", "angle", "length", "area", "id")
+    table.check_keys("file", "class", "size", "position", "angle", "length", "area", "id", "variant", "scale")
     given = [name for name in ("file", "position") if name in table.entries]
     if len(given) != 1:
         raise table.error(
@@ -91,7 +95,7 @@ def _read_fixed(table: RecipeTable) -> FixedBodies:
     body_class = table.take_optional("class", _check_label)
     size = table.take_optional("size", _check_label)
     if given == ["file"]:
-        for name in ("angle", "length", "area", "id"):
+        for name in ("angle", "length", "area", "id", "variant", "scale"):
             if name in table.entries:
                 raise table.error(
                     name, "is only for bodies that the recipe lists by `position`; the `file` has its own"
@@ -106,6 +110,8 @@ def _read_fixed(table: RecipeTable) -> FixedBodies:
             table.take_optional("length", _check_numbers),
             table.take_optional("area", _check_numbers),
             table.take_optional("id", _check_ids),
+            table.take("variant", _check_numbers, 0),
+            table.take_optional("scale", _check_numbers),
         )
     )
 

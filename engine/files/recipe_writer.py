@@ -115,6 +115,8 @@ def _toml(value: Any) -> str:
     if isinstance(value, str):
         # What may have to be escaped in TOML, JSON escapes in the same way.
         return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
     if isinstance(value, list):
         return f"[{', '.join(_toml(entry) for entry in value)}]"
     # Python writes the shortest digits that read back as the same number.

@@ -35,6 +35,8 @@ class FixedBody:
         length: Length of its axis [m], of a line; None for the length that is asked for there.
         area: Its footprint [m²]; None for that of its size, the mean one of a range.
         id: Its identity, a whole number of 0 or more that no other body has; None for a free one.
+        variant: Which of the outlines of its size it has, where there are several.
+        scale: Factor on that outline; None for that which gives it its area where the outline does, else 1.
     """
 
     position: tuple[float, float]
@@ -44,6 +46,8 @@ class FixedBody:
     length: float | None = None
     area: float | None = None
     id: int | None = None
+    variant: int = 0
+    scale: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,8 @@ class FixedBodies:
         length: Lengths of their axes [m], of lines; NaN or None for the length that is asked for there.
         area: Footprints [m²]; NaN or None for that of the size, the mean one of a range.
         id: Identities, whole numbers of 0 or more that no two bodies share; -1 or None for free ones.
+        variant: Which of the outlines of their sizes they have.
+        scale: Factors on these; NaN or None as in :class:`FixedBody`.
 
     Raises:
         ProblemError: Shapes that do not fit each other, or values that are none.
@@ -70,6 +76,8 @@ class FixedBodies:
     length: float | np.ndarray | None = None
     area: float | np.ndarray | None = None
     id: np.ndarray | None = None
+    variant: int | np.ndarray = 0
+    scale: float | np.ndarray | None = None
 
     def __post_init__(self) -> None:
         position = _numbers(self.position, "`fixed.position`")
@@ -86,12 +94,17 @@ class FixedBodies:
             "length": _each(np.nan if self.length is None else self.length, m, "`fixed.length`"),
             "area": _each(np.nan if self.area is None else self.area, m, "`fixed.area`"),
             "id": _ids(self.id, m),
+            "variant": _each(self.variant, m, "`fixed.variant`"),
+            "scale": _each(np.nan if self.scale is None else self.scale, m, "`fixed.scale`"),
         }
+        if not ((values["variant"] >= 0.0) & (values["variant"] % 1.0 == 0.0)).all():
+            raise ProblemError(f"`fixed.variant` must be whole numbers of 0 or more; got {show(self.variant)}")
+        values["variant"] = np.minimum(values["variant"], 2.0**31 - 1.0).astype(np.int32)
         for name, value in values.items():
             object.__setattr__(self, name, value)
         if not np.isfinite(values["angle"]).all():
             raise ProblemError("`fixed.angle` must be finite everywhere; it holds NaN or infinity")
-        for name in ("length", "area"):
+        for name in ("length", "area", "scale"):
             wrong = values[name][~(np.isnan(values[name]) | ((values[name] > 0.0) & np.isfinite(values[name])))]
             # A dot has no axis, and files say so with 0.
             wrong = wrong[wrong != 0.0] if name == "length" else wrong
@@ -122,6 +135,8 @@ class FixedBodies:
             placement.length[pick],
             placement.area[pick],
             placement.id[pick],
+            placement.variant[pick],
+            placement.scale[pick],
         )
 
 
@@ -136,6 +151,8 @@ class FixedTable(NamedTuple):
         length: [m]; NaN for the length that is asked for there, and for dots.
         area: [m²].
         id: int64; -1 for a free one.
+        variant: int32.
+        scale: NaN for what follows from the area.
     """
 
     position: np.ndarray
@@ -145,6 +162,8 @@ class FixedTable(NamedTuple):
     length: np.ndarray
     area: np.ndarray
     id: np.ndarray
+    variant: np.ndarray
+    scale: np.ndarray
 
     def number_of(self, class_index: int, size_index: int) -> int:
         """How many there are of a size of a class."""
@@ -167,7 +186,7 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain)
     if not parts:
         nothing = np.zeros(0)
         none = np.zeros(0, np.int32)
-        return FixedTable(np.zeros((0, 2)), none, none, nothing, nothing, nothing, np.zeros(0, np.int64))
+        return FixedTable(np.zeros((0, 2)), none, none, nothing, nothing, nothing, np.zeros(0, np.int64), none, nothing)
     position = np.concatenate([part.position for part in parts])
     outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
     if len(outside):
@@ -200,7 +219,9 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain)
         raise ProblemError(f"`fixed.id` must differ from body to body; got {given_ids[times > 1][0]} twice")
     angle = np.concatenate([np.asarray(part.angle) for part in parts])
     order = np.lexsort((size_index, class_index))
-    columns = (position, class_index, size_index, angle, length, area, ids)
+    variant = np.concatenate([np.asarray(part.variant) for part in parts])
+    scale = np.concatenate([np.asarray(part.scale) for part in parts])
+    columns = (position, class_index, size_index, angle, length, area, ids, variant, scale)
     return FixedTable(*(column[order] for column in columns))
 
 
@@ -230,6 +251,8 @@ def _as_bodies(part: object) -> FixedBodies:
         part.length,
         part.area,
         None if part.id is None else np.array([part.id]),
+        part.variant,
+        part.scale,
     )
 
 

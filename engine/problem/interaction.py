@@ -93,7 +93,7 @@ def _exponent(problem: Problem) -> float:
 
 def _unit_of_area(problem: Problem) -> float:
     """Area [m²] whose emphasis is 1: only ratios count, but powers of very large and very small areas leave the range of float64."""
-    areas = np.concatenate([np.atleast_1d(size.area) for c in problem.classes for size in c.sizes])
+    areas = np.array([area for c in problem.classes for size in c.sizes for area in size.area_span])
     powers = _exponent(problem) * np.abs(np.log10(areas)).max()
     return 1.0 if powers < 100.0 else float(areas.max())
 

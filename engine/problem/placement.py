@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .body_footprints import footprints_of
+
 if TYPE_CHECKING:
     from .problem import Problem
     from .report import Report
@@ -28,7 +30,8 @@ class Placement:
         position: Body positions [m], shape ``[n, 2]``, float64, inside the domain.
         class_index: Index into ``problem.classes``, shape ``[n]``, int32.
         size_index: Index into the class's sizes, shape ``[n]``, int32.
-        angle: Direction of the body's long axis [rad], counter-clockwise from x, shape ``[n]``, float64; 0 for dots.
+        angle: How the body's outline is turned [rad], counter-clockwise, -pi to pi, shape ``[n]``, float64. Of a line without one it
+            is the direction of the axis from x, within half a turn; 0 for other bodies without outlines.
         length: Length of a line body's axis [m], from its first to its last charge, shape ``[n]``, float64; 0 for dots.
         width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
         report: What was reached; None before it is measured.
@@ -36,6 +39,8 @@ class Placement:
             ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
         id: Identity of every body, shape ``[n]``, int64: a body keeps it from one edit to the next, and a fixed one brings its own.
         fixed: Whether a body was fixed, shape ``[n]``, bool; of every size those come last.
+        variant: Which of the outlines of its size every body has, shape ``[n]``, int32; 0 where there are none.
+        scale: Factor on that outline, shape ``[n]``, float64; 1 where there is none.
     """
 
     problem: Problem
@@ -49,6 +54,8 @@ class Placement:
     bends: np.ndarray | None = None
     id: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     fixed: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    variant: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    scale: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         count = len(self.position)
@@ -56,6 +63,10 @@ class Placement:
             object.__setattr__(self, "id", np.arange(count, dtype=np.int64))
         if not len(self.fixed):
             object.__setattr__(self, "fixed", np.zeros(count, bool))
+        if not len(self.variant):
+            asked = footprints_of(self.problem)
+            object.__setattr__(self, "variant", asked.variant)
+            object.__setattr__(self, "scale", asked.scale)
 
     @property
     def class_name(self) -> tuple[str, ...]:

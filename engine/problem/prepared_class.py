@@ -17,6 +17,7 @@ from .apportionment import apportion
 from .density_correction import correct_density
 from .image_filters import unsharp_mask
 from .obstacles import Obstacle, clearance, mask_shape
+from .packing import packable_share
 from .validation import MOST_BODIES, show
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ class PreparedClass:
         density_image: The density that bodies follow, shape ``[height, width]``, float32 (``[1, 1]`` when it is uniform).
         notes: Sentences for the report on what happened to the density.
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
+        share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
         base: The class before obstacles were cut out of its density and fixed bodies added to its counts; None if it is that.
     """
 
@@ -56,6 +58,7 @@ class PreparedClass:
     notes: tuple[str, ...] = ()
     asked: BodyClass | None = None
     base: PreparedClass | None = None
+    share: float = 1.0
 
     @property
     def body_count(self) -> int:
@@ -63,20 +66,31 @@ class PreparedClass:
         return sum(size.count or 0 for size in self.sizes)
 
 
-def prepare(body_class: BodyClass, domain_area: float, density: PreparedDensity | None = None) -> PreparedClass:
+def prepare(
+    body_class: BodyClass,
+    domain_area: float,
+    density: PreparedDensity | None = None,
+    *,
+    apart: bool = False,
+    share: float = 1.0,
+) -> PreparedClass:
     """Return a class as it is placed in a domain.
 
     Args:
         body_class: What is asked.
         domain_area: Area of the domain [m²].
         density: Its density where it has been prepared already.
+        apart: Whether bodies may not overlap: a count of ``"cover"`` then means no more of the ground than they can cover so.
+        share: What such a count means of that.
 
     Raises:
         ProblemError: A sharpening that leaves nothing, a density that covers less than half a body, or a share without a body.
     """
     image, notes = density or prepare_density(body_class)
-    sizes = count_sizes(body_class, float(image.mean(dtype=np.float64)) * domain_area)
-    return PreparedClass(body_class.name, sizes, image, notes, body_class)
+    if apart and body_class.count == "cover":
+        image = np.minimum(image, np.float32(packable_share(body_class.sizes)))
+    sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * domain_area)
+    return PreparedClass(body_class.name, sizes, image, notes, body_class, share=share)
 
 
 def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obstacle]) -> PreparedClass:
@@ -98,7 +112,7 @@ def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obsta
     # What is left says how many bodies cover it.
     sizes = body_class.sizes
     if body_class.asked is not None:
-        sizes = count_sizes(body_class.asked, float(fine.mean(dtype=np.float64)) * domain.area)
+        sizes = count_sizes(body_class.asked, body_class.share * float(fine.mean(dtype=np.float64)) * domain.area)
     return replace(body_class, density_image=fine, sizes=sizes)
 
 

@@ -20,9 +20,11 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
+from .footprint import DrawnFootprints, Footprint, Footprints, checked_footprints
 from .obstacles import Obstacle
-from .prepared_class import PreparedClass, cut_out, prepare
-from .settings import Choice, Settings, described, setting, settle
+from .packing import packable_share, scale_to_fit
+from .prepared_class import PreparedClass, cut_out, prepare, prepare_density
+from .settings import Choice, Settings, as_given, described, setting, settle
 from .validation import Boundary, show
 
 __all__ = [
@@ -37,6 +39,9 @@ __all__ = [
     "Unsharp",
 ]
 
+# Outlines of one size whose areas differ by no more than this factor count as alike: one group is enough for them.
+ALIKE = 2.0
+
 
 @described
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class Domain(Settings):
     """The rectangle in which bodies are placed.
 
     Raises:
-        ProblemError: A size that is not positive and finite, or an unknown boundary.
+        ProblemError: A size that is not positive and finite, an unknown boundary, or an inset of a periodic domain.
     """
 
     size: tuple[float, float] = field(
@@ -61,10 +66,19 @@ class Domain(Settings):
             check=validation.check_boundary,
         ),
     )
+    inset: bool = field(
+        default=False,
+        metadata=setting(
+            "Keep footprints inside an open domain as a whole, and not only their positions",
+            more="It takes ``avoid_overlap``: contact sees the edges as walls",
+        ),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         validation.check_period(self.size, self.boundary)
+        if self.inset and self.periodic:
+            raise ProblemError("`domain.inset` must be false where the `boundary` is periodic, which has no edges")
 
     def _key(self, name: str) -> str:
         return f"`domain.{name}`"
@@ -271,13 +285,15 @@ class Size(Settings):
     name: str = field(
         metadata=setting("Name of this size. No two sizes of a class have the same name", check=validation.check_name)
     )
-    area: float | tuple[float, float] = field(
+    area: float | tuple[float, float] | None = field(
+        default=None,
         metadata=setting(
             "Ground that one body takes",
             unit="m²",
-            more="It is also the body's charge. Or a range, smallest first, from which every body gets its own",
+            more="It is also the body's charge. Or a range, smallest first, from which every body gets its own. None takes the areas "
+            "of the outlines in ``footprint``",
             check=validation.check_area_or_range,
-        )
+        ),
     )
     count: int | None = field(
         default=None,
@@ -312,9 +328,23 @@ class Size(Settings):
     line: Line | None = field(
         default=None, metadata=setting("Makes the bodies long", more="None leaves them dots", of=Line)
     )
+    footprint: Footprint | Sequence[Footprint] | Footprints | None = field(
+        default=None,
+        metadata=setting(
+            "Outlines of the bodies, which contact keeps apart",
+            more="A :class:`Footprint`, several variants of which every body has one, or :class:`Footprints`, which say more. Where "
+            "the area is a range they are scaled to it. None: discs of the area, and capsules around the axes of lines",
+            check=as_given,
+        ),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.footprint is not None:
+            where = f'of size "{self.name}"'
+            settle(self, footprint=checked_footprints(self.footprint, where, self.count, self.line is not None))
+        elif self.area is None:
+            validation.check_area_or_range(self.area, self._key("area"))
         if self.count is not None and self.share is not None:
             raise ProblemError(f"{self._key('share')} cannot be combined with a `count`; got {show(self.share)}")
         if isinstance(self.distribution, np.ndarray):
@@ -336,19 +366,66 @@ class Size(Settings):
 
     @property
     def is_range(self) -> bool:
-        """Whether every body has an area of its own."""
+        """Whether areas differ so much that the large ones are to be even among themselves."""
+        if self.area is None:
+            low, high = self._footprints.area_span
+            return high > ALIKE * low
         return isinstance(self.area, tuple)
+
+    @property
+    def area_span(self) -> tuple[float, float]:
+        """Smallest and largest area that a body may have [m²]."""
+        if self.area is None:
+            return self._footprints.area_span
+        return self.area if isinstance(self.area, tuple) else (self.area, self.area)
+
+    @property
+    def widest(self) -> float:
+        """Smallest width of the widest body that there may be [m]."""
+        if self.footprint is not None:
+            given = self._footprints
+            return max(outline.width for outline in given.outlines) * self._largest_scale * given.room + given.gap
+        if self.line is not None:
+            return self.line.width or 0.0
+        return 2.0 * math.sqrt(self.area_span[1] / math.pi)
+
+    @property
+    def outlines(self) -> tuple[Footprint, ...]:
+        """The outlines that bodies may have; none where they are discs or capsules."""
+        return () if self.footprint is None else self._footprints.outlines
+
+    @property
+    def longest_reach(self) -> float:
+        """Farthest that an outline reaches from a body's position, with the room that it keeps [m]."""
+        given = self._footprints
+        longest = max(outline.circumradius for outline in given.outlines)
+        return longest * self._largest_scale * given.room + 0.5 * given.gap
+
+    @property
+    def _largest_scale(self) -> float:
+        given = self._footprints
+        scale = float(np.max(1.0 if given.scale is None else given.scale)) * (1.0 + given.scale_jitter)
+        if given.scale is None and isinstance(self.area, tuple):
+            scale *= max(math.sqrt(self.area[1] / outline.area) for outline in given.outlines)
+        return scale
+
+    @property
+    def _footprints(self) -> Footprints:
+        assert isinstance(self.footprint, Footprints)
+        return self.footprint
 
     @property
     def mean_area(self) -> float:
         """Mean footprint [m²] that the distribution aims at."""
         if isinstance(self.distribution, np.ndarray):
             return float(self.distribution.mean())
-        return float(np.mean(self.area))
+        return self._footprints.mean_area if self.area is None else float(np.mean(self.area))
 
     @property
-    def footprint(self) -> float:
-        """Mean ground that a body takes [m²]: its area, or that of the capsule where a line has a width of its own."""
+    def mean_ground(self) -> float:
+        """Mean ground that a body covers [m²]: its outline, the capsule of a line with a width of its own, or else its area."""
+        if self.footprint is not None and not isinstance(self.area, tuple):
+            return self._footprints.mean_area
         if self.line is None or self.line.width is None:
             return self.mean_area
         return self.line.width * (float(np.mean(self.line.length)) + 0.25 * math.pi * self.line.width)
@@ -358,11 +435,20 @@ class Size(Settings):
         count = self.count or 0
         if isinstance(self.distribution, np.ndarray):
             return self.distribution.copy()
+        if self.area is None:
+            drawn = self.footprints([seed[0], 5, *seed[2:]])
+            outline_area = np.array([outline.area for outline in self._footprints.outlines])
+            return outline_area[drawn.variant] * drawn.scale**2
         if not isinstance(self.area, tuple):
             return np.full(count, self.area)
         if self.distribution == "linear":
             return np.linspace(*self.area, count) if count > 1 else np.full(count, self.mean_area)
         return np.random.default_rng(seed).uniform(*self.area, count)
+
+    def footprints(self, seed: Sequence[int]) -> DrawnFootprints:
+        """Which outline every body has, how large and how turned; ``seed`` draws what is not given."""
+        areas = self.areas([seed[0], 2, *seed[2:]]) if isinstance(self.area, tuple) else None
+        return self._footprints.draw(self.count or 0, seed, areas, self.line is not None)
 
 
 def with_count(size: Size, count: int) -> Size:
@@ -423,7 +509,8 @@ class BodyClass(ClassSettings):
         metadata=setting(
             "How many to place, all sizes together",
             more='The sizes then have shares instead of counts (a single size has all of it); or ``"cover"``: as many as it takes '
-            "for the footprints to add up to the density, taken as covered share of the ground",
+            "for the footprints to add up to the density, taken as covered share of the ground; where the problem avoids overlap, no "
+            "more than can lie there so",
             low=1,
             soft_high=100_000,
             check=validation.check_class_count,
@@ -549,9 +636,14 @@ class Problem(SamplingSettings):
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
         include_fixed = validation.check_switch(include_fixed, "`include_fixed`")
+        avoid_overlap = validation.check_switch(avoid_overlap, "`avoid_overlap`")
         obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
+        share = _share_of_cover(classes) if avoid_overlap else 1.0
         # A class of another problem may have been cut and counted before.
-        bases = tuple((c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain.area) for c in classes)
+        bases = tuple(
+            (c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain.area, apart=avoid_overlap, share=share)
+            for c in classes
+        )
         prepared = _sharing_images(tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
         settle(self, include_fixed=include_fixed, obstacles=obstacles)
@@ -566,6 +658,7 @@ class Problem(SamplingSettings):
         self._check_areas()
         self._check_emphasis()
         self._check_extents()
+        self._check_footprints()
 
     def _with_fixed(self, index: int, body_class: PreparedClass) -> PreparedClass:
         """A class whose sizes count all of their bodies, fixed ones among them."""
@@ -601,7 +694,7 @@ class Problem(SamplingSettings):
                     raise ProblemError(
                         f'`balance.size_emphasis` must be one number, because areas of class "{c.name}" are a range; got a list'
                     )
-                ranks = len({size.area for size in c.sizes})
+                ranks = len({size.mean_area for size in c.sizes})
                 if ranks - 1 > len(emphasis):
                     raise ProblemError(
                         f'`balance.size_emphasis` must have a value for each of the {ranks - 1} larger sizes of class "{c.name}"; '
@@ -625,9 +718,9 @@ class Problem(SamplingSettings):
 
     def _check_areas(self) -> None:
         sizes = [(c, size) for c in self.classes for size in c.sizes]
-        small = min(sizes, key=lambda pair: np.min(pair[1].area))
-        large = max(sizes, key=lambda pair: np.max(pair[1].area))
-        low, high = float(np.min(small[1].area)), float(np.max(large[1].area))
+        small = min(sizes, key=lambda pair: pair[1].area_span[0])
+        large = max(sizes, key=lambda pair: pair[1].area_span[1])
+        low, high = small[1].area_span[0], large[1].area_span[1]
         if high > validation.MOST_AREA_RATIO * low:
             raise ProblemError(
                 f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
@@ -635,7 +728,7 @@ class Problem(SamplingSettings):
                 f"{low:g} m²"
             )
         # Counts may be larger than any float.
-        covered = sum(float(min(size.count or 0, 10**18)) * (size.footprint / self.domain.area) for _, size in sizes)
+        covered = sum(float(min(size.count or 0, 10**18)) * (size.mean_ground / self.domain.area) for _, size in sizes)
         if self.avoid_overlap and covered > validation.MOST_COVERED:
             raise ProblemError(
                 f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
@@ -645,7 +738,7 @@ class Problem(SamplingSettings):
     def _check_emphasis(self) -> None:
         emphasis = self.balance.size_emphasis
         for c in self.classes:
-            areas = [area for size in c.sizes for area in np.atleast_1d(size.area).tolist()]
+            areas = [area for size in c.sizes for area in (size.area_span if size.is_range else (size.mean_area,))]
             if not isinstance(emphasis, float):
                 powers = math.log(max((1.0, *emphasis[: len(set(areas)) - 1])))
             elif any(size.is_range for size in c.sizes):
@@ -665,14 +758,33 @@ class Problem(SamplingSettings):
             side, most, which = min(self.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
         for c in self.classes:
             for size in c.sizes:
-                disc = 2.0 * math.sqrt(float(np.max(size.area)) / math.pi)
+                disc = 2.0 * math.sqrt(size.area_span[1] / math.pi)
                 key, extent = "area", disc
                 if size.line is not None:
                     key, extent = "line", size.line.longest + (size.line.width or disc)
+                if size.footprint is not None:
+                    key, extent = "footprint", max(extent, size.longest_reach * 2.0)
                 if extent > most * side:
                     raise ProblemError(
                         f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
                         f"{which}, {side:g} m; they are {extent:g} m long"
+                    )
+
+    def _check_footprints(self) -> None:
+        """Refuse what contact can do nothing about: bodies wider than the walls are apart."""
+        if not self.domain.inset:
+            return
+        if not self.avoid_overlap:
+            raise ProblemError(
+                "`domain.inset` must be false without `avoid_overlap`: it is contact that keeps footprints inside"
+            )
+        most = min(self.domain.size)
+        for c in self.classes:
+            for size in c.sizes:
+                if size.widest > most * (1.0 + 1e-9):
+                    raise ProblemError(
+                        f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the domain that they are to lie in, '
+                        f"{most:g} m; got {size.widest:.4g}"
                     )
 
     @property
@@ -728,6 +840,16 @@ class Problem(SamplingSettings):
         result[fixed] = named
         result[~fixed] = first + len(unnamed) + np.arange(int((~fixed).sum()))
         return result
+
+
+def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
+    """What classes that are to cover the ground, and keep apart on it, can have of what each of them alone could cover."""
+    covering = [c for c in classes if isinstance(c, BodyClass) and c.count == "cover"]
+    if not covering:
+        return 1.0
+    fits = [packable_share(c.sizes) for c in covering]
+    images = [np.minimum(prepare_density(c).image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
+    return scale_to_fit(images, max(fits))
 
 
 def _sharing_images(classes: Sequence[PreparedClass]) -> tuple[PreparedClass, ...]:

@@ -42,10 +42,14 @@ class Report:
         coverage_error: Coverage error of all bodies together, k = 1.
         smallest_spacing: Smallest distance between two bodies' centres, over the hexagonal spacing of as many bodies
             of the same mean density at that place; 1 is a perfect lattice. None with fewer than two bodies.
-        overlaps: Number of pairs of bodies whose footprints (discs of their area) overlap; at least so many, where a body
-            overlaps more than 200 others. Pairs of fixed bodies do not count.
+        overlaps: Number of pairs of bodies whose outlines (discs of their area where they were given none) overlap by more than 1e-3
+            of the narrower one's width; at least so many, where a body overlaps more than 200 others. Pairs of fixed bodies do not
+            count.
         covered: Sum of the footprints over the area where bodies may be (density above zero).
         classes: One entry per class.
+        deepest_overlap: How deep the deepest overlap is [m]: the shortest way that parts the two; 0 where nothing overlaps.
+        deepest_pair: The two bodies, None where nothing overlaps.
+        deepest_place: The middle between them [m].
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
         closest: Smallest distance between two bodies' centres [m], in the plane of the domain; None with fewer than two bodies.
         usual: Median of every body's distance to its nearest neighbour [m].
@@ -63,6 +67,9 @@ class Report:
     notes: tuple[str, ...] = ()
     closest: float | None = None
     usual: float | None = None
+    deepest_overlap: float = 0.0
+    deepest_pair: tuple[int, int] | None = None
+    deepest_place: tuple[float, float] | None = None
 
     def to_dict(self) -> dict:
         """Return the report as plain dictionaries and lists, ready for JSON."""

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
@@ -14,7 +15,7 @@ from ..space.survey import survey
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .overlaps import count_overlaps
+from .overlaps import overlaps_of
 from .spacing import measure_spacing
 
 __all__ = ["measure"]
@@ -42,18 +43,17 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
-    if covered > 1.0:
+    overlaps = overlaps_of(placement, launcher)
+    cover = cover_of(problem) if problem.avoid_overlap else None
+    if cover is not None and overlaps.count:
+        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
+    if cover is not None and cover.warning is not None and overlaps.count:
+        notes.append(cover.warning)
+    elif covered > 1.0:
         notes.append(
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
         )
-    overlaps = count_overlaps(bodies, area, *((placement.length, placement.width) if has_lines else ()))
-    overlaps -= _overlaps_of_fixed(placement, launcher)
-    if problem.avoid_overlap and overlaps and covered <= 1.0:
-        pairs = (
-            "1 pair of footprints still overlaps" if overlaps == 1 else f"{overlaps} pairs of footprints still overlap"
-        )
-        notes.append(f"{pairs}, where more is asked for than fits; lower the counts or the areas")
     spacing = measure_spacing(bodies, _number_density(bodies, problem))
     return Report(
         steps=0,
@@ -64,7 +64,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         smallest_spacing=spacing and spacing.smallest,
         closest=spacing and spacing.closest,
         usual=spacing and spacing.usual,
-        overlaps=overlaps,
+        overlaps=overlaps.count,
+        deepest_overlap=overlaps.deepest,
+        deepest_pair=overlaps.pair,
+        deepest_place=overlaps.place,
         covered=covered,
         classes=tuple(
             ClassReport(
@@ -81,16 +84,6 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         ),
         notes=tuple(notes),
     )
-
-
-def _overlaps_of_fixed(placement: Placement, launcher: Launcher) -> int:
-    """Overlaps among fixed bodies, which no run can part."""
-    fixed = placement.fixed
-    if not fixed.any():
-        return 0
-    angle, length, width = placement.angle[fixed], placement.length[fixed], placement.width[fixed]
-    bodies = measured_bodies(launcher, placement.problem.domain, placement.position[fixed], angle, length)
-    return count_overlaps(bodies, placement.area[fixed], length, width)
 
 
 def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:

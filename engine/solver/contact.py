@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..problem.packing import elongation_of
 from ..space import kernels_images
 from ..space.neighbourhood import Neighbourhood
 from . import kernels_contact, kernels_descent
 from .body_flags import BodyFlags
 from .model import Model
+from .separation import Separation
 
 __all__ = ["Contact"]
 
-# Rounds of pushing after every step of the relaxation, and at its end, where a run of so many without progress is the last.
+# Rounds of pushing after every step of the relaxation.
 ROUNDS_PER_STEP = 4
-LAST_ROUNDS = 2000
-ROUNDS_WITHOUT_PROGRESS = 200
-# Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
-# fewer than before once only so many are left.
-PROGRESS = 0.97
-FEW_OVERLAPS = 100
 # Share of a push that is made at once, and how much farther than touching bodies are pushed, as a share of their radii.
 DAMPING = 0.9
 SLACK = 1e-3
@@ -31,8 +28,12 @@ SLACK = 1e-3
 AXIS_RADIUS = 0.25
 # Bodies that the CPU looks after with one reading of a kernel's many arguments.
 BODIES_AT_ONCE = 32
-# Rounds between two looks at the number of overlaps that are left.
-ROUNDS_AT_ONCE = 10
+# Bodies are long from this length over their width on; and forces have a word again from this cover on, so many times at most, and as
+# many as that has of all bodies.
+LONG = 2.0
+CROWDED = 0.4
+MOST_SETTLING = 3
+BODIES_TO_SETTLE = 60_000
 
 
 class Contact:
@@ -75,7 +76,12 @@ class Contact:
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
         width = self._model.widths(length)
-        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+        if not self._model.problem.avoid_overlap:
+            area = self._model.body.area
+        else:
+            # While bodies find their places an outline is a disc of its area.
+            area = self._model.footprints.areas(length, width, apart=True)
+        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi))
         return radius if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
@@ -85,49 +91,43 @@ class Contact:
         for _ in range(ROUNDS_PER_STEP):
             self._round(pose, bend, displacement)
 
-    def separate(self, pose: wp.array, bend: wp.array) -> None:
-        """Push until nothing overlaps, or no progress is made."""
-        # Where lines have no width of their own, it follows from the lengths that they have reached.
-        reached = pose.numpy()[:, 3].astype(np.float64) * self._model.unit
-        self._near.footprints.radius.assign((self._radii(reached) / self._model.unit).astype(np.float32))
+    @property
+    def rounds_of_settling(self) -> int:
+        """How often the forces have a word again once outlines are parted.
 
-        def run_round() -> None:
-            self._near.sort(pose)
-            self._round(pose, bend, self._spare)
-
-        # Bodies that do not move stay on each other.
-        most = self._pinned_overlaps(pose, reached)
-        one_round = self.launcher.record(run_round)
-        counting = self.launcher.record(lambda: self._near.count_overlaps(pose, 0.0))
-        fewest, since = math.inf, 0
-        for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
-            for _ in range(ROUNDS_AT_ONCE):
-                one_round.play()
-            counting.play()
-            left = self._near.counted_overlaps() - most
-            if left <= 0:
-                return
-            since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
-            fewest = min(fewest, left) if since == 0 else fewest
-            if since >= ROUNDS_WITHOUT_PROGRESS:
-                return
-
-    def _pinned_overlaps(self, pose: wp.array, length: np.ndarray) -> int:
-        """Overlaps among bodies that do not move; axes of lengths [m]."""
+        Long bodies that turn as they fit gather in sheaves, and what is even before contact is less so after it.
+        """
         model = self._model
-        pinned = np.flatnonzero(model.body.flags & BodyFlags.PINNED)
-        if not len(pinned):
+        footprints = model.footprints
+        length = np.zeros(model.body_count)
+        area = footprints.areas(length, length, apart=True)
+        long = np.array([elongation_of(outline) > LONG for outline in footprints.shapes] + [False])
+        turning = float(area[footprints.free & long[footprints.shape]].sum())
+        covered = float(area.sum()) / model.problem.domain.area
+        if turning < 0.1 * float(area.sum()) or not CROWDED < covered < 1.0:
             return 0
-        near = Neighbourhood(
-            self.launcher,
-            model.size,
-            model.problem.domain.periodic,
-            self._radii(length)[pinned] / model.unit,
-            0.5 * length[pinned] / model.unit,
-            model.body.area[pinned],
-        )
-        alone = wp.array(pose.numpy()[pinned], dtype=wp.vec4, device=self.launcher.device)
-        return near.overlap_count(alone, 0.0)
+        return min(MOST_SETTLING, BODIES_TO_SETTLE // model.body_count)
+
+    def separate(
+        self,
+        pose: wp.array,
+        turn: wp.array,
+        bend: wp.array,
+        go_on: Callable[[], bool] | None = None,
+        *,
+        again: bool = False,
+    ) -> bool:
+        """Part all outlines, where the space can hold them; returns whether none overlap any more.
+
+        Args:
+            pose: As the state has it.
+            turn: As the state has it.
+            bend: As the state has it.
+            go_on: Called now and then; returning False ends it.
+            again: Whether they were parted before, and have moved little since.
+        """
+        parting = Separation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
+        return parting.run(go_on, again=again)
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near

@@ -132,6 +132,7 @@ class Descent:
         n = model.body_count
         return State(
             pose=pose,
+            turn=wp.array(model.footprints.turn.astype(np.float32), dtype=float, device=launcher.device),
             bend=launcher.zeros(model.charge_count, float),
             displacement=launcher.zeros(n, wp.vec4),
             move=launcher.zeros(n, wp.vec4),

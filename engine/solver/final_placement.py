@@ -20,11 +20,16 @@ def placement_of(model: Model, state: State) -> Placement:
     body = model.body
     position = _settled(model, position_in_metres(model, state))
     angle, length, width = np.zeros((3, len(position)))
+    given = model.footprints.is_outline
+    if given.any():
+        angle[given] = _within(state.turn.numpy()[given].astype(np.float64), 2.0 * math.pi)
     if model.kinds:
         pose = state.pose.numpy().astype(np.float64)
-        # A line has no front: angles within half a turn.
-        turned = np.mod(pose[:, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
-        angle = np.where(body.kind < 0, 0.0, turned)
+        # A line has no front, unless its outline has one: angles within half a turn.
+        line = (body.kind >= 0) & ~given
+        angle[line] = _within(pose[line, 2], math.pi)
+        turned = (body.kind >= 0) & given
+        angle[turned] = _within(pose[turned, 2] + angle[turned], 2.0 * math.pi)
         length = pose[:, 3] * model.unit
         width = model.widths(length)
     fixed = model.problem.fixed
@@ -44,7 +49,14 @@ def placement_of(model: Model, state: State) -> Placement:
         bends=None if bends is None else bends[shown],
         id=body.identity[shown].astype(np.int64),
         fixed=model.fixed[shown],
+        variant=model.footprints.variant[shown],
+        scale=model.footprints.scale[shown],
     )
+
+
+def _within(angle: np.ndarray, period: float) -> np.ndarray:
+    """Angles [rad] between minus and plus half of a period."""
+    return np.mod(angle + 0.5 * period, period) - 0.5 * period
 
 
 def position_in_metres(model: Model, state: State) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..space.kernels_neighbourhood import (
     may_touch,
     set_sorted,
 )
-from ..space.kernels_space import Space, difference, wrap
+from ..space.kernels_space import Space, confine, difference, wrap
 from .kernels_descent import PINNED, Bodies, confine_line, slide
 
 wp.set_module_options({"enable_backward": False})
@@ -185,6 +185,9 @@ def accept_push(
             images,
             space,
         )
+        # Lines that left a periodic domain come in again: nobody looks for them farther out than a period.
+        inside = confine(wp.vec2(new[0], new[1]), space)
+        new = wp.vec4(inside[0], inside[1], new[2], new[3])
     way = difference(wp.vec2(old[0], old[1]), wp.vec2(new[0], new[1]), space)
     displacement[i] = displacement[i] + wp.vec4(way[0], way[1], new[2] - old[2], new[3] - old[3])
     pose[i] = new

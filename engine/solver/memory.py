@@ -27,6 +27,9 @@ BYTES_FIXED = 380_000_000
 # Tables, poses, footprints, sorted copies and the report's arrays: what is left of the peaks of runs from 10,000 to 1,000,000 bodies.
 BYTES_PER_BODY = 260
 BYTES_PER_CHARGE = 170
+# Of outlines that are parted: tables, and pairs that are near; and every corner, as it is turned and as it might be.
+BYTES_PER_BODY_IN_CONTACT = 500
+BYTES_PER_CORNER = 64
 # A body's weight as a group sees it.
 BYTES_PER_CHARGE_AND_GROUP = 4
 # Of a mesh, per node and group: charge, potential, attraction and length of a step.
@@ -111,7 +114,12 @@ def _group_count(problem: Problem) -> int:
 def _bytes_per_charge(problem: Problem) -> int:
     per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
     # Lines have several charges each, dots one.
-    return per_charge + -(-BYTES_PER_BODY * problem.body_count // max(problem.charge_count, 1))
+    per_body = BYTES_PER_BODY
+    if problem.avoid_overlap:
+        outlines = [o for c in problem.classes for size in c.sizes for o in size.outlines]
+        most = max((len(outline.corners) for outline in outlines), default=1)
+        per_body += BYTES_PER_BODY_IN_CONTACT + BYTES_PER_CORNER * most
+    return per_charge + -(-per_body * problem.body_count // max(problem.charge_count, 1))
 
 
 def _distinct_images(problem: Problem) -> list[np.ndarray]:

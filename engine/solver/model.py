@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..problem.body_charges import BodyCharges, charges_of
+from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Line, Problem
@@ -80,6 +81,7 @@ class Model:
         problem: The problem.
         body: Its bodies.
         charge: Their charges.
+        footprints: Their outlines.
         groups: Their groups, and how these see each other.
         interaction: The groups' matrix, times a power of two that keeps forces within the range of float32.
         kinds: The kinds of lines among them.
@@ -104,7 +106,8 @@ class Model:
         self.fixed = problem.body_is_fixed()
         flags = np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32)
         flags = np.where(self.fixed, flags | BodyFlags.PINNED, flags)
-        supports = supports_of(problem, class_index, size_index, area)
+        self.footprints: BodyFootprints = footprints_of(problem)
+        supports = supports_of(problem, class_index, size_index, area, self.footprints)
         self.supports = supports.images
         self.body = BodyTable(
             class_index=class_index.astype(np.int32),
@@ -130,6 +133,7 @@ class Model:
         kept = np.where(old.fixed, old.body.flags & ~int(BodyFlags.PINNED), old.body.flags)
         flags[came] |= kept[carried.source[came]]
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
+        self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
 
     @property
     def body_count(self) -> int:
@@ -177,6 +181,21 @@ class Model:
                 else kind.line.width
             )
         return width
+
+
+def _carried_outlines(old: BodyFootprints, new: BodyFootprints, source: np.ndarray) -> BodyFootprints:
+    """Outlines of a new model in which bodies that were there before keep theirs, where their size still has the same variants."""
+    came = np.flatnonzero((source >= 0) & new.is_outline)
+    came = came[old.is_outline[source[came]]]
+    variant, scale = new.variant.copy(), new.scale.copy()
+    first, first_before = new.shape - new.variant, (old.shape - old.variant)[source]
+    for start, before in np.unique(np.stack([first[came], first_before[came]], axis=1), axis=0).tolist():
+        own = came[(first[came] == start) & (first_before[came] == before)]
+        kept = old.variant[source[own]]
+        shapes = [(start + k, before + k) for k in np.unique(kept).tolist()]
+        if all(a < len(new.shapes) and new.shapes[a].same_as(old.shapes[b]) for a, b in shapes):
+            variant[own], scale[own] = kept, old.scale[source[own]]
+    return new.with_outlines(variant, scale)
 
 
 def _within_range(matrix: np.ndarray, charge: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from ..errors import ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from .descent import Descent
-from .edit import carry_lines, carry_over
+from .edit import CarriedOver, carry_lines, carry_over
 from .final_placement import placement_of, position_in_metres
 from .memory import check_memory
 from .model import Model
@@ -29,6 +29,8 @@ __all__ = ["Edit", "Progress", "Solver"]
 TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than a hundredth of their spacing.
 SETTLED = 5e-3
+# Steps after which outlines that were parted are parted again.
+STEPS_OF_SETTLING = 3
 # What is said where numbers leave the range of float32 all the same.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
@@ -166,13 +168,14 @@ class Solver:
             start[other | (model.body.kind < 0), 2:] = np.nan
             descent = Descent(model, self.launcher, pose=start)
             carry_lines(before, old, model, descent.state, carried)
+            _carry_turns(before, old, model, descent.state, carried)
             self.launcher.release(self.descent.step)
             self.model, self.descent = model, descent
             descent.place_charges()
         self._next_identity = max(self._next_identity, int(model.body.identity.max()) + 1)
         if steps:
             self.step(steps)
-        self.separate()
+        self.separate(again=True)
         gone = np.setdiff1d(before.body.identity, model.body.identity)
         return Edit(np.setdiff1d(model.body.identity, before.body.identity), gone, steps)
 
@@ -226,13 +229,30 @@ class Solver:
                 return step, True
         return max_steps, residual < SETTLED
 
-    def separate(self) -> None:
-        """Push footprints that still overlap apart, where they are to keep apart at all."""
+    def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
+        """Part outlines that still overlap, where they are to keep apart at all; returns whether none do any more.
+
+        Args:
+            go_on: Called now and then; returning False ends it.
+            again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
+        """
         contact = self.descent.contact
-        if contact is not None and self.model.problem.avoid_overlap:
-            with self.launcher.phase("contact"):
-                contact.separate(self.state.pose, self.state.bend)
+        if contact is None or not self.model.problem.avoid_overlap:
+            return True
+        state = self.state
+        with self.launcher.phase("contact"):
+            parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again)
             self.descent.place_charges()
+            for _ in range(contact.rounds_of_settling if parted and not again else 0):
+                before = state.copy()
+                for _ in range(STEPS_OF_SETTLING):
+                    self.descent.step.play()
+                if not contact.separate(state.pose, state.turn, state.bend, go_on, again=True):
+                    state.assign(before)
+                self.descent.place_charges()
+                if go_on is not None and not go_on():
+                    break
+        return parted
 
     def placement(self) -> Placement:
         """The bodies where they are now; its report is empty.
@@ -270,3 +290,12 @@ class Solver:
 
 def _charges_per_body(model: Model) -> np.ndarray:
     return np.diff(model.charge.first)
+
+
+def _carry_turns(old: Model, before: State, model: Model, state: State, carried: CarriedOver) -> None:
+    """Let bodies that were there before lie as they lay."""
+    came = np.flatnonzero((carried.source >= 0) & model.footprints.is_outline & ~model.fixed)
+    came = came[old.footprints.is_outline[carried.source[came]]]
+    turn = state.turn.numpy().copy()
+    turn[came] = before.turn.numpy()[carried.source[came]]
+    state.turn.assign(turn)

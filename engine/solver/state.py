@@ -17,6 +17,7 @@ class State:
 
     Attributes:
         pose: Position, angle [rad] and length of every body's axis, ``wp.vec4``, shape ``[body_count]``.
+        turn: How every outline is turned, of lines from their axes [rad], float, shape ``[body_count]``.
         bend: How far every charge stands beside its body's axis, float, shape ``[charge_count]``.
         displacement: What the last step changed of the poses, ``wp.vec4``, shape ``[body_count]``.
         move: What the forces asked for in the last step, ``wp.vec4``, shape ``[body_count]``.
@@ -25,6 +26,7 @@ class State:
     """
 
     pose: wp.array
+    turn: wp.array
     bend: wp.array
     displacement: wp.array
     move: wp.array
@@ -52,9 +54,13 @@ class State:
     @classmethod
     def load(cls, path: str | Path) -> State:
         """Read what :meth:`save` has written, onto the CPU."""
-        kinds = {"pose": wp.vec4, "displacement": wp.vec4, "move": wp.vec4, "bend": float, "length_factor": float}
+        kinds = {"pose": wp.vec4, "displacement": wp.vec4, "move": wp.vec4}
         with np.load(path) as stored:
-            arrays = {name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in kinds.items()}
+            arrays = {
+                name: wp.array(stored[name], dtype=kinds.get(name, float), device="cpu")
+                for name in (field.name for field in fields(cls))
+                if name != "steps"
+            }
             return cls(**arrays, steps=stored["steps"].astype(np.int32))
 
     def _arrays(self) -> dict[str, wp.array]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ProblemError
+from ..problem.body_footprints import BodyFootprints
 from ..problem.obstacles import clearance
 from ..problem.problem import Line, Problem
 
@@ -31,14 +32,17 @@ class Supports(NamedTuple):
     of_body: np.ndarray
 
 
-def supports_of(problem: Problem, class_index: np.ndarray, size_index: np.ndarray, area: np.ndarray) -> Supports:
+def supports_of(
+    problem: Problem, class_index: np.ndarray, size_index: np.ndarray, area: np.ndarray, footprints: BodyFootprints
+) -> Supports:
     """Return where the bodies of a problem may be.
 
     Args:
         problem: The problem.
         class_index: Class of every body, shape ``[n]``.
         size_index: Its size.
-        area: Its footprint [m²].
+        area: Ground that it takes [m²].
+        footprints: Its outline.
 
     Raises:
         ProblemError: Obstacles leave bodies of a size no place.
@@ -47,7 +51,7 @@ def supports_of(problem: Problem, class_index: np.ndarray, size_index: np.ndarra
         return Supports([c.density_image for c in problem.classes], class_index)
     images: list[np.ndarray] = []
     of_body = np.zeros(len(class_index), np.int32)
-    radius = _radii(problem, class_index, size_index, area)
+    radius = _radii(problem, class_index, size_index, area, footprints)
     for c, body_class in enumerate(problem.classes):
         image = body_class.density_image
         shape = (image.shape[0], image.shape[1])
@@ -76,8 +80,13 @@ def supports_of(problem: Problem, class_index: np.ndarray, size_index: np.ndarra
     return Supports(images, of_body)
 
 
-def _radii(problem: Problem, class_index: np.ndarray, size_index: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """How far footprints reach from the charges of every body [m]; 0 where footprints may overlap what they like."""
+def _radii(
+    problem: Problem, class_index: np.ndarray, size_index: np.ndarray, area: np.ndarray, footprints: BodyFootprints
+) -> np.ndarray:
+    """How far footprints reach from the charges of every body [m]; 0 where footprints may overlap what they like.
+
+    Outlines reach as far as their farthest points, however they come to be turned; of lines, to their sides.
+    """
     if not problem.avoid_overlap:
         return np.zeros(len(area))
     radius = np.sqrt(area / math.pi)
@@ -86,7 +95,11 @@ def _radii(problem: Problem, class_index: np.ndarray, size_index: np.ndarray, ar
             if size.line is not None:
                 own = (class_index == c) & (size_index == s)
                 radius[own] = 0.5 * _width(size.line, area[own])
-    return radius
+    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
+    lines = np.array([size.line is not None for c in problem.classes for size in c.sizes])
+    first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in problem.classes])])
+    dots = footprints.is_outline & ~lines[first[class_index] + size_index]
+    return np.where(dots, circle * footprints.factor, radius)
 
 
 def _width(line: Line, area: np.ndarray) -> np.ndarray:

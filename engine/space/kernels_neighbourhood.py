@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_space import Space, difference, wrap
+from .kernels_space import Space
 
 wp.set_module_options({"enable_backward": False})
 
@@ -88,7 +88,10 @@ def contact_keys(
 
 @wp.func
 def closest_places(difference: wp.vec2, axis_i: wp.vec2, axis_j: wp.vec2):
-    """Places -1..1 along two axes (half vectors) where they are nearest, their middles being ``difference`` apart."""
+    """Places -1..1 along two axes (half vectors) where they are nearest, their middles being ``difference`` apart.
+
+    Nearly so where the axes are nearly parallel: enough for bodies on their way, not for a count.
+    """
     # Minimise |difference + v axis_j - u axis_i| over the square by clamping in turns, which ends after few rounds.
     ii = wp.dot(axis_i, axis_i)
     jj = wp.dot(axis_j, axis_j)
@@ -115,8 +118,10 @@ def closest_places(difference: wp.vec2, axis_i: wp.vec2, axis_j: wp.vec2):
 def cells_within(position: float, reach: float, domain: float, count: int, periodic: int):
     """First and last cell (unwrapped) of those that come within ``reach`` of ``position`` along one axis."""
     scale = float(count) / domain
-    low = int(wp.floor((position - reach) * scale))
-    high = int(wp.floor((position + reach) * scale))
+    # Farther out than this nothing is another cell, and whole numbers end.
+    farthest = 2.0 * float(count)
+    low = int(wp.floor(wp.max((position - reach) * scale, -farthest)))
+    high = int(wp.floor(wp.min((position + reach) * scale, farthest)))
     if periodic != 0:
         if high - low >= count:
             low = 0
@@ -208,69 +213,3 @@ def gather_bodies(
     i = bodies.body[s]
     bodies.place[i] = s
     set_sorted(s, pose[i], footprints.radius[i], bodies)
-
-
-@wp.kernel
-def count_overlaps(
-    first: int,
-    pose: wp.array(dtype=wp.vec4),
-    near: Sorted,
-    footprints: Footprints,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    touch: float,
-    most: int,
-    # outputs
-    overlaps: wp.array(dtype=wp.int32),
-):
-    """Count the footprints that overlap each body's; a body is left as soon as ``most`` do."""
-    i = first + wp.tid()
-    own = pose[i]
-    radius = footprints.radius[i]
-    axis = near.half_axis[near.place[i]]
-    half = 0.5 * own[3]
-    count = int(0)
-    wrapping = wp.where(grid.space.periodic != 0, 1, 0)
-    for m in range(grid.level_count):
-        distance_most = half + radius + grid.reach[m]
-        columns = cells_within(own[0], distance_most, grid.space.size[0], grid.count_x[m], grid.space.periodic)
-        rows = cells_within(own[1], distance_most, grid.space.size[1], grid.count_y[m], grid.space.periodic)
-        for unwrapped in range(rows[0], rows[1] + 1):
-            row = wrap(unwrapped, grid.count_y[m])
-            base = grid.first_cell[m] + row * grid.count_x[m]
-            for period in range(1 - wrapping, 2 + wrapping):
-                cells = cells_of_period(columns, period, grid.count_x[m])
-                begin = int(0)
-                end = int(0)
-                if cells[0] <= cells[1] and count < most:
-                    begin = cell_start[base + cells[0]]
-                    end = cell_start[base + cells[1] + 1]
-                for start in range(begin, end, LANES):
-                    found = may_touch(
-                        own[0],
-                        own[1],
-                        half + radius,
-                        touch * SAFELY,
-                        grid.space.size,
-                        grid.space.periodic,
-                        start,
-                        end,
-                        near.x,
-                        near.y,
-                        near.reach,
-                    )
-                    while found != 0 and count < most:
-                        s = start + lowest_bit(found)
-                        found = found & (found - 1)
-                        j = near.body[s]
-                        if j != i:
-                            other = pose[j]
-                            between = difference(wp.vec2(own[0], own[1]), wp.vec2(other[0], other[1]), grid.space)
-                            touching = (radius + footprints.radius[j]) * touch
-                            if wp.length(between) < half + 0.5 * other[3] + touching:
-                                other_axis = near.half_axis[s]
-                                places = closest_places(between, axis, other_axis)
-                                gap = between + places[1] * other_axis - places[0] * axis
-                                if wp.length(gap) < touching:
-                                    count += 1
-    overlaps[i] = count

@@ -1,4 +1,4 @@
-"""What may touch what, and how many footprints overlap. Discs, and capsules around the axes of lines.
+"""What may touch what: discs, and capsules around the axes of lines.
 
 Neighbours are found in a grid of cells per level of size, so that a few large bodies among many small ones cost no more than both
 by themselves.
@@ -11,7 +11,7 @@ import math
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import Launcher
 from . import kernels_neighbourhood
 from .cell_sort import CellSort
 from .space import space_for_kernels
@@ -20,8 +20,6 @@ __all__ = ["Neighbourhood"]
 
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
-# No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
-MOST_OVERLAPS_PER_BODY = 200
 
 
 class Neighbourhood:
@@ -79,7 +77,6 @@ class Neighbourhood:
         near.x, near.y, near.reach = (launcher.zeros(room, float) for _ in range(3))
         near.half_axis = launcher.zeros(room, wp.vec2)
         self.near = near
-        self._found = launcher.zeros(n, wp.int32)
 
     @property
     def cell_start(self) -> wp.array:
@@ -90,31 +87,3 @@ class Neighbourhood:
         """Put bodies where they are now into the cells."""
         self._cells.sort(kernels_neighbourhood.contact_keys, [pose, self.footprints, self.grid])
         self.launcher.launch(kernels_neighbourhood.gather_bodies, self.body_count, [pose, self.footprints], [self.near])
-
-    def overlap_count(self, pose: wp.array, tolerance: float) -> int:
-        """Pairs whose footprints overlap by more than ``tolerance`` of their distance; a lower bound beyond 200 a body."""
-        self.count_overlaps(pose, tolerance)
-        return self.counted_overlaps()
-
-    def count_overlaps(self, pose: wp.array, tolerance: float) -> None:
-        """Launch what counts them."""
-        self.sort(pose)
-        self.launcher.launch(
-            kernels_neighbourhood.count_overlaps,
-            self.body_count,
-            [
-                pose,
-                self.near,
-                self.footprints,
-                self.cell_start,
-                self.grid,
-                1.0 - tolerance,
-                MOST_OVERLAPS_PER_BODY,
-            ],
-            [self._found],
-            grain=GRAIN_OF_NEIGHBOURS,
-        )
-
-    def counted_overlaps(self) -> int:
-        """What :meth:`count_overlaps` has counted."""
-        return int(self._found.numpy().sum(dtype=np.int64)) // 2

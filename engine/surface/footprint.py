@@ -9,7 +9,7 @@ import numpy as np
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
 
-__all__ = ["Footprint", "outline"]
+__all__ = ["Outline", "outline"]
 
 # Rays along the longer side of the bounding rectangle: outlines are right to better than 1 %.
 RESOLUTION = 512
@@ -20,7 +20,7 @@ LONGEST_DOT = 2.5
 
 
 @dataclass(frozen=True)
-class Footprint:
+class Outline:
     """An outline seen from above.
 
     Attributes:
@@ -43,12 +43,12 @@ class Footprint:
         return self.length > LONGEST_DOT * self.width
 
 
-def outline(mesh: TriangleMesh) -> Footprint:
+def outline(mesh: TriangleMesh) -> Outline:
     """Measure the outline of a mesh; an area of 0 where all its faces stand upright."""
     view = TopView(mesh)
     size = view.high[:2] - view.low[:2]
     if not size.min() > 0.0:
-        return Footprint(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
+        return Outline(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
     columns, rows = np.maximum(np.ceil(size / size.max() * RESOLUTION).astype(int), 16)
     step = size / [columns, rows]
     x = view.low[0] + (np.arange(columns) + 0.5) * step[0]
@@ -57,7 +57,7 @@ def outline(mesh: TriangleMesh) -> Footprint:
     hit = (view.cast(xy)[0] >= 0).reshape(rows, columns)
     area = float(hit.mean() * size.prod())
     if area <= 0.0:
-        return Footprint(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
+        return Outline(0.0, float(size.max()), 0.0, 0.0, (0.0, 0.0))
     # The outermost cells of every row hold all corners of the convex hull.
     filled = np.flatnonzero(hit.any(axis=1))
     left = hit[filled].argmax(axis=1)
@@ -75,7 +75,7 @@ def outline(mesh: TriangleMesh) -> Footprint:
         [along[:, best].min() + along[:, best].max(), across[:, best].min() + across[:, best].max()]
     )
     center = middle[0] * axis + middle[1] * np.array([-axis[1], axis[0]])
-    return Footprint(
+    return Outline(
         area,
         float(extent[0, best]),
         float(extent[1, best]),

@@ -134,6 +134,17 @@ def test_a_pipe_gets_the_report_and_nothing_else(folder, capfd):
     assert out.startswith("class") and out.count("\n") < 10
 
 
+def test_what_cannot_fit_is_said_before_the_run(folder, capfd):
+    full = SMALL.replace("seed = 3", "seed = 3\navoid_overlap = true").replace("count = 20", "count = 1000")
+    (folder / "forest.toml").write_text(full)
+    assert solve("-o", "a.npz", "--max-steps", "2") == 0
+    out, err = capfd.readouterr()
+    assert err.startswith("esh-scatter: forest.toml: the footprints cover ") and "fits" in err and err.count("\n") == 1
+    assert "still overlap, the deepest by" in out
+    assert solve("-o", "a.npz", "--max-steps", "2", "--quiet") == 0
+    assert capfd.readouterr() == ("", "")
+
+
 MISTAKES = {
     "no output": ([], "required: -o"),
     "ending": (["-o", "a.txt"], "-o a.txt must end in .npz, .csv, .usd"),

@@ -13,6 +13,7 @@ import pytest
 from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
 from esh.engine.drawing import plan as plan_module
 from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
+from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.problem import Line
 from PIL import Image
 
@@ -230,3 +231,23 @@ def test_colours_and_backgrounds_without_meaning():
     for background in (np.ones(3), np.ones((2, 2, 4)), np.ones((0, 2)), np.array([["a"]])):
         with pytest.raises(EshError, match="`background` must have shape"):
             draw_plan(placement, io.BytesIO(), background=background)
+
+
+def test_outlines_are_drawn_as_they_lie(tmp_path):
+    """A plank at an angle: ground beside it, its colour along it as far as its ends."""
+    size = Size("s", count=1, footprint=Footprint.rectangle(8.0, 1.0))
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [size])])
+    zero, angle = np.zeros(1), np.array([0.5])
+    placement = Placement(problem, np.array([[5.0, 5.0]]), *problem.body_indices(), angle, zero, zero)
+    draw_plan(placement, tmp_path / "plan.png", colors=["#ff0000"])
+    with Image.open(tmp_path / "plan.png") as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    left, top, scale = (picture.width - 1600) // 2, 40 + 56, 160.0
+
+    def red(along, across):
+        x = 5.0 + along * np.cos(0.5) - across * np.sin(0.5)
+        y = 5.0 + along * np.sin(0.5) + across * np.cos(0.5)
+        return pixels[round(top + (10.0 - y) * scale), round(left + x * scale)].tolist() == [255, 0, 0]
+
+    for along, across, seen in [(0, 0, 1), (3.9, 0.4, 1), (-3.9, -0.4, 1), (4.1, 0, 0), (0, 0.6, 0), (0, 1.4, 0)]:
+        assert red(along, across) == bool(seen), (along, across)

@@ -49,9 +49,10 @@ def test_npz_holds_everything_without_pickle(tmp_path, placement):
     write_placement(tmp_path / "out.npz", placement)
     with np.load(tmp_path / "out.npz", allow_pickle=False) as stored:
         assert set(stored) == {
-            *("position", "class_index", "size_index", "angle", "length", "width", "area", "class_name")
+            *("position", "class_index", "size_index", "angle", "length", "width", "area", "variant", "scale"),
+            "class_name",
         }
-        for key in ("position", "class_index", "size_index", "angle", "length", "width", "area"):
+        for key in ("position", "class_index", "size_index", "angle", "length", "width", "area", "variant", "scale"):
             np.testing.assert_array_equal(stored[key], getattr(placement, key))
             assert stored[key].dtype == getattr(placement, key).dtype
         assert tuple(stored["class_name"]) == placement.class_name
@@ -62,7 +63,7 @@ def test_csv_reads_back_to_the_same_numbers(tmp_path, placement):
     with (tmp_path / "out.CSV").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     first = ["x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"]
-    assert list(rows[0]) == [*first, "width", "area"]
+    assert list(rows[0]) == [*first, "width", "area", "variant", "scale"]
     np.testing.assert_array_equal([float(row["area"]) for row in rows], placement.area)
     np.testing.assert_array_equal([[float(row["x"]), float(row["y"])] for row in rows], placement.position)
     np.testing.assert_array_equal([int(row["class_index"]) for row in rows], placement.class_index)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from esh import EshError, read_recipe, solve, write_recipe
 from esh.engine.files.recipe import recipe_colors
+from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.prepared_class import PreparedClass
 from esh.engine.problem.problem import (
     Balance,
@@ -31,7 +32,7 @@ VECTORS = np.random.default_rng(1).normal(size=(4, 6, 2)).astype(np.float32)
 
 # Values beside the default of every setting that a recipe has. A new setting without one fails the first test.
 SAMPLES = {
-    Domain: {"size": [(7.5, 0.1 + 0.2)], "boundary": ["periodic"]},
+    Domain: {"size": [(7.5, 0.1 + 0.2)], "boundary": ["periodic"], "inset": [True]},
     Balance: {"class_separation": [0.1 + 0.2], "size_emphasis": [1.0, [2.0, 3.5]], "non_overlap": [np.eye(2)]},
     SamplingSettings: {"seed": [2**62 + 1], "avoid_overlap": [True]},
     BodyClass: {
@@ -50,6 +51,19 @@ SAMPLES = {
         "share": [1.0],
         "distribution": ["uniform", np.linspace(0.1, 1.0 / 3.0, 3)],
         "line": [Line(0.5)],
+        "footprint": [
+            Footprints(
+                [Footprint.rectangle(0.3, 0.1, 1.0 / 30.0), Footprint.disc(0.1)], weights=[1.0, 1.0 / 3.0], gap=0.01
+            ),
+            Footprints(
+                Footprint.polygon([[0.0, 0.0], [0.1, 0.0], [0.0, 1.0 / 7.0]]),
+                variant=[0, 0, 0],
+                scale=[1.0, 2.0 / 3.0, 0.1 + 0.2],
+                turn=[0.0, 1.0 / 3.0, -2.0],
+                room=1.1,
+            ),
+            Footprints(Footprint.capsule(0.3, 0.1), scale=0.7, turn="random", scale_jitter=0.1),
+        ],
     },
     Line: {
         "length": [1.0 / 3.0, 0.5 + IMAGE],
@@ -103,7 +117,7 @@ def problem_with(cls, name, value):
         Domain(**{"size": (4.0, 3.0), **(own if cls is Domain else {})}),
         classes,
         Balance(**(own if cls is Balance else {})),
-        **(own if cls is SamplingSettings else {}),
+        **(own if cls is SamplingSettings else {"avoid_overlap": True} if name == "inset" else {}),
     )
 
 

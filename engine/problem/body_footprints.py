@@ -1,0 +1,135 @@
+"""The outline of every body of a problem, as flat tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .footprint import Footprint, Footprints
+from .problem import Problem, with_count
+
+if TYPE_CHECKING:
+    from .placement import Placement
+
+__all__ = ["CAPSULE", "BodyFootprints", "footprints_of", "footprints_of_placement"]
+
+# Stands for the shape of a line without outlines of its own: a capsule, as long and as wide as the line comes to be.
+CAPSULE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFootprints:
+    """Outlines of all bodies in class, then size order; every array has shape ``[n]``.
+
+    Attributes:
+        shapes: The different outlines that there are.
+        shape: Which of them a body has, int32; :data:`CAPSULE` where it is a capsule around the axis of a line.
+        factor: How many times as large as that it is, float64.
+        turn: How it is turned at first, or always [rad], float64; of a line, from the direction of its axis.
+        free: Whether the solver may turn it: not where its turn is given, nor lines, which turn with their axes.
+        is_outline: Whether it was given an outline; what was not is a disc of its area, or a capsule.
+        variant: Which of the variants of its size it has, int32; 0 where there are none.
+        room: Factor on the outline for keeping apart, float64.
+        gap: Distance from others' outlines that is kept [m], float64.
+    """
+
+    shapes: tuple[Footprint, ...]
+    shape: np.ndarray
+    factor: np.ndarray
+    turn: np.ndarray
+    free: np.ndarray
+    is_outline: np.ndarray
+    variant: np.ndarray
+    room: np.ndarray
+    gap: np.ndarray
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Factor on the outline that a body was given, shape ``[n]``, float64; 1 where it was given none."""
+        return np.where(self.is_outline, self.factor, 1.0)
+
+    def with_outlines(self, variant: np.ndarray, scale: np.ndarray) -> BodyFootprints:
+        """The same, but for the variants and the scales of bodies that were given outlines."""
+        shape = np.where(self.is_outline, self.shape - self.variant + variant, self.shape).astype(np.int32)
+        factor = np.where(self.is_outline, scale, self.factor)
+        return replace(self, shape=shape, factor=factor, variant=variant)
+
+    def areas(self, length: np.ndarray, width: np.ndarray, *, apart: bool) -> np.ndarray:
+        """Area of every outline [m²], shape ``[n]``, float64.
+
+        Args:
+            length: Length of every line's axis [m].
+            width: Thickness of every line [m].
+            apart: Whether the ground counts that it keeps for itself, or only what it covers.
+        """
+        area = np.array([outline.area for outline in self.shapes] + [0.0])
+        edge = np.array([_perimeter(outline) for outline in self.shapes] + [0.0])
+        factor = self.factor * (self.room if apart else 1.0)
+        around = 0.5 * self.gap if apart else np.zeros(len(factor))
+        outlined = area[self.shape] * factor**2 + edge[self.shape] * factor * around + math.pi * around**2
+        room = self.room if apart else 1.0
+        radius = 0.5 * width * room + around
+        return np.where(self.shape == CAPSULE, 2.0 * length * room * radius + math.pi * radius**2, outlined)
+
+
+def _perimeter(outline: Footprint) -> float:
+    edges = np.roll(outline.corners, -1, axis=0) - outline.corners
+    return float(np.hypot(*edges.T).sum()) + 2.0 * math.pi * outline.rounding
+
+
+def footprints_of(problem: Problem) -> BodyFootprints:
+    """Return the outlines of all bodies of ``problem``: the same ones whenever it is asked."""
+    sizes = [(c, s, size) for c, k in enumerate(problem.classes) for s, size in enumerate(k.sizes)]
+    counts = [size.count or 0 for _, _, size in sizes]
+    n = sum(counts)
+    shapes: list[Footprint] = [Footprint.disc(1.0)]
+    first, variant = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    factor, room, gap = np.ones(n), np.ones(n), np.zeros(n)
+    turn = np.zeros(n)
+    free, is_outline = np.zeros(n, bool), np.zeros(n, bool)
+    area = problem.body_areas()
+    begin = 0
+    for (c, s, size), count in zip(sizes, counts, strict=True):
+        own = slice(begin, begin + count)
+        begin += count
+        given = size.footprint
+        if given is None:
+            if size.line is not None:
+                first[own] = CAPSULE
+            else:
+                factor[own] = np.sqrt(area[own] / math.pi)
+            continue
+        assert isinstance(given, Footprints)
+        fixed = (problem.fixed.class_index == c) & (problem.fixed.size_index == s)
+        drawn = with_count(size, count - int(fixed.sum())).footprints([problem.seed, 5, c, s])
+        variant[own] = np.concatenate(
+            [drawn.variant, np.minimum(problem.fixed.variant[fixed], len(given.outlines) - 1)]
+        )
+        turn[own] = np.concatenate(
+            [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.line else problem.fixed.angle[fixed]]
+        )
+        outline_area = np.array([outline.area for outline in given.outlines])[variant[own]][count - int(fixed.sum()) :]
+        # One whose scale is not said has its area, where that is the outline's.
+        by_area = np.ones(len(outline_area))
+        if size.area is None or isinstance(size.area, tuple):
+            by_area = np.sqrt(problem.fixed.area[fixed] / outline_area)
+        scale = problem.fixed.scale[fixed]
+        factor[own] = np.concatenate([drawn.scale, np.where(np.isnan(scale), by_area, scale)])
+        first[own] = len(shapes)
+        shapes.extend(given.outlines)
+        free[own] = size.line is None and isinstance(given.turn, str) and given.turn == "free"
+        room[own], gap[own] = given.room, given.gap
+        is_outline[own] = True
+    return BodyFootprints(tuple(shapes), first + variant, factor, turn, free, is_outline, variant, room, gap)
+
+
+def footprints_of_placement(placement: Placement) -> BodyFootprints:
+    """Return the outlines of the bodies of a placement: those that it says, which edits may have brought along."""
+    asked = footprints_of(placement.problem)
+    if len(placement.position) != len(asked.shape):
+        # Ghosts are no part of it.
+        raise ValueError("a placement without its ghosts has no outlines of its problem")
+    return asked.with_outlines(placement.variant, placement.scale)

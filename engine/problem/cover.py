@@ -1,0 +1,106 @@
+"""How much of the ground footprints take, and whether so much of it can be taken; known before anything is placed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .body_footprints import CAPSULE, BodyFootprints, footprints_of
+from .packing import elongation_of, in_cells, packable
+from .problem import Problem
+
+__all__ = ["Cover", "cover_of"]
+
+# Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
+CELLS = 128
+# What is asked for beyond what fits in a region counts from this share of it on: bodies can move a little to where there is room.
+CROWDED = 1.15
+# Bodies that a region has at least: fewer are no region.
+BODIES_PER_CELL = 16.0
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What footprints take of the ground where bodies may be (density above zero).
+
+    Attributes:
+        covered: Sum of the footprints, with the room that they keep, over that ground.
+        fits: Share of the ground that can be taken without overlap, about: it depends on how long bodies are, and whether they turn.
+        crowded: Share of the bodies that are asked for where more is asked for than fits, 0 where nothing is.
+    """
+
+    covered: float
+    fits: float
+    crowded: float
+
+    @property
+    def warning(self) -> str | None:
+        """A sentence where it cannot fit, or not everywhere; None where it may."""
+        if self.covered > self.fits:
+            return (
+                f"the footprints cover {self.covered:.0%} of where they may be: at most about {self.fits:.0%} fits; "
+                "lower the counts or the areas"
+            )
+        if self.crowded > 0.01:
+            return (
+                f"the footprints cover {self.covered:.0%} of where they may be, but {self.crowded:.0%} of them are asked for where "
+                f"that is more than the {self.fits:.0%} that fits: it is too crowded there; even the density out"
+            )
+        return None
+
+
+def cover_of(problem: Problem) -> Cover:
+    """Return how much of the ground the footprints of a problem take, before it is solved.
+
+    Lines count with the lengths and widths that are asked of them.
+    """
+    footprints = footprints_of(problem)
+    area = _areas(problem, footprints)
+    fits = _fits(problem, footprints, area)
+    class_index = problem.body_indices()[0]
+    of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
+    shape = _cells(problem, float(area.mean()))
+    shares = [in_cells(c.density_image, shape) for c in problem.classes]
+    free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)
+    cell = problem.domain.area / (shape[0] * shape[1])
+    asked = np.sum([total * share / share.sum() for total, share in zip(of_class, shares, strict=True)], axis=0)
+    covered = float(area.sum() / max(free.sum() * cell, 1e-300))
+    too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
+    crowded = float(asked[too_much].sum() / asked.sum())
+    return Cover(covered, fits, crowded)
+
+
+def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
+    length, width = np.zeros((2, problem.body_count))
+    begin = 0
+    for body_class in problem.classes:
+        for size in body_class.sizes:
+            own = slice(begin, begin + (size.count or 0))
+            begin = own.stop
+            if size.line is not None:
+                mean = float(np.mean(size.line.length))
+                length[own] = mean
+                # Where a line has no width of its own, its area is what is asked for.
+                width[own] = size.line.width or 2.0 / math.pi * (math.sqrt(mean**2 + math.pi * size.mean_area) - mean)
+    return footprints.areas(length, width, apart=True)
+
+
+def _fits(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
+    """Mean over the ground that bodies take."""
+    elongation = np.array([elongation_of(outline) for outline in footprints.shapes] + [1.0])
+    of_body = elongation[footprints.shape]
+    # Lines lie side by side.
+    free = footprints.free | (footprints.shape == CAPSULE)
+    pairs, which = np.unique(np.stack([of_body, free.astype(np.float64)]), axis=1, return_inverse=True)
+    fraction = np.array([packable(float(e), bool(f)) for e, f in pairs.T])
+    return float(np.average(fraction[which.ravel()], weights=area))
+
+
+def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:
+    """Rows and columns that hold some bodies each where they cover the ground."""
+    width, height = problem.domain.size
+    smallest = math.sqrt(BODIES_PER_CELL * mean_area)
+    cell = max(max(width, height) / CELLS, smallest)
+    return max(1, int(height / cell)), max(1, int(width / cell))

@@ -1,0 +1,84 @@
+"""How much of the ground can be covered without overlap, and how a density is brought down to that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .footprint import Footprint, Footprints
+
+if TYPE_CHECKING:
+    from .problem import Size
+
+__all__ = ["elongation_of", "in_cells", "packable", "packable_share", "scale_to_fit"]
+
+# Share of the ground that contact fills in a few seconds: with discs; with bodies that may turn; with those that may not, as wide as
+# they are long, and how fast that falls with their length.
+DISCS = 0.82
+FREE = 0.8
+FIXED = 0.8
+FIXED_FALL = 0.12
+LEAST = 0.25
+# Cells along the longer side of the domain in which the densities of several classes are added up.
+CELLS = 128
+
+
+def packable(elongation: float, free: bool) -> float:
+    """Share of the ground that such bodies can cover without overlap, about.
+
+    Args:
+        elongation: Length over width of the rectangle that has a body's area and width; 0.79 for a disc.
+        free: Whether bodies may turn so that they fit.
+    """
+    if elongation < 0.9:
+        return DISCS
+    if free:
+        return FREE
+    return max(LEAST, FIXED / (1.0 + FIXED_FALL * math.sqrt(max(elongation - 1.0, 0.0))))
+
+
+def elongation_of(outline: Footprint) -> float:
+    """Length over width of the rectangle that has the area and the width of an outline."""
+    return outline.area / outline.width**2
+
+
+def packable_share(sizes: Sequence[Size]) -> float:
+    """Share of the ground that bodies of these sizes can cover without overlap, about, by the shares that sizes have."""
+    fits = []
+    for size in sizes:
+        given = size.footprint
+        if not isinstance(given, Footprints):
+            # Lines lie side by side.
+            fits.append(DISCS if size.line is None else FREE)
+            continue
+        free = size.line is not None or (isinstance(given.turn, str) and given.turn == "free")
+        share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
+        # The room that outlines keep for themselves is ground that they do not cover.
+        radius = math.sqrt(size.mean_area / math.pi)
+        fits.append(share * min(1.0, (radius / (radius * given.room + 0.5 * given.gap)) ** 2))
+    return float(np.average(fits, weights=[size.share or 1.0 for size in sizes]))
+
+
+def scale_to_fit(images: Sequence[np.ndarray], fits: float) -> float:
+    """Factor on densities, covered shares of the ground, by which all of them together ask for no more than fits, on the whole."""
+    shape = (CELLS, CELLS)
+    total = np.sum([in_cells(image, shape) for image in images], axis=0)
+    return float(np.minimum(total, fits).sum() / total.sum())
+
+
+def in_cells(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Mean of an image over every cell of a coarse grid, float64, shape ``[rows, columns]``."""
+    down, across = (_overlaps(of, cells) for of, cells in zip(image.shape, shape, strict=True))
+    return (down.astype(np.float32) @ image.astype(np.float32, copy=False)).astype(np.float64) @ across.T
+
+
+def _overlaps(pixels: int, cells: int) -> np.ndarray:
+    """Share of every cell that lies on every pixel, shape ``[cells, pixels]``."""
+    edges = np.arange(cells + 1) * (pixels / cells)
+    column = np.arange(pixels)
+    low = np.maximum(edges[:-1, None], column)
+    high = np.minimum(edges[1:, None], column + 1.0)
+    return np.maximum(high - low, 0.0) * (cells / pixels)

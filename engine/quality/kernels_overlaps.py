@@ -1,0 +1,195 @@
+"""Kernels that count overlapping outlines: by every face of both, in double precision, with nothing taken from contact."""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.constant(wp.float64(0.0))
+ONE = wp.constant(wp.float64(1.0))
+HALF = wp.constant(wp.float64(0.5))
+
+
+@wp.struct
+class Shapes:
+    """What lies where: position, first corner (one more at the end), radius around the core, reach, smallest width, 1 if it is fixed.
+
+    Corners are seen from the position, each with the outward normal of the edge that begins there.
+    """
+
+    position: wp.array(dtype=wp.vec2d)
+    first_corner: wp.array(dtype=wp.int32)
+    corner: wp.array(dtype=wp.vec4d)
+    rounding: wp.array(dtype=wp.float64)
+    reach: wp.array(dtype=wp.float64)
+    width: wp.array(dtype=wp.float64)
+    fixed: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Lattice:
+    """Cells, one grid per level of size: largest reach, columns and rows, and first cell of each; and the bodies in every cell."""
+
+    reach: wp.array(dtype=wp.float64)
+    columns: wp.array(dtype=wp.int32)
+    rows: wp.array(dtype=wp.int32)
+    first_cell: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.int32)
+    member: wp.array(dtype=wp.int32)
+    size: wp.vec2d
+    periodic: wp.int32
+
+
+@wp.func
+def inside_of_faces(
+    corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, d: wp.vec2d, enough: wp.float64
+):
+    """Smallest of how far B, at offset ``d``, reaches inside the faces of A; ``enough`` or less ends the search."""
+    least = wp.float64(1.0e300)
+    for e in range(a, a_end):
+        if least > enough:
+            v = corner[e]
+            deepest = wp.float64(1.0e300)
+            for q in range(b, b_end):
+                w = corner[q]
+                deepest = wp.min(deepest, v[2] * (w[0] + d[0] - v[0]) + v[3] * (w[1] + d[1] - v[1]))
+            least = wp.min(least, -deepest)
+    return least
+
+
+@wp.func
+def squared_distance_of_corners(corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, d: wp.vec2d):
+    """From A's edges to the corners of B, at offset ``d``."""
+    least = wp.float64(1.0e300)
+    for e in range(a, a_end):
+        following = e + 1
+        if following == a_end:
+            following = a
+        v = corner[e]
+        u = corner[following]
+        along = wp.vec2d(u[0] - v[0], u[1] - v[1])
+        square = wp.dot(along, along)
+        for q in range(b, b_end):
+            w = corner[q]
+            p = wp.vec2d(w[0] + d[0] - v[0], w[1] + d[1] - v[1])
+            share = wp.float64(0.0)
+            if square > ZERO:
+                share = wp.clamp(wp.dot(p, along) / square, ZERO, ONE)
+            gap = p - along * share
+            least = wp.min(least, wp.dot(gap, gap))
+    return least
+
+
+@wp.func
+def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
+    """How far two outlines lie in each other: the shortest way that parts them; below 0 where they are apart."""
+    a = shapes.first_corner[i]
+    a_end = shapes.first_corner[i + 1]
+    b = shapes.first_corner[j]
+    b_end = shapes.first_corner[j + 1]
+    r = shapes.rounding[i] + shapes.rounding[j]
+    least = wp.float64(1.0e300)
+    if a_end - a > 1:
+        least = wp.min(least, inside_of_faces(shapes.corner, a, a_end, b, b_end, d, -r))
+    if b_end - b > 1 and least > -r:
+        least = wp.min(least, inside_of_faces(shapes.corner, b, b_end, a, a_end, -d, -r))
+    if least <= -r and a_end - a + b_end - b > 2:
+        return least + r
+    if least > ZERO and a_end - a + b_end - b > 2:
+        return least + r
+    if r == ZERO:
+        return least
+    # Cores apart, and perhaps nearer at their corners than across a face.
+    square = squared_distance_of_corners(shapes.corner, a, a_end, b, b_end, d)
+    square = wp.min(square, squared_distance_of_corners(shapes.corner, b, b_end, a, a_end, -d))
+    return r - wp.sqrt(square)
+
+
+@wp.func
+def cell_number(unwrapped: wp.float64, count: int):
+    """A cell's column or row as a whole number, within those of three periods."""
+    limit = wp.float64(2 * count)
+    return int(wp.floor(wp.clamp(unwrapped, -limit, limit)))
+
+
+@wp.kernel
+def find_overlaps(
+    first: int,
+    shapes: Shapes,
+    level: wp.array(dtype=wp.int32),
+    lattice: Lattice,
+    images: wp.vec2i,
+    tolerance: wp.float64,
+    most: int,
+    # outputs
+    overlaps: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.float64),
+    partner: wp.array(dtype=wp.int32),
+):
+    """Of every body: in how many others it lies deeper than ``tolerance`` smaller widths, how deep at most [m], and in which.
+
+    A body is left as soon as ``most`` are found. One that overlaps an image of itself counts twice, as each of a couple counts once.
+    """
+    i = first + wp.tid()
+    own = shapes.position[i]
+    count = int(0)
+    worst = wp.float64(0.0)
+    worst_partner = int(-1)
+    for m in range(lattice.reach.shape[0]):
+        within = shapes.reach[i] + lattice.reach[m]
+        columns = lattice.columns[m]
+        rows = lattice.rows[m]
+        scale_x = wp.float64(columns) / lattice.size[0]
+        scale_y = wp.float64(rows) / lattice.size[1]
+        left = cell_number((own[0] - within) * scale_x, columns)
+        right = cell_number((own[0] + within) * scale_x, columns)
+        low = cell_number((own[1] - within) * scale_y, rows)
+        high = cell_number((own[1] + within) * scale_y, rows)
+        if lattice.periodic != 0:
+            if right - left >= columns:
+                left = 0
+                right = columns - 1
+            if high - low >= rows:
+                low = 0
+                high = rows - 1
+        else:
+            left = wp.clamp(left, 0, columns - 1)
+            right = wp.clamp(right, 0, columns - 1)
+            low = wp.clamp(low, 0, rows - 1)
+            high = wp.clamp(high, 0, rows - 1)
+        for y in range(low, high + 1):
+            row = (y + 2 * rows) % rows
+            for x in range(left, right + 1):
+                cell = lattice.first_cell[m] + row * columns + (x + 2 * columns) % columns
+                for s in range(lattice.start[cell], lattice.start[cell + 1]):
+                    if count < most:
+                        j = lattice.member[s]
+                        d = shapes.position[j] - own
+                        if lattice.periodic != 0:
+                            d = wp.vec2d(
+                                d[0] - lattice.size[0] * wp.floor(d[0] / lattice.size[0] + HALF),
+                                d[1] - lattice.size[1] * wp.floor(d[1] / lattice.size[1] + HALF),
+                            )
+                        touching = shapes.reach[i] + shapes.reach[j]
+                        if wp.dot(d, d) < touching * touching and shapes.fixed[i] * shapes.fixed[j] == 0:
+                            depth = wp.float64(0.0)
+                            for image_y in range(-images[1], images[1] + 1):
+                                for image_x in range(-images[0], images[0] + 1):
+                                    if j != i or image_x != 0 or image_y != 0:
+                                        at = wp.vec2d(
+                                            d[0] + wp.float64(image_x) * lattice.size[0],
+                                            d[1] + wp.float64(image_y) * lattice.size[1],
+                                        )
+                                        if wp.dot(at, at) < touching * touching:
+                                            depth = wp.max(depth, depth_of_overlap(i, j, at, shapes))
+                            if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
+                                count += 1
+                                if j == i:
+                                    count += 1
+                                if depth > worst:
+                                    worst = depth
+                                    worst_partner = j
+    overlaps[i] = count
+    deepest[i] = worst
+    partner[i] = worst_partner

@@ -1,0 +1,637 @@
+"""Separation: the end of a run in which convex outlines that overlap are parted.
+
+Pairs that are near are listed, with a skin, and listed anew when a body has moved beyond its skin. In every round all contacts are
+resolved at once, each by half as many as there are, with momentum that grows, while a pull that fades keeps bodies near where the
+descent put them. What stays stuck trades places with others of its kind; bodies whose turns are fixed have another try with more
+momentum and no pull.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
+from ..problem.body_footprints import CAPSULE, BodyFootprints
+from ..space import kernels_images
+from ..space.cell_sort import CellSort
+from ..space.neighbourhood import Neighbourhood
+from ..space.space import space_for_kernels
+from . import kernels_descent, kernels_separation
+from .body_flags import BodyFlags
+from .model import Model
+
+__all__ = ["Separation", "footprint_tables"]
+
+# Depth of an overlap that counts, and how far apart outlines are put, in widths of the narrower one.
+TOLERANCE = 1e-3
+SLACK = 2e-3
+# A pair is listed from this distance on, in roots of the bodies' areas.
+SKIN = 0.08
+# Share of the bodies that may be beyond their skins before pairs are listed anew.
+STRAY_SHARE = 2e-3
+# Momentum at first, how much nearer to 1 it comes after so many rounds, and how far; and that of a second try.
+FIRST_MOMENTUM = 0.9
+RISE = 0.7
+ROUNDS_PER_RISE = 60
+LARGEST_MOMENTUM = 0.985
+HOT_MOMENTUM = 0.98
+DAMPING = 0.9
+COASTING = 0.5
+# Share of the way back to its start that a body is pulled in a round, and rounds until the pull has faded: of loose bodies and of
+# discs, and of others where they are crowded.
+PULL = 0.01
+ROUNDS_OF_PULL = (100, 300)
+# Rounds at most, between two looks at what is left, and without progress before it is given up; progress is to have at most this
+# share of the squared overlaps left.
+MOST_ROUNDS = 2500
+ROUNDS_AT_ONCE = 5
+ROUNDS_WITHOUT_PROGRESS = 500
+PROGRESS = 0.97
+# Where footprints cover more than the ground, none of this helps.
+ROUNDS_OF_THE_HOPELESS = 150
+# Rounds after the last overlap that counts until those below the tolerance may stay.
+LAST_ROUNDS = 100
+# Trading places: passes before the first round, rounds between two later passes and how many there are; candidates for each body,
+# places that are tried in a pass at most, and the share of bodies, the most stuck ones, that later passes look at.
+FIRST_SWAPS = 30
+ROUNDS_PER_SWAP = 50
+MOST_SWAPS = 20
+HOT_SWAPS = 60
+CANDIDATES = 60
+PLACES_TO_TRY = 500_000
+STUCK_SHARE = 0.2
+FIRST_KEEP = 1.0
+# Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
+# body's squared overlaps.
+FIRST_TURNS = 30
+TRIALS = 24
+TURNS_TO_TRY = 300_000
+KEEP_TURNS = 0.9
+KEEP = 0.8
+# Bodies trade places whose areas differ by up to this factor.
+ALIKE = 1.15
+# Of many bodies fewer passes, as many as this has of all bodies.
+FEWEST_SWAPS = 6
+BODIES_TO_SWAP = 1_000_000
+# Passes end when a smaller share of the bodies trades places.
+LEAST_SWAPS = 1e-3
+# Cover from which on bodies count as crowded.
+CROWDED = 0.66
+# Pairs of a body at most: footprints many times larger than the space would have n² of them.
+MOST_PAIRS_PER_BODY = 200
+LEAST_PAIRS_PER_BODY = 32
+MOST_PAIRS = 20_000_000
+# Periods that an image of a body may be away.
+MOST_IMAGES = 8
+# Room for more pairs than there are, so that arrays are not made anew whenever there are a few more.
+SPARE = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class FootprintTables:
+    """Outlines as contact takes them; lengths in metres, arrays of shape ``[n]`` unless said otherwise.
+
+    Attributes:
+        corners: Corners of every shape, one after the other, with the outward normals of their edges, shape ``[m, 4]``.
+        start: Where those of a shape begin, and at the end their number, shape ``[shapes + 1]``.
+        shape: Which shape a body has.
+        factor: How many times as large its core is.
+        rounding: Radius around its core.
+        reach: Distance of its farthest point from its position.
+        width: Its smallest width.
+        area: Its area.
+        inertia: Integral of the squared distance from its position over its inside [m⁴].
+    """
+
+    corners: np.ndarray
+    start: np.ndarray
+    shape: np.ndarray
+    factor: np.ndarray
+    rounding: np.ndarray
+    reach: np.ndarray
+    width: np.ndarray
+    area: np.ndarray
+    inertia: np.ndarray
+
+
+def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.ndarray) -> FootprintTables:
+    """Outlines with the room that they keep for themselves.
+
+    Args:
+        footprints: The outlines.
+        length: Length of every line's axis [m].
+        width: Thickness of every line [m].
+    """
+    cores = [outline.corners for outline in footprints.shapes]
+    # The axis of a line, of half length 1.
+    cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
+    capsule = len(cores) - 1
+    start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
+    is_line = footprints.shape == CAPSULE
+    shape = np.where(is_line, capsule, footprints.shape).astype(np.int32)
+    room, around = footprints.room, 0.5 * footprints.gap
+    half = 0.5 * length * room
+    factor = np.where(is_line, half, footprints.factor * room)
+    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in footprints.shapes]
+    rounding, narrow, reach, square = np.array([*own, (0.0, 0.0, 1.0, 0.0)]).T[:, shape]
+    rounding = np.where(is_line, 0.5 * width * room, rounding * factor) + around
+    area = footprints.areas(length, width, apart=True)
+    # Of a capsule, as of a rod of its length; the room around others makes them a little larger.
+    inertia = np.where(is_line, (half + rounding) ** 2 / 3.0, square * factor**2 + around**2) * area
+    return FootprintTables(
+        np.concatenate([np.hstack([core, _normals(core)]) for core in cores]),
+        start,
+        shape,
+        factor,
+        rounding,
+        np.where(is_line, half, reach * factor) + rounding,
+        np.where(is_line, 2.0 * rounding, narrow * factor + 2.0 * around),
+        area,
+        inertia,
+    )
+
+
+def _normals(core: np.ndarray) -> np.ndarray:
+    if len(core) == 1:
+        return np.zeros((1, 2))
+    edge = np.roll(core, -1, axis=0) - core
+    return np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(*edge.T)[:, None]
+
+
+class Separation:
+    """Parts the outlines of a model's bodies.
+
+    Args:
+        model: What was placed.
+        launcher: Where to run.
+        bodies: As the descent's kernels take them.
+        images: Densities, as the descent's kernels take them.
+        pose: Where the bodies are, as the state has it; they are moved.
+        turn: How the outlines are turned, of lines from their axes [rad], float, shape ``[n]``; those that may turn are turned.
+        bend: As the state has it.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        launcher: Launcher,
+        bodies: kernels_descent.Bodies,
+        images: kernels_images.Images,
+        pose: wp.array,
+        turn: wp.array,
+        bend: wp.array,
+    ) -> None:
+        self.launcher = launcher
+        self._pose, self._turn, self._bend = pose, turn, bend
+        self._bodies, self._images = bodies, images
+        self._model = model
+        self._count = n = model.body_count
+        domain = model.problem.domain
+        self._space = space_for_kernels(model.size, domain.periodic)
+        self._inset = int(domain.inset)
+        unit = model.unit
+        given = pose.numpy()
+        length = given[:, 3].astype(np.float64) * unit
+        tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
+        self._is_line = model.body.kind >= 0
+        start_turn = turn.numpy().astype(np.float64)
+        angle = np.where(self._is_line, given[:, 2], start_turn)
+        offset = np.where(self._is_line, start_turn, 0.0)
+        reach, skin = tables.reach / unit, SKIN * np.sqrt(tables.area) / unit
+        self._near = Neighbourhood(launcher, model.size, domain.periodic, reach + skin, np.zeros(n), np.ones(n))
+        order = self._spatial_order(given)
+        self._order = order
+        self._near.footprints.radius.assign((reach + skin)[order].astype(np.float32))
+        level = self._near.footprints.level.numpy()[order]
+        self._near.footprints.level.assign(level)
+        # Images that are farther than the nearest one matter where two bodies reach over half a period.
+        largest = 2.0 * float((reach + skin).max())
+        self._image_range = wp.vec2i(
+            *(min(MOST_IMAGES, int(largest / side + 0.5)) if domain.periodic else 0 for side in model.size)
+        )
+        free = model.footprints.free | self._is_line
+        pinned = (model.body.flags & BodyFlags.PINNED) != 0
+        mass = tables.area / tables.area.mean()
+        is_round = (np.diff(tables.start)[tables.shape] == 1) & (
+            np.hypot(*tables.corners[tables.start[tables.shape], :2].T) == 0.0
+        )
+        lightness = np.where(pinned, 0.0, 1.0 / mass)
+        ease = np.where(
+            pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
+        )
+        self._outlines = self._outlines_for_kernels(
+            tables, order, skin=skin, lightness=lightness, ease=ease, length=length / unit, offset=offset
+        )
+        self._covered = float(tables.area.sum() / domain.area)
+        self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
+        self._fixed = bool((~free & ~is_round & ~pinned).any())
+        self._prepare_bins(tables, is_round, pinned)
+        self._make_arrays(given, angle)
+        self._one_round: tuple[Recording, Recording] | None = None
+        self._slots = 0
+
+    def _spatial_order(self, given: np.ndarray) -> np.ndarray:
+        """Bodies as they lie in space, so that those near each other lie near each other in memory."""
+        rows = max(1, int(math.sqrt(self._count / 4.0)))
+        row = np.minimum(given[:, 1] / self._model.size[1] * rows, rows - 1).astype(np.int64)
+        row = np.maximum(row, 0)
+        return np.lexsort((given[:, 0], row))
+
+    def _outlines_for_kernels(
+        self, tables: FootprintTables, order: np.ndarray, **others: np.ndarray
+    ) -> kernels_separation.Outlines:
+        device, unit = self.launcher.device, self._model.unit
+
+        def numbers(values: np.ndarray) -> wp.array:
+            return wp.array(values[order].astype(np.float32), dtype=float, device=device)
+
+        def whole(values: np.ndarray) -> wp.array:
+            return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
+
+        corners = np.diff(tables.start)[tables.shape][order]
+        first = np.concatenate([[0], np.cumsum(corners)])
+        outlines = kernels_separation.Outlines()
+        outlines.body = whole(order)
+        outlines.first_corner = whole(first)
+        outlines.shape = whole(tables.shape[order])
+        outlines.factor = numbers(tables.factor / unit)
+        outlines.rounding = numbers(tables.rounding / unit)
+        outlines.reach = numbers(tables.reach / unit)
+        outlines.width = numbers(tables.width / unit)
+        for name, values in others.items():
+            setattr(outlines, name, numbers(values))
+        outlines.shape_start = whole(tables.start)
+        outlines.shape_corner = wp.array(tables.corners.astype(np.float32), dtype=wp.vec4, device=device)
+        # Behind them there is room for trials of how bodies may be turned.
+        self._corner_count = int(first[-1])
+        self._trial_corners = int(corners[(others["ease"] > 0.0)[order]].max(initial=0))
+        outlines.corner = self.launcher.empty(self._corner_count + len(order) * self._trial_corners, wp.vec4)
+        return outlines
+
+    def _prepare_bins(self, tables: FootprintTables, is_round: np.ndarray, pinned: np.ndarray) -> None:
+        """Bodies that may trade places: of one class and size, of like areas, and not all the same disc."""
+        body = self._model.body
+        step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
+        may = ~pinned & ~self._is_line
+        keys = np.stack([np.where(may, body.class_index, -1), body.size_index, body.support, step], axis=1)[self._order]
+        _, bin_of = np.unique(keys, axis=0, return_inverse=True)
+        bin_of = bin_of.ravel()
+        count = int(bin_of.max()) + 1
+        useful = np.zeros(count, bool)
+        useful[bin_of[(may & ~is_round)[self._order]]] = True
+        may = may[self._order] & useful[bin_of]
+        self._may_swap = may
+        members = np.flatnonzero(may)
+        members = members[np.argsort(bin_of[members], kind="stable")]
+        start = np.searchsorted(bin_of[members], np.arange(count + 1))
+        device = self.launcher.device
+        self._bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
+        self._bin_start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)
+        self._bin_member = wp.array(
+            (members if len(members) else np.zeros(1)).astype(np.int32), dtype=wp.int32, device=device
+        )
+        self._swap_reach = 2.0 * float(tables.reach[self._order][members].max(initial=0.0)) / self._model.unit
+
+    def _make_arrays(self, given: np.ndarray, angle: np.ndarray) -> None:
+        launcher, n = self.launcher, self._count
+        values = np.column_stack([given[:, 0], given[:, 1], angle, np.zeros(self._count)])[self._order].astype(
+            np.float32
+        )
+        self._start = values
+        self._place = wp.array(values, dtype=wp.vec4, device=launcher.device)
+        self._home = wp.clone(self._place)
+        self._built = wp.clone(self._place)
+        self._last_move = launcher.zeros(n, wp.vec4)
+        self._moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        self._settings = wp.zeros(5, dtype=float, device=launcher.device)
+        self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
+        self._cost = launcher.zeros(n, float)
+        pairs = kernels_separation.Pairs()
+        pairs.start = launcher.zeros(n + 1, wp.int32)
+        pairs.count = launcher.zeros(n, wp.int32)
+        self._pairs = pairs
+
+    def run(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
+        """Part the outlines; returns whether none overlap by more than the tolerance.
+
+        Args:
+            go_on: Called now and then; returning False ends it.
+            again: Whether bodies have been parted before, and stand and lie nearly as well as they can.
+        """
+        self._again = again
+        parted = self._try(go_on, hot=False)
+        if parted is False and self._fixed and self._covered <= 1.0 and self._swappable:
+            self._place.assign(self._start)
+            self._home.assign(self._start)
+            parted = self._try(go_on, hot=True)
+        self._write_back()
+        return bool(parted)
+
+    @property
+    def _swappable(self) -> bool:
+        # Who was parted before keeps its place.
+        return not self._again and bool(self._may_swap.any())
+
+    def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
+        """One try; None where it was stopped."""
+        self._last_move.zero_()
+        self._rebuild()
+        if self._swappable and self._fixed and self._covered <= 1.0:
+            # The more that fit where they are, the less they need to move.
+            for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // self._count))):
+                self._find()
+                swapped = self._swap(number, 1.0, FIRST_KEEP)
+                if swapped < LEAST_SWAPS * self._count:
+                    break
+        if not hot and self._covered <= 1.0 and self._free and not self._again:
+            self._turn_first()
+        momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
+        most = ROUNDS_OF_THE_HOPELESS if self._covered > 1.0 else MOST_ROUNDS
+        swaps = HOT_SWAPS if hot else MOST_SWAPS
+        pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
+        least, since, swapped, clean = math.inf, 0, 0, 0
+        best, best_place = math.inf, None
+        for number in range(most + 1):
+            if number % ROUNDS_PER_RISE == 0 and number and not hot:
+                momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
+            if number % ROUNDS_AT_ONCE == 0:
+                # What the pull presses together is a little deep, so it ends with the last overlap that counts.
+                pull = 0.0 if hot or clean else PULL * max(0.0, 1.0 - number / pull_rounds)
+                self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
+            self._find()
+            if number % ROUNDS_AT_ONCE == 0:
+                deep, touching, squares = self._left()
+                if deep == 0 and self._strayed:
+                    # Only a list without strays tells that nothing overlaps.
+                    self._rebuild()
+                    self._find()
+                    deep, touching, squares = self._left()
+                if touching == 0:
+                    return True
+                clean = clean + ROUNDS_AT_ONCE if deep == 0 else 0
+                if clean >= LAST_ROUNDS:
+                    return True
+                if squares < best:
+                    best, best_place = squares, wp.clone(self._place)
+                since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
+                least = squares if since == 0 else least
+                if number == most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
+                    break
+                if go_on is not None and not go_on():
+                    break
+                if number and number % ROUNDS_PER_SWAP == 0 and swapped < swaps and deep and self._swappable:
+                    swapped += 1
+                    if self._swap(FIRST_SWAPS + number, STUCK_SHARE, KEEP):
+                        since = 0
+                        self._find()
+            self._move()
+        if best_place is not None:
+            self._place.assign(best_place)
+        return False
+
+    def _rebuild(self) -> None:
+        """List the pairs that are near."""
+        launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
+        launcher.launch(kernels_separation.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
+        self._turn_corners()
+        near.sort(self._place)
+        search = [
+            self._place,
+            self._outlines,
+            near.near,
+            near.footprints.level,
+            near.cell_start,
+            near.grid,
+            self._image_range,
+            max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n)),
+        ]
+        launcher.launch(kernels_separation.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        start = np.zeros(n + 1, np.int64)
+        np.cumsum(pairs.count.numpy(), out=start[1:])
+        slots = max(int(start[-1]), 1)
+        if slots > self._slots:
+            self._slots = min(int(SPARE * slots) + 64, 2**31 - 1)
+            pairs.second, pairs.note = (launcher.empty(self._slots, wp.int32) for _ in range(2))
+            pairs.push = launcher.empty(self._slots, wp.vec4)
+            pairs.depth = launcher.empty(self._slots, float)
+            self._seconds = CellSort(launcher, self._slots, n + 1)
+            self._one_round = None
+        pairs.start.assign(start.astype(np.int32))
+        launcher.launch(kernels_separation.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        self._seconds.sort(kernels_separation.second_keys, [pairs.start, pairs, n])
+        if self._one_round is None:
+            self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
+
+    def _turn_corners(self) -> None:
+        self.launcher.launch(
+            kernels_separation.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
+        )
+
+    def _launch_find(self) -> None:
+        self._turn_corners()
+        self.launcher.launch(
+            kernels_separation.find_pushes,
+            self._count,
+            [self._place, self._outlines, self._space.size, self._settings],
+            [self._pairs],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+
+    def _launch_move(self) -> None:
+        self.launcher.launch(
+            kernels_separation.move_apart,
+            self._count,
+            [
+                self._outlines,
+                self._pairs,
+                self._seconds.cell_start,
+                self._seconds.order,
+                self._home,
+                self._built,
+                self._bodies,
+                self._bend,
+                self._images,
+                self._space,
+                self._inset,
+                self._settings,
+            ],
+            [self._place, self._last_move, self._moved_far],
+            grain=GRAIN_OF_NEIGHBOURS,
+            per_thread=True,
+        )
+
+    def _find(self) -> None:
+        """What contacts there are, with the pairs listed anew where that is due."""
+        if self._strayed > STRAY_SHARE * self._count:
+            self._rebuild()
+        assert self._one_round is not None
+        self._one_round[0].play()
+
+    @property
+    def _strayed(self) -> int:
+        """Bodies that are farther than their skins from where they were when pairs were listed."""
+        return int(self._moved_far.numpy().sum())
+
+    def _move(self) -> None:
+        assert self._one_round is not None
+        self._one_round[1].play()
+
+    def _left(self) -> tuple[int, int, float]:
+        """Overlaps that count, all overlaps, and the sum of their squares, each twice."""
+        self.launcher.launch(
+            kernels_separation.measure_overlaps,
+            self._count,
+            [
+                self._place,
+                self._outlines,
+                self._pairs,
+                self._seconds.cell_start,
+                self._seconds.order,
+                self._space,
+                self._inset,
+                TOLERANCE,
+            ],
+            [self._deep, self._touching, self._cost],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        deep, touching = (int(array.numpy().sum(dtype=np.int64)) for array in (self._deep, self._touching))
+        return deep, touching, float(self._cost.numpy().sum(dtype=np.float64))
+
+    def _swap(self, number: int, share: float, keep: float) -> int:
+        """Let the most stuck bodies trade places with others of their kind where both fit better; returns how many do."""
+        self._left()
+        cost = self._cost.numpy()
+        stuck = np.flatnonzero(self._may_swap & (cost > TOLERANCE**2))
+        if not len(stuck):
+            return 0
+        stuck = stuck[np.argsort(-cost[stuck], kind="stable")]
+        if share < 1.0:
+            stuck = stuck[: max(1, int(share * self._count))]
+        candidates = max(1, min(CANDIDATES, PLACES_TO_TRY // len(stuck)))
+        stuck = stuck[:PLACES_TO_TRY]
+        device = self.launcher.device
+        near = self._near
+        near.sort(self._place)
+        partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
+        self.launcher.launch(
+            kernels_separation.propose_swaps,
+            len(stuck),
+            [
+                wp.array(stuck.astype(np.int32), dtype=wp.int32, device=device),
+                self._bin,
+                self._bin_start,
+                self._bin_member,
+                candidates,
+                keep,
+                (self._model.problem.seed * 7919 + number) % (1 << 31),
+                self._place,
+                self._outlines,
+                near.near,
+                near.cell_start,
+                near.grid,
+                self._image_range,
+                self._inset,
+                self._cost,
+            ],
+            [partner, gain],
+            grain=8,
+        )
+        found, gained = partner.numpy(), gain.numpy()
+        proposed = np.flatnonzero(found >= 0)
+        proposed = proposed[np.argsort(-gained[proposed], kind="stable")]
+        one, other = stuck[proposed], found[proposed]
+        place, home, last = self._place.numpy().copy(), self._home.numpy().copy(), self._last_move.numpy().copy()
+        chosen = self._compatible(one, other, place)
+        one, other = one[chosen], other[chosen]
+        both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
+        place[both, :2], home[both, :2] = place[swapped, :2], home[swapped, :2]
+        last[both] = 0.0
+        self._place.assign(place)
+        self._home.assign(home)
+        self._last_move.assign(last)
+        if len(one):
+            self._rebuild()
+        return len(one)
+
+    def _turn_first(self) -> None:
+        """Turn bodies that may turn, where they are, so that they overlap less."""
+        launcher, n, near = self.launcher, self._count, self._near
+        angle, gain, cost = (launcher.zeros(n, float) for _ in range(3))
+        turned = launcher.zeros(n, wp.int32)
+        near.sort(self._place)
+        search = [self._outlines, near.near, near.cell_start, near.grid]
+        most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
+        for number in range(most):
+            launcher.launch(
+                kernels_separation.find_costs,
+                n,
+                [self._place, *search, self._image_range, self._inset],
+                [cost],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            launcher.launch(
+                kernels_separation.propose_turns,
+                n,
+                [
+                    TRIALS,
+                    self._corner_count,
+                    self._trial_corners,
+                    KEEP_TURNS,
+                    (self._model.problem.seed * 7919 + (1 << 20) + number) % (1 << 31),
+                    self._place,
+                    *search,
+                    self._image_range,
+                    self._inset,
+                    cost,
+                ],
+                [self._outlines.corner, angle, gain],
+                grain=8,
+            )
+            launcher.launch(
+                kernels_separation.accept_turns,
+                n,
+                [angle, gain, *search, self._place],
+                [self._place, turned],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            self._turn_corners()
+            if int(turned.numpy().sum()) < LEAST_SWAPS * n:
+                break
+        self._rebuild()
+
+    def _compatible(self, one: np.ndarray, other: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Which couples do not disturb each other: the best ones first, none of whose cells another one's body leaves or enters."""
+        if not len(one):
+            return np.zeros(0, bool)
+        size = np.array(self._model.size)
+        counts = np.maximum(1, (size / max(self._swap_reach, 1e-30)).clip(max=4096).astype(np.int64))
+        cell = np.clip((place[:, :2] / size * counts).astype(np.int64), 0, counts - 1)
+        number = cell[:, 1] * counts[0] + cell[:, 0]
+        first, second = number[one], number[other]
+        rank = np.arange(len(one))
+        claims = np.full(int(counts.prod()), len(one))
+        np.minimum.at(claims, first, rank)
+        np.minimum.at(claims, second, rank)
+        return (claims[first] == rank) & (claims[second] == rank)
+
+    def _write_back(self) -> None:
+        """Put bodies into the state as they are now."""
+        place = self._place.numpy()
+        pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
+        lines, order = self._is_line[self._order], self._order
+        size = np.array(self._model.size, np.float32)
+        position = place[:, :2].copy()
+        if self._model.problem.domain.periodic:
+            position -= np.floor(position / size) * size
+            position[position >= size] = 0.0
+        pose[order, :2] = position
+        pose[order[lines], 2] = place[lines, 2]
+        dots = ~lines
+        turn[order[dots]] = place[dots, 2]
+        self._pose.assign(pose)
+        self._turn.assign(turn)

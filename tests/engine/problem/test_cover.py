@@ -1,0 +1,102 @@
+"""The cover is known before anything is placed, and counts by cover are those that fit."""
+
+import numpy as np
+import pytest
+from esh.engine.errors import ProblemError
+from esh.engine.problem.cover import cover_of
+from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+
+PLANK = Footprint.rectangle(2.0, 0.3)
+
+
+def problem_of(footprint, count, density=1.0, side=20.0, **kwargs):
+    size = Size("s", count=count, footprint=footprint)
+    return Problem(Domain((side, side)), [BodyClass("a", [size], density)], avoid_overlap=True, **kwargs)
+
+
+def test_the_cover_counts_the_ground_where_bodies_may_be():
+    half = np.ones((4, 8))
+    half[:, 4:] = 0.0
+    assert cover_of(problem_of(PLANK, 200)).covered == pytest.approx(0.3)
+    cover = cover_of(problem_of(PLANK, 200, half))
+    assert cover.covered == pytest.approx(0.6)
+    assert cover.warning is None
+    lines = Size("s", 0.6, 100, line=Line(2.0, width=0.3))
+    problem = Problem(Domain((20.0, 20.0)), [BodyClass("a", [lines])], avoid_overlap=True)
+    assert cover_of(problem).covered == pytest.approx(100 * (0.6 + np.pi * 0.0225) / 400.0)
+
+
+def test_what_cannot_fit_is_said_in_per_cent():
+    cover = cover_of(problem_of(Footprint.disc(1.0), 170))
+    assert cover.warning is not None
+    assert "the footprints cover 134% of where they may be: at most about 82% fits" in cover.warning
+    assert cover_of(problem_of(Footprint.disc(1.0), 100)).warning is None
+
+
+def test_bodies_that_may_not_turn_fit_less_than_those_that_may():
+    free, fixed = (cover_of(problem_of(Footprints(PLANK, turn=turn), 100)).fits for turn in ("free", "random"))
+    assert 0.55 < fixed < 0.66 < 0.75 < free < 0.85
+
+
+def test_a_crowded_region_is_told_from_too_little_space():
+    peak = np.full((32, 32), 0.1)
+    peak[12:20, 12:20] = 3.0
+    cover = cover_of(problem_of(Footprint.disc(0.2), 1000, peak))
+    assert cover.covered < 0.4
+    assert cover.crowded == pytest.approx(64 * 3.0 / (64 * 3.0 + 960 * 0.1), abs=0.05)
+    assert "too crowded there" in cover.warning
+    # On a gentle slope there is room enough beside.
+    assert cover_of(problem_of(Footprint.disc(0.2), 1000, np.linspace(0.5, 1.5, 64)[None, :])).warning is None
+
+
+def test_room_and_gap_count_as_covered():
+    plain, roomy, apart = (
+        cover_of(problem_of(f, 50)).covered for f in (PLANK, Footprints(PLANK, room=2.0), Footprints(PLANK, gap=0.2))
+    )
+    assert roomy == pytest.approx(4.0 * plain)
+    grown = 0.6 + 4.6 * 0.1 + np.pi * 0.01
+    assert apart == pytest.approx(plain * grown / 0.6)
+
+
+def covering(classes, avoid_overlap):
+    return Problem(Domain((40.0, 40.0)), classes, avoid_overlap=avoid_overlap)
+
+
+def test_counts_by_cover_aim_at_what_can_be_packed():
+    image = np.linspace(0.0, 1.0, 64)[None, :]
+    size = Size("s", footprint=Footprint.disc(0.25))
+    whole, fitting = (covering([BodyClass("a", [size], image, count="cover")], apart) for apart in (False, True))
+    area = np.pi / 16
+    assert whole.body_count == pytest.approx(0.5 * 1600 / area, abs=1)
+    # Of the dark end, what is above 82 % is cut off.
+    expected = np.minimum(image, 0.82).mean() * 1600 / area
+    assert fitting.body_count == pytest.approx(expected, abs=1)
+    assert fitting.classes[0].density_image.max() == pytest.approx(0.82)
+    assert whole.classes[0].density_image.max() == 1.0
+    # Two classes share the ground.
+    both = covering([BodyClass(name, [size], 0.6, count="cover") for name in "ab"], True)
+    assert both.body_count * area / 1600 == pytest.approx(0.82, abs=0.01)
+    # Planks of given turns fit less.
+    fixed = Size("s", footprint=Footprints(PLANK, turn="random"))
+    planks = covering([BodyClass("a", [fixed], count="cover")], True)
+    assert 0.55 < planks.body_count * 0.6 / 1600 < 0.66
+
+
+@pytest.mark.parametrize(
+    ("domain", "size", "message"),
+    [
+        (Domain((8.0, 4.0), inset=True), Size("s", 20.0, 1), "the domain that they are to lie in, 4 m; got 5.046"),
+        (Domain((8.0, 4.0), inset=True), Size("s", footprint=Footprint.rectangle(5.0, 4.5), count=1), "got 4.5"),
+    ],
+)
+def test_bodies_wider_than_the_domain_cannot_lie_in_it(domain, size, message):
+    with pytest.raises(ProblemError, match=message):
+        Problem(domain, [BodyClass("a", [size])], avoid_overlap=True)
+
+
+def test_inset_needs_edges_and_contact():
+    with pytest.raises(ProblemError, match="which has no edges"):
+        Domain((1.0, 1.0), "periodic", inset=True)
+    with pytest.raises(ProblemError, match="without `avoid_overlap`"):
+        Problem(Domain((1.0, 1.0), inset=True), [BodyClass("a", [Size("s", 0.1, 1)])])

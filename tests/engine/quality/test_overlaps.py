@@ -1,0 +1,134 @@
+"""Overlaps that the report counts, against shapely."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.body_footprints import footprints_of
+from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.quality.overlaps import find_overlaps, overlaps_of
+
+pytest.importorskip("shapely")
+BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def contact():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        import contact
+
+        yield contact
+        sys.modules.pop("contact", None)
+
+
+@pytest.fixture(scope="module")
+def launcher():
+    result = Launcher(resolve_device("cpu"))
+    yield result
+    result.close()
+
+
+def scattered(domain, sizes, seed):
+    """A placement at random: nothing keeps apart."""
+    problem = Problem(domain, [BodyClass("a", sizes)], seed=seed)
+    rng = np.random.default_rng(seed)
+    n = problem.body_count
+    line = np.repeat([size.line is not None for size in sizes], [size.count for size in sizes])
+    length, width = np.where(line, rng.uniform(0.3, 2.0, n), 0.0), np.where(line, 0.2, 0.0)
+    position = rng.random((n, 2)) * domain.size
+    return Placement(problem, position, *problem.body_indices(), rng.uniform(-4, 4, n), length, width)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_overlaps_equal_those_that_shapely_finds(contact, launcher, boundary, seed):
+    polygons = contact.random_polygons(60, seed)
+    sizes = [
+        Size("polygons", count=500, footprint=Footprints(polygons, scale_jitter=0.5)),
+        Size("discs", count=300, footprint=[Footprint.disc(1.0), Footprint.disc(0.1)]),
+        Size("rounded", count=300, footprint=Footprint.rectangle(1.5, 0.2, 0.1)),
+        Size("capsules", count=200, footprint=Footprint.capsule(2.0, 0.2)),
+        Size("lines", 0.2, 200, line=Line(1.0, width=0.2)),
+        Size("dots", 0.2, 300),
+    ]
+    placement = scattered(Domain((70.0, 50.0), boundary), sizes, seed)
+    found = overlaps_of(placement, launcher)
+    count, deepest = contact.overlaps_by_shapely(placement)
+    assert found.count == count > 300
+    assert found.deepest == pytest.approx(deepest, rel=1e-9)
+    i, j = found.pair
+    way = placement.position[j] - placement.position[i]
+    if boundary == "periodic":
+        way -= np.array([70.0, 50.0]) * np.round(way / [70.0, 50.0])
+    middle = placement.position[i] + 0.5 * way
+    off = np.array(found.place) - middle
+    np.testing.assert_allclose(off - np.array([70.0, 50.0]) * np.round(off / [70.0, 50.0]), 0.0, atol=1e-9)
+
+
+def two(launcher, footprint, position, angle, domain=None, **kwargs):
+    domain = domain or Domain((40.0, 30.0))
+    problem = Problem(domain, [BodyClass("a", [Size("s", count=len(position), footprint=footprint)])])
+    zero = np.zeros(len(position))
+    return find_overlaps(
+        footprints_of(problem), np.array(position), np.array(angle), zero, zero, domain, launcher, **kwargs
+    )
+
+
+def test_depth_is_the_shortest_way_out(launcher):
+    box = Footprint.rectangle(2.0, 1.0)
+    found = two(launcher, box, [[10.0, 10.0], [10.3, 10.8]], [0.0, 0.0])
+    assert (found.count, found.pair) == (1, (0, 1))
+    assert found.deepest == pytest.approx(0.2)
+    assert found.place == pytest.approx((10.15, 10.4))
+    # A corner in a side, by the axis of the diagonal.
+    found = two(launcher, Footprint.rectangle(1.0, 1.0), [[10.0, 10.0], [11.1, 10.0]], [0.0, math.pi / 4])
+    assert found.deepest == pytest.approx(0.5 + math.sqrt(0.5) - 1.1)
+    # Crossed capsules: out along the shorter way, past an end.
+    found = two(launcher, Footprint.capsule(2.2, 0.2), [[10.0, 10.0], [10.9, 10.0]], [0.0, math.pi / 2])
+    assert found.deepest == pytest.approx(0.1 + 0.2)
+    # Touching is none, nor is a thousandth of the width.
+    assert two(launcher, box, [[10.0, 10.0], [10.0, 10.9995]], [0.0, 0.0]).count == 0
+    assert two(launcher, box, [[10.0, 10.0], [10.0, 10.9985]], [0.0, 0.0]).count == 1
+    # Corners that are near, in no face's direction.
+    rounded = Footprint.rectangle(1.0, 1.0, 0.1)
+    assert two(launcher, rounded, [[10.0, 10.0], [11.15, 11.15]], [0.0, 0.0]).count == 0
+    assert two(launcher, rounded, [[10.0, 10.0], [11.13, 11.13]], [0.0, 0.0]).count == 1
+
+
+def test_nearly_parallel_axes_are_seen_to_cross(launcher):
+    footprint = Footprint.capsule(30.0, 0.02)
+    position = [[20.0, 15.0], [20.0, 15.1], [20.0, 20.0]]
+    assert two(launcher, footprint, position, [0.7, 0.7005, 0.7]).count == 0
+    assert two(launcher, footprint, position, [0.7, 0.72, 0.7]).count == 1
+
+
+def test_images_beyond_the_nearest_one_count(launcher):
+    """A long body meets the next one again across the border, where their middles are farther apart; and itself."""
+    domain = Domain((10.0, 4.0), "periodic")
+    plank = Footprint.rectangle(9.0, 0.2)
+    assert two(launcher, plank, [[5.0, 1.0], [5.5, 3.0]], [0.0, 0.0], domain).count == 0
+    assert two(launcher, plank, [[5.0, 1.0], [5.5, 3.0]], [0.0, 0.6], domain).count == 1
+    # Upright it reaches over two periods: on itself, and on the other.
+    found = two(launcher, plank, [[5.0, 1.0], [8.0, 3.0]], [math.pi / 2, 0.0], domain)
+    assert found.count == 2
+
+
+def test_footprints_far_larger_than_the_domain_end(launcher):
+    domain = Domain((8.0, 8.0), "periodic")
+    assert two(launcher, Footprint.disc(60.0), [[1.0, 1.0]], [0.0], domain).count == 1
+    assert two(launcher, Footprint.rectangle(100.0, 70.0), [[1.0, 1.0], [3.0, 3.0]], [0.0, 1.0], domain).count == 3
+
+
+def test_room_below_one_may_overlap_that_far(launcher):
+    for room, count in ((1.0, 1), (0.8, 0), (1.5, 1)):
+        size = Size("s", count=2, footprint=Footprints(Footprint.disc(0.5), room=room))
+        problem = Problem(Domain((4.0, 4.0)), [BodyClass("a", [size])])
+        zero = np.zeros(2)
+        placement = Placement(problem, np.array([[1.0, 1.0], [1.85, 1.0]]), *problem.body_indices(), zero, zero, zero)
+        assert overlaps_of(placement, launcher).count == count

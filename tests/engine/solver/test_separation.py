@@ -1,0 +1,222 @@
+"""Outlines are parted: scenes of the table in benchmarks/contact.py, smaller, with overlaps counted by shapely pair by pair."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.solve import solve
+from esh.engine.solver.body_flags import BodyFlags
+from esh.engine.solver.solver import Solver
+
+pytest.importorskip("shapely")
+BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
+PLANK = Footprint.rectangle(2.0, 0.3)
+
+
+@pytest.fixture(scope="module")
+def contact():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        import contact
+
+        yield contact
+        sys.modules.pop("contact", None)
+
+
+# How much the coverage error may grow, by scene.
+GROWS = {
+    "planks free, 50 %": 0.03,
+    "planks free, 70 %": 0.04,
+    "planks fixed, 50 %": 0.06,
+    "planks fixed, 60 %": 0.1,
+    "planks free, periodic, 70 %": 0.06,
+    "planks free, on a ramp, 55 %": 0.05,
+    "planks free, inset, 70 %": 0.07,
+    "planks, boxes, discs, 80 %": 0.04,
+    "jittered discs, 75 %": 0.02,
+    "jittered boxes, 75 %": 0.02,
+    "collection, radii 1 and 0.1, 75 %": 0.02,
+    "collection, 20 to 1, 75 %": 0.03,
+    "random polygons, 80 %": 0.03,
+    "capsules, 70 %": 0.04,
+    "discs of three sizes, 82 %": 0.02,
+}
+
+
+@pytest.mark.parametrize("name", GROWS)
+def test_outlines_are_parted_and_stay_even(contact, name):
+    o = contact.outcome(contact.SCENES[name](600 if "radii" in name else 180))
+    assert o["before"] > 5
+    assert (o["left"], o["reported"]) == (0, 0)
+    assert o["error"] <= o["error before"] + GROWS[name]
+
+
+def problem_of(footprint, count, side, density=1.0, **kwargs):
+    domain = kwargs.pop("domain", Domain((side, side)))
+    size = Size("s", count=count, footprint=footprint)
+    return Problem(domain, [BodyClass("a", [size], density)], avoid_overlap=True, seed=4, **kwargs)
+
+
+def corners_of(placement, footprint):
+    c, s = np.cos(placement.angle)[:, None], np.sin(placement.angle)[:, None]
+    x, y = footprint.corners.T[:, None] * placement.scale[:, None]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1) + placement.position[:, None]
+
+
+def test_given_turns_scales_and_variants_are_kept_body_by_body(contact):
+    rng = np.random.default_rng(2)
+    turn, scale = rng.uniform(-3, 3, 120), rng.uniform(0.5, 1.5, 120)
+    variant = rng.integers(0, 2, 120)
+    given = Footprints([PLANK, Footprint.rectangle(0.8, 0.8)], variant=variant, scale=scale, turn=turn)
+    placement = solve(problem_of(given, 120, 15.0), device="cpu")
+    np.testing.assert_allclose(placement.angle, turn, atol=1e-6)
+    np.testing.assert_array_equal(placement.scale, scale)
+    np.testing.assert_array_equal(placement.variant, variant)
+    assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
+
+
+def test_a_run_that_settled_and_parted_has_converged():
+    assert solve(problem_of(PLANK, 100, 11.0), device="cpu").report.converged
+
+
+def test_room_and_gap_are_kept(contact):
+    for footprints, apart in ((Footprints(PLANK, gap=0.2), 0.2), (Footprints(PLANK, room=1.5), 0.15)):
+        placement = solve(problem_of(footprints, 100, 15.0), device="cpu")
+        corners = corners_of(placement, PLANK)
+        import shapely
+
+        boxes = shapely.polygons(corners)
+        distance = shapely.distance(boxes[:, None], boxes[None])
+        np.fill_diagonal(distance, 9.0)
+        assert distance.min() >= 0.995 * apart
+
+
+def test_inset_footprints_lie_inside_as_a_whole():
+    problem = problem_of(PLANK, 100, 11.0, domain=Domain((11.0, 11.0), inset=True))
+    placement = solve(problem, device="cpu")
+    assert placement.report.overlaps == 0
+    corners = corners_of(placement, PLANK)
+    assert corners.min() >= -3e-4 and corners.max() <= 11.0 + 3e-4
+    # Without it only the positions do.
+    outside = corners_of(solve(problem_of(PLANK, 100, 11.0), device="cpu"), PLANK)
+    assert outside.min() < -0.1
+
+
+def test_bodies_stay_where_the_density_is(contact):
+    image = np.ones((20, 20))
+    image[:, :8] = 0.0
+    problem = problem_of(PLANK, 100, 14.0, image)
+    placement = solve(problem, device="cpu")
+    assert contact.overlaps_by_shapely(placement)[0] == 0
+    assert (placement.position[:, 0] >= 14.0 * 0.4 - 1e-6).all()
+
+
+def test_pinned_bodies_stay_and_others_make_way(contact):
+    problem = problem_of(Footprints(PLANK, turn="random"), 60, 10.0)
+    with Solver(problem, device="cpu") as solver:
+        start = solver.placement().position
+    # Those that stay do not reach each other from where they start.
+    stay = np.zeros(60, bool)
+    for i in range(60):
+        stay[i] = not stay.any() or np.hypot(*(start[stay] - start[i]).T).min() > 2.1
+    assert stay.sum() > 5
+    with Solver(problem, device="cpu", flags=np.where(stay, BodyFlags.PINNED, 0)) as solver:
+        start = solver.placement()
+        solver.run(40)
+        solver.separate()
+        end = solver.placement()
+    np.testing.assert_array_equal(end.position[stay], start.position[stay])
+    np.testing.assert_array_equal(end.angle, start.angle)
+    assert contact.overlaps_by_shapely(end)[0] == 0
+
+
+def test_lines_with_outlines_turn_with_their_axes(contact):
+    line = Line(1.6, direction=0.7, width=0.4, stretch_weights=(0.0, 0.1))
+    wedge = Footprint.polygon([[-1.0, -0.2], [1.0, -0.05], [1.0, 0.05], [-1.0, 0.2]])
+    size = Size("s", count=80, line=line, footprint=Footprints(wedge, turn="random"))
+    problem = Problem(Domain((12.0, 8.0)), [BodyClass("a", [size])], avoid_overlap=True, seed=2)
+    placement = solve(problem, device="cpu")
+    assert contact.overlaps_by_shapely(placement)[0] == placement.report.overlaps == 0
+    # About half of them look the other way.
+    off = np.abs(np.angle(np.exp(1j * (placement.angle - 0.7))))
+    assert 20 < (off > math.pi / 2).sum() < 60
+    assert np.median(np.minimum(off, math.pi - off)) < 0.3
+
+
+def test_long_lines_side_by_side_do_not_cross(contact):
+    """Nearly parallel axes that cross were taken for such that do not."""
+    line = Line(30.0, direction=0.7)
+    problem = Problem(Domain((40.0, 30.0)), [BodyClass("a", [Size("s", 3.0, 10, line=line)])], avoid_overlap=True)
+    for seed in range(3):
+        placement = solve(
+            Problem(problem.domain, problem.classes, problem.balance, seed, True), device="cpu", max_steps=60
+        )
+        assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
+
+
+@pytest.mark.parametrize("direction", ["none", 0.7])
+def test_long_lines_of_a_periodic_domain_stay_in_it(direction):
+    line = Line(10.0, direction)
+    for seed in (13, 14):
+        problem = Problem(
+            Domain((40.0, 30.0), "periodic"), [BodyClass("a", [Size("s", 2.0, 100, line=line)])], seed=seed
+        )
+        position = solve(problem, device="cpu").position
+        assert (position >= 0.0).all() and (position <= [40.0, 30.0]).all()
+
+
+def test_bodies_of_many_periods_end_well():
+    """Far longer or wider than the domain: nothing looks for them beyond the cells that there are."""
+    line = Size("line", 1e-4, 2, line=Line(2.5, width=0.015))
+    dots = Size("dot", (1e-6, 1e-4), 2)
+    for avoid in (False, True):
+        problem = Problem(Domain((100.0, 0.2), "periodic"), [BodyClass("a", [line, dots], 0.5)], avoid_overlap=avoid)
+        placement = solve(problem, device="cpu", max_steps=3)
+        assert np.isfinite(placement.position).all()
+        assert (placement.position >= 0.0).all() and (placement.position <= [100.0, 0.2]).all()
+
+
+def test_what_cannot_fit_is_not_converged_and_says_why():
+    placement = solve(problem_of(Footprint.disc(1.0), 40, 8.0), device="cpu")
+    report = placement.report
+    assert report.overlaps > 0 and not report.converged
+    assert report.deepest_overlap > 0.01
+    i, j = report.deepest_pair
+    gap = 2.0 - np.hypot(*(placement.position[i] - placement.position[j]))
+    assert gap == pytest.approx(report.deepest_overlap)
+    middle = 0.5 * (placement.position[i] + placement.position[j])
+    np.testing.assert_allclose(report.deepest_place, middle)
+    assert any("at most about 82% fits" in note for note in report.notes)
+
+
+def test_whoever_watches_can_end_contact_too(monkeypatch):
+    import esh.engine.solve as module
+
+    monkeypatch.setattr(module, "MOMENT", 0.0)
+    steps = []
+
+    def progress(state):
+        steps.append(state.step)
+        return len(steps) < 25
+
+    placement = solve(
+        problem_of(Footprints(PLANK, turn="random"), 400, 18.0), device="cpu", max_steps=20, progress=progress
+    )
+    assert len(steps) == 25 and steps[-1] == 20
+    assert not placement.report.converged
+    assert len(placement.position) == 400
+
+
+def test_bodies_on_one_another_part(contact):
+    """All at one place: directions are made up, the same for both of a pair."""
+    problem = problem_of(Footprint.disc(0.2), 30, 6.0)
+    with Solver(problem, device="cpu") as solver:
+        pose = solver.state.pose.numpy().copy()
+        pose[:, :2] = pose[0, :2]
+        solver.state.pose.assign(pose)
+        assert solver.separate()
+        assert contact.overlaps_by_shapely(solver.placement())[0] == 0
