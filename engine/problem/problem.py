@@ -54,6 +54,7 @@ class Domain(Settings):
             "What is beyond the edges",
             choices=(
                 Choice("open", "Open", "bodies stay inside, nothing lies beyond", "OPEN"),
+                Choice("mirror", "Mirror", "the edges are mirrors: bodies neither crowd nor shun them", "MIRROR"),
                 Choice("periodic", "Periodic", "opposite edges are joined, so the result can be tiled", "PERIODIC"),
             ),
             check=validation.check_boundary,
@@ -72,6 +73,11 @@ class Domain(Settings):
     def periodic(self) -> bool:
         """Whether opposite edges are joined."""
         return self.boundary == "periodic"
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the edges are mirrors."""
+        return self.boundary == "mirror"
 
 
 @described

@@ -9,12 +9,15 @@ half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field
+from ..field.mirrored_field import COPIES, MirroredField
 from ..problem.problem import Problem
 from ..space.space import space_for_kernels
 from ..space.support import images_for_kernels
@@ -50,7 +53,7 @@ class Descent:
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
-        field: The forces.
+        field: The forces; those of a mirrored domain are of one of twice its extent.
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
         contact: What keeps footprints apart, or None.
@@ -68,17 +71,7 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = _bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        self.field = Field(
-            launcher,
-            size=model.size,
-            periodic=problem.domain.periodic,
-            interaction=model.groups.matrix,
-            targets=group_targets(model),
-            spacing=_typical_spacing(problem) / model.unit,
-            charge=model.charge.charge,
-            charge_group=model.body.group[model.charge.body],
-            fewest_nodes=fewest_nodes,
-        )
+        self._evaluate, self.field, self._images_of_targets = self._make_field(fewest_nodes)
         self._prepare_steps()
         self.images = images_for_kernels(launcher, model.supports, model.size)
         self.state = self._first_state(pose)
@@ -105,6 +98,27 @@ class Descent:
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+
+    def _make_field(
+        self, fewest_nodes: int | None
+    ) -> tuple[Callable[[wp.array, wp.array], None], Field, list[np.ndarray]]:
+        """What evaluates the forces, the field that it has, and the images of the targets."""
+        model = self.model
+        domain = model.problem.domain
+        described: dict[str, Any] = {
+            "size": model.size,
+            "interaction": model.groups.matrix,
+            "targets": group_targets(model),
+            "spacing": _typical_spacing(model.problem) / model.unit,
+            "charge": model.charge.charge,
+            "charge_group": model.body.group[model.charge.body],
+            "fewest_nodes": fewest_nodes,
+        }
+        if domain.mirrored:
+            mirrored = MirroredField(self.launcher, **described)
+            return mirrored.evaluate, mirrored.field, mirrored.images
+        field = Field(self.launcher, periodic=domain.periodic, **described)
+        return field.evaluate, field, field.images
 
     def residual(self) -> float:
         """RMS of the moves that the forces asked for in the last step, over the local spacing."""
@@ -159,9 +173,9 @@ class Descent:
         )
         count = np.zeros((1, len(field.images)))
         for c in self.model.problem.classes:
-            found = [i for i, image in enumerate(field.images) if image is c.density_image]
+            found = [i for i, image in enumerate(self._images_of_targets) if image is c.density_image]
             # Where all bodies of a class are fixed, nothing may follow its density.
-            count[0, found[:1]] += c.body_count
+            count[0, found[:1]] += c.body_count * (COPIES if self.model.problem.domain.mirrored else 1)
         number = mix_images(self.launcher, field.deposited, count, layout.node_count)
         self.step_limit = self.launcher.empty(layout.node_count, float)
         self.launcher.launch(
@@ -178,7 +192,7 @@ class Descent:
 
     def take_step(self) -> None:
         """Launch a whole step."""
-        self.field.evaluate(self.charge_position, self.field_at_charge)
+        self._evaluate(self.charge_position, self.field_at_charge)
         with self.launcher.phase("update"):
             self.propose()
             self.decide()

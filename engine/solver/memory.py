@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from ..errors import ProblemError
+from ..field.mirrored_field import COPIES
 from ..problem.interaction import LEVELS
 from ..problem.problem import Problem
 from ..problem.validation import show
@@ -35,7 +36,8 @@ def required_memory(problem: Problem) -> int:
 
 def _bytes_per_body(problem: Problem) -> int:
     groups = sum(LEVELS if size.is_range else 1 for body_class in problem.classes for size in body_class.sizes)
-    return BYTES_PER_BODY + BYTES_PER_BODY_AND_GROUP * groups
+    # Borders that are mirrors have images of all charges behind them.
+    return (BYTES_PER_BODY + BYTES_PER_BODY_AND_GROUP * groups) * (COPIES if problem.domain.mirrored else 1)
 
 
 def check_memory(problem: Problem) -> None:
