@@ -73,7 +73,9 @@ class Descent:
         self.has_dots = bool((model.body.kind < 0).any())
         self._evaluate, self.field, self._images_of_targets = self._make_field(fewest_nodes)
         self._prepare_steps()
-        self.images = images_for_kernels(launcher, model.supports, model.size)
+        # Dots look for the way back into the support only where they start.
+        back = pose is None or bool(model.kinds)
+        self.images = images_for_kernels(launcher, model.supports, model.size, to_support=back)
         self.state = self._first_state(pose)
         n = model.body_count
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
