@@ -35,6 +35,7 @@ from ..engine.problem.scatter_settings import RunSettings, ScatterSettings
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.validation import (
     check_area_or_range,
+    check_count,
     check_density,
     check_direction,
     check_name,
@@ -81,7 +82,9 @@ class ScatterSize(Settings):
     """One size of a class."""
 
     name: str = field(metadata=same_setting(Size, "name"))
-    count: int | None = field(default=None, metadata=same_setting(Size, "count"))
+    count: int | None = field(
+        default=None, metadata=same_setting(Size, "count", low=1, soft_low=None, check=check_count)
+    )
     source: bpy.types.Object | bpy.types.Collection | None = field(
         default=None,
         metadata=setting(

@@ -277,8 +277,9 @@ class Size(Settings):
         default=None,
         metadata=setting(
             "How many to place. This count is always reached exactly",
-            more="None where the class has the count and this size a share",
-            low=1,
+            more="None where the class has the count and this size a share; 0 only where bodies of this size are fixed",
+            low=0,
+            soft_low=1,
             soft_high=100_000,
             check=validation.check_size_count,
         ),

@@ -189,7 +189,7 @@ def test_mistakes_in_the_command_are_one_sentence_and_change_nothing(folder, cap
     ("before", "after", "expected"),
     [
         ("version = 1", "version = 9", "forest.toml: `version` must be 1"),
-        ("count = 12", "count = 0", '`class[1].size[1].count` (class "pine", size "large") must be a whole number'),
+        ("count = 12", "count = -1", '`class[1].size[1].count` (class "pine", size "large") must be a whole number'),
         ("count = 12", "count = 1000000000000", "of memory"),
         ("count = 12", "count = 1" + "0" * 400, "of memory"),
         ("count = 12", "cuont = 12", "did you mean `count`"),
