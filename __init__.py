@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from .engine.drawing.halftone import render_halftone, write_halftone_png, write_halftone_svg
     from .engine.drawing.plan import draw_plan
     from .engine.errors import DeviceError, EshError, InputFileError, ProblemError
+    from .engine.files.bodies import Bodies, Prototype
     from .engine.files.fixed_files import read_fixed_bodies
     from .engine.files.image_files import read_color, read_density
-    from .engine.files.placement_files import write_placement
+    from .engine.files.placement_files import write_bodies, write_placement
+    from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
     from .engine.problem.scatter_settings import ScatterSettings
+    from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Edit, Progress, Solver
@@ -39,12 +42,14 @@ if TYPE_CHECKING:
     from .engine.surface.instances import Instances
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
+    from .esh_scatter.exchange import export_result, import_placement
     from .esh_scatter.footprint import measure_footprint
 
 __all__ = [
     "__version__",
     "AttributeDensity",
     "Balance",
+    "Bodies",
     "BodyClass",
     "BodyFlags",
     "ClassReport",
@@ -69,6 +74,7 @@ __all__ = [
     "ProblemError",
     "Profile",
     "Progress",
+    "Prototype",
     "Report",
     "ScatterClass",
     "ScatterJob",
@@ -82,8 +88,11 @@ __all__ = [
     "Unsharp",
     "VertexGroupDensity",
     "draw_plan",
+    "export_result",
     "halftone_problem",
+    "import_placement",
     "ink_colors",
+    "load_placement",
     "measure_footprint",
     "read_color",
     "read_density",
@@ -93,6 +102,8 @@ __all__ = [
     "scatter",
     "separate",
     "solve",
+    "solve_many",
+    "write_bodies",
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
@@ -105,6 +116,7 @@ __all__ = [
 _MODULES = {
     "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
+    "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.problem",
     "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
@@ -129,6 +141,7 @@ _MODULES = {
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
     "Progress": ".engine.solver.solver",
+    "Prototype": ".engine.files.bodies",
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
@@ -142,8 +155,11 @@ _MODULES = {
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
     "draw_plan": ".engine.drawing.plan",
+    "export_result": ".esh_scatter.exchange",
     "halftone_problem": ".engine.problem.color_separation",
+    "import_placement": ".esh_scatter.exchange",
     "ink_colors": ".engine.problem.color_separation",
+    "load_placement": ".engine.files.placement_reader",
     "measure_footprint": ".esh_scatter.footprint",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
@@ -153,6 +169,8 @@ _MODULES = {
     "scatter": ".esh_scatter.api",
     "separate": ".engine.problem.color_separation",
     "solve": ".engine.solve",
+    "solve_many": ".engine.scenes.solve_many",
+    "write_bodies": ".engine.files.placement_files",
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from .device.profile import Profile
+from .errors import ProblemError
 from .problem.placement import Placement
 from .problem.problem import Problem
-from .problem.validation import check_count
+from .problem.validation import check_count, show
 from .quality.measurement import measure
 from .solver.solver import Progress, Solver
 
@@ -39,10 +40,15 @@ def solve(
         RMS move below 0.005 of the local spacing.
 
     Raises:
-        ProblemError: The problem does not fit into memory, or ``max_steps`` is below 1.
+        ProblemError: No problem, one that does not fit into memory or leaves the range of float32, a ``progress`` that cannot be
+            called, or ``max_steps`` below 1.
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
     start_time = time.perf_counter()
+    if not isinstance(problem, Problem):
+        raise ProblemError(f"`problem` must be a Problem; got {show(problem)}")
+    if progress is not None and not callable(progress):
+        raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
         steps, converged = solver.run(max_steps, progress)

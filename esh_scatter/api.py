@@ -6,8 +6,9 @@ one, which does not touch Blender, in a thread.
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -50,8 +51,9 @@ from ..engine.surface.instances import Instances, body_rotations, rotate
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .result import find_result, write_result
-from .target import RESULT_TAG, check_exists, check_target, read_target
+from .references import Reference
+from .result import CLASS_NAMES, find_result, write_result
+from .target import check_exists, check_target, is_result, read_target
 
 __all__ = [
     "AttributeDensity",
@@ -235,19 +237,29 @@ class ScatterJob:
         self.settings = replace(settings or ScatterSettings(), **changes)
         self.name = check_name(name, "`name`")
         resolve_device(self.settings.device)
-        self.target = check_target(target, context)
-        self.result = _check_result(result)
+        self._scene = Reference(context.scene, "scene")
+        self._target = Reference(check_target(target, context), "target")
+        replaced = _check_result(result)
+        self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = _check_classes(classes)
-        # Per group (class and size): indices into `sources` of its variants.
-        self.sources: list[bpy.types.Object] = []
+        # Objects are looked up anew before they are used: a file may change during a run. Per group (class and size): indices
+        # into `sources` of its variants.
+        self._sources: list[Reference] = []
+        numbers: dict[int, int] = {}
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
+        # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
+        measured: dict[bpy.types.Object, Footprint] = {}
+        self._densities: dict[object, np.ndarray] = {}
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
                 members = _source_objects(size.source, self.target, key)
-                self.shapes.append(_shape(size, scatter_class, members, context, key))
-                self.variants.append([self._source_index(member) for member in members])
+                self.shapes.append(_shape(size, scatter_class, members, context, key, measured))
+                for member in members:
+                    if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
+                        self._sources.append(Reference(member, "object to place"))
+                self.variants.append([numbers[member.session_uid] for member in members])
         names = {
             str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
         }
@@ -261,6 +273,21 @@ class ScatterJob:
             **values_of(self.settings, SamplingSettings),
         )
         self.placement: Placement | None = None
+
+    @property
+    def target(self) -> bpy.types.Object:
+        """The mesh to scatter on; raises ProblemError once it is no longer in the file."""
+        return self._target.get()
+
+    @property
+    def result(self) -> bpy.types.Object | None:
+        """The result to replace, where one was given that still is in the file."""
+        return None if self._result is None else self._result.find()
+
+    @property
+    def sources(self) -> list[bpy.types.Object]:
+        """What points can be instances of; raises ProblemError once one of them is no longer in the file."""
+        return [source.get() for source in self._sources]
 
     def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
@@ -282,33 +309,32 @@ class ScatterJob:
         """Make the result object, or replace the points of an earlier one; on the main thread only."""
         if self.placement is None or self.placement.report is None:
             raise ProblemError("a scatter must be solved before it is written")
-        scene = (context or bpy.context).scene
+        # All of them first: nothing has been changed if one is gone.
+        scene = self._scene.get() if context is None else context.scene
+        target, sources = self.target, self.sources
+        replaced = self.result or find_result(scene, target, self.name)
         instances = self.instances()
-        replaced = self.result or find_result(scene, self.target, self.name)
         item = write_result(
             scene,
             replaced,
-            self.target,
+            target,
             self.name,
-            self.sources,
+            sources,
             instances.position,
             self._attributes(self.placement, instances),
         )
-        return ScatterResult(item, self.placement.report, self.placement, instances, tuple(self.sources))
-
-    def _source_index(self, member: bpy.types.Object) -> int:
-        if member not in self.sources:
-            self.sources.append(member)
-        return self.sources.index(member)
+        names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
+        item[CLASS_NAMES] = json.dumps(names)
+        return ScatterResult(item, self.placement.report, self.placement, instances, tuple(sources))
 
     def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> PreparedClass:
         """Return what the engine is to place: densities and counts as the slopes of the surface make them."""
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
-        values = density_at(c.density, self.chart.points, key)
+        values = self._density_on_surface(c.density, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
-        asked = BodyClass(c.name, sizes, self.chart.continued(values), c.count, **values_of(c, ClassSettings))
+        asked = BodyClass(c.name, sizes, values, c.count, **values_of(c, ClassSettings))
         surface = prepare_density(asked)
         density = surface.image * self.chart.stretch
         mean = float(density.mean())
@@ -323,6 +349,15 @@ class ScatterJob:
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
+
+    def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
+        """Return a class's density on the chart; it was read once where several classes have the same."""
+        same = id(density) if isinstance(density, np.ndarray) else density
+        if not isinstance(same, Hashable):
+            return self.chart.continued(density_at(density, self.chart.points, key))
+        if same not in self._densities:
+            self._densities[same] = self.chart.continued(density_at(density, self.chart.points, key))
+        return self._densities[same]
 
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
         """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
@@ -416,7 +451,7 @@ def _check_result(result: object) -> bpy.types.Object | None:
     if not isinstance(result, bpy.types.Object):
         raise ProblemError(f"`result` must be an object that an earlier scatter made, or None; got {show(result)}")
     check_exists(result, "`result`")
-    if not result.get(RESULT_TAG) or result.type != "MESH":
+    if not is_result(result):
         raise ProblemError(f'`result` must be an object that an earlier scatter made; "{result.name}" is not one')
     return result
 
@@ -464,7 +499,7 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
             raise ProblemError(
                 f'`source` of {key} must not hold the target "{target.name}", which would stand on itself'
             )
-        if member.get(RESULT_TAG):
+        if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
     return sorted(members, key=lambda member: member.name_full)
 
@@ -475,15 +510,22 @@ def _shape(
     members: list[bpy.types.Object],
     context: bpy.types.Context,
     key: str,
+    measured_before: dict[bpy.types.Object, Footprint],
 ) -> _Shape:
     """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
+
+    def measure(member: bpy.types.Object) -> Footprint:
+        if member not in measured_before:
+            measured_before[member] = measure_footprint(member, context, f"`area` of {key}")
+        return measured_before[member]
+
     area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
     if size.line is not None and not isinstance(size.line, (bool, Line)):
         raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
     outlines: tuple[Footprint | None, ...] = (None,) * len(members)
     if area is None or isinstance(area, tuple) or size.line is not False:
         try:
-            outlines = tuple(measure_footprint(member, context, f"`area` of {key}") for member in members)
+            outlines = tuple(measure(member) for member in members)
         except ProblemError:
             # A given area needs no outline; a curve or a light plane on edge is then a dot.
             if area is None or isinstance(area, tuple) or size.line:

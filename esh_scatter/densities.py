@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import bpy
@@ -29,6 +31,11 @@ __all__ = [
 ]
 
 
+# Tiles of an image are numbered from here on, so many for each whole step of v.
+FIRST_TILE = 1001
+TILES_IN_ROW = 10
+
+
 @dataclass(frozen=True)
 class ImageDensity:
     """An image: white = many, black = none.
@@ -37,7 +44,8 @@ class ImageDensity:
         image: Its stored values are used (what an 8-bit file holds over 255, without any conversion of colour spaces);
             colours count by their luminance, transparent pixels hold nothing.
         mapping: ``"POSITION"`` stretches the image over the target's bounding rectangle seen from above, its top towards
-            larger y; ``"UV"`` reads it through a UV map and repeats it outside 0..1.
+            larger y; ``"UV"`` reads it through a UV map and repeats it outside 0..1; of an image with UDIM tiles every
+            tile is read where it lies, and there is nothing where there is none.
         uv_map: Name of the UV map; empty means the active one.
         invert: White = none.
     """
@@ -141,11 +149,53 @@ def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndar
         raise ProblemError(f'{key}: `mapping` must be "POSITION" or "UV"; got {show(density.mapping)}')
     check_exists(density.image, key)
     name = f'{key}, image "{density.image.name}",'
-    coordinates = points.uv(density.uv_map, key) if density.mapping == "UV" else points.rectangle_coordinates()
-    image = image_luminance(density.image, key)
+    by_uv = density.mapping == "UV"
+    coordinates = points.uv(density.uv_map, key) if by_uv else points.rectangle_coordinates()
+    tiled = by_uv and density.image.source == "TILED"
+    images = _tiles(density.image, key) if tiled else {FIRST_TILE: image_luminance(density.image, key)}
     # Inverted before it is interpolated, so that white pixels stay empty to their very edge. NaN stays NaN.
-    image = check_density(1.0 - np.clip(image, 0.0, 1.0) if density.invert else image, name)
-    return _sample(image, coordinates, repeat=density.mapping == "UV")
+    upright = {n: 1.0 - np.clip(image, 0.0, 1.0) if density.invert else image for n, image in images.items()}
+    checked = check_density(np.concatenate([image.ravel() for image in upright.values()])[None], name)[0]
+    ends = np.cumsum([image.size for image in upright.values()])
+    parts = zip(upright.items(), np.split(checked, ends[:-1]), strict=True)
+    shown = {number: part.reshape(image.shape) for (number, image), part in parts}
+    if not tiled:
+        return _sample(shown[FIRST_TILE], coordinates, repeat=by_uv)
+    column, row = np.floor(coordinates).astype(np.int64).T
+    values = np.zeros(len(coordinates), np.float32)
+    for number, image in shown.items():
+        down, along = divmod(number - FIRST_TILE, TILES_IN_ROW)
+        own = np.flatnonzero((column == along) & (row == down))
+        values[own] = _sample(image, coordinates[own] - (along, down), repeat=False)
+    return values
+
+
+def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
+    """Return the luminance of every tile of an image, by the tile's number.
+
+    Blender tells the pixels of the first tile only, so that all of them, changed or packed as they may be, are saved and read again.
+    """
+    check_exists(image, key)
+    result = {}
+    with tempfile.TemporaryDirectory(prefix="esh-scatter-") as folder:
+        ending = ".exr" if image.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") else ".png"
+        try:
+            image.save(filepath=str(Path(folder) / f"tile.<UDIM>{ending}"), save_copy=True)
+        except RuntimeError:  # Blender names the image, not the tile
+            raise ProblemError(f'{key}: image "{image.name}" must have pixels in all its tiles; one has none') from None
+        for tile in image.tiles:
+            path = Path(folder) / f"tile.{tile.number}{ending}"
+            if not path.is_file():
+                raise ProblemError(
+                    f'{key}: image "{image.name}" must have pixels in all its tiles; {tile.number} has none'
+                )
+            loaded = bpy.data.images.load(str(path))
+            try:
+                loaded.alpha_mode = image.alpha_mode
+                result[tile.number] = image_luminance(loaded, key)
+            finally:
+                bpy.data.images.remove(loaded)
+    return result
 
 
 def _sample(image: np.ndarray, coordinates: np.ndarray, repeat: bool) -> np.ndarray:

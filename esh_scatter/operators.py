@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from ..engine.errors import EshError
+from ..engine.errors import EshError, ProblemError
 from ..engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from . import running
 from .properties import ESH_PG_scatter, active_scatter, selected_class, selected_scatter
@@ -130,15 +130,13 @@ class ESH_OT_scatter(bpy.types.Operator):
         try:
             if session.run.error is not None:
                 raise session.run.error
-            result = session.job.write(context)
-            settings = session.scene.esh_scatter.scatters[session.scatter_index]
+            scatters = session.scene.esh_scatter.scatters
+            if session.scatter_index >= len(scatters):
+                raise ProblemError("the settings of this scatter were removed during the run; nothing was placed")
+            result = session.job.write()
+            settings = scatters[session.scatter_index]
         except EshError as error:
             self.report({"ERROR"}, _sentence(error))
-            return {"CANCELLED"}
-        except ReferenceError:
-            self.report(
-                {"ERROR"}, "The target, an object to place or the scene was removed during the run. Nothing was changed"
-            )
             return {"CANCELLED"}
         return self._finish(settings, result)
 

@@ -442,11 +442,18 @@ class ESH_PG_scatter(PropertyGroup):
         return body_class
 
     def result_in(self, scene: bpy.types.Scene) -> bpy.types.Object | None:
-        """Return the last run's object where it still is in ``scene``.
+        """Return the last run's object where it still is in ``scene``, and in no other.
 
-        An object that was deleted in the viewport stays in the file as long as something points to it.
+        An object that was deleted in the viewport stays in the file as long as something points to it. The settings of a linked copy
+        of a scene point to the result of the other scene.
         """
-        return self.result if self.result and scene.objects.get(self.result.name) == self.result else None
+        from .result import is_shared
+        from .target import is_result
+
+        result = self.result
+        if result is None or scene.objects.get(result.name) != result or is_shared(result) or not is_result(result):
+            return None
+        return result
 
     def obstacle(self, scene: bpy.types.Scene) -> str | None:
         """Return what keeps this from being scattered, as one sentence that says what to do, or None."""

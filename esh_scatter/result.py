@@ -8,29 +8,44 @@ import bpy
 import numpy as np
 
 from .node_group import build_node_group
-from .target import RESULT_TAG
+from .target import RESULT_TAG, RESULT_TARGET, is_result
 
-__all__ = ["find_result", "write_result"]
+__all__ = ["CLASS_NAMES", "find_result", "write_result"]
 
-# Custom properties of a result: what made it.
-TARGET = "esh_scatter_target"
+# Custom property of a result: the name that it was made with.
 NAME = "esh_scatter_name"
+# And what its indices count: names of classes, and for each the names of its sizes, as JSON.
+CLASS_NAMES = "esh_scatter_classes"
 
 _WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color"}
 
 
 def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
-    """Return the object of ``scene`` that an earlier run with this name made on this target, whatever it is called now."""
-    for item in scene.objects:
-        if item.get(RESULT_TAG) and item.get(TARGET) == target and item.get(NAME) == name:
-            return item
-    return None
+    """Return the object of ``scene`` that an earlier run with this name made on this target, whatever it is called now.
+
+    Of a result and its copies it is the one that was there first; one that another scene shows, too, is that scene's.
+    """
+    found = [item for item in _results(scene, target, name) if not is_shared(item)]
+    return min(found, key=lambda item: item.session_uid, default=None)
+
+
+def is_shared(item: bpy.types.Object) -> bool:
+    """Tell whether several scenes show an object, or whether it belongs to a library: it is not for one of them to change."""
+    return len(item.users_scene) > 1 or not item.is_editable
+
+
+def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> list[bpy.types.Object]:
+    return [
+        item
+        for item in scene.objects
+        if item.get(RESULT_TARGET) == target and item.get(NAME) == name and is_result(item)
+    ]
 
 
 def write_result(
     scene: bpy.types.Scene,
     replaced: bpy.types.Object | None,
-    target: bpy.types.Object,
+    target: bpy.types.Object | None,
     name: str,
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,
@@ -40,8 +55,9 @@ def write_result(
 
     Args:
         scene: Where a new object is linked.
-        replaced: Result of an earlier run; its name, transform, collections and other modifiers stay.
-        target: Remembered on the object, to find it again.
+        replaced: Result of an earlier run; its name, transform, collections and other modifiers stay. None makes a new object, and
+            takes what is left of earlier ones, which other scenes show, too, out of this scene's own collection.
+        target: Remembered on the object, to find it again; None where there is none.
         name: Of a new object; also remembered.
         sources: What ``instance_index`` counts.
         position: Points in the world [m], shape ``[n, 3]``.
@@ -50,6 +66,9 @@ def write_result(
     mesh = _point_mesh(name, position, attributes)
     group = build_node_group(name, sources)
     if replaced is None:
+        for earlier in _results(scene, target, name):
+            if is_shared(earlier) and scene.collection.objects.get(earlier.name) == earlier:
+                scene.collection.objects.unlink(earlier)
         item = bpy.data.objects.new(name, mesh)
         scene.collection.objects.link(item)
     else:
@@ -65,7 +84,8 @@ def write_result(
         bpy.data.node_groups.remove(old)
         group.name = old_name
     item[RESULT_TAG] = True
-    item[TARGET] = target
+    if target is not None:
+        item[RESULT_TARGET] = target
     item[NAME] = name
     return item
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from .background_run import BackgroundRun
+from .references import Reference
 
 if TYPE_CHECKING:
     from .api import ScatterJob
@@ -55,14 +56,13 @@ class Session:
     Attributes:
         job: The API's job; its ``write`` is called at the end, on the main thread.
         run: The thread.
-        scene: The scene whose scatter it is.
         scatter_index: Which of the scene's scatters.
         stop_reason: Why it ends early, as a sentence; empty while it runs.
     """
 
     def __init__(self, context: bpy.types.Context, job: ScatterJob, scatter: ESH_PG_scatter) -> None:
         self.job = job
-        self.scene = context.scene
+        self._scene = Reference(context.scene, "scene")
         self.scatter_index = context.scene.esh_scatter.scatter_index
         self.steps = scatter.max_steps
         self.stop_reason = ""
@@ -70,6 +70,11 @@ class Session:
         self.timer = context.window_manager.event_timer_add(_TICK, window=context.window)
         self._shown = ""
         self.show()
+
+    @property
+    def scene(self) -> bpy.types.Scene:
+        """The scene whose scatter it is; raises ProblemError once it is no longer in the file."""
+        return self._scene.get()
 
     @property
     def factor(self) -> float:

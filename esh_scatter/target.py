@@ -11,10 +11,23 @@ from ..engine.problem.validation import show
 from ..engine.surface.triangle_mesh import TriangleMesh
 from .vertex_groups import read_vertex_groups
 
-__all__ = ["RESULT_TAG", "check_exists", "check_target", "read_target", "read_triangles", "world_matrix"]
+__all__ = [
+    "RESULT_TAG",
+    "RESULT_TARGET",
+    "check_exists",
+    "check_target",
+    "is_result",
+    "read_target",
+    "read_triangles",
+    "world_matrix",
+]
 
 # Custom property that marks the object, mesh and node group of a result; names mean nothing.
 RESULT_TAG = "esh_scatter"
+# And that of the object which says what it stands on.
+RESULT_TARGET = "esh_scatter_target"
+# What the points of every result have: properties alone are copied from anything to anything.
+_RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale": "FLOAT_VECTOR"}
 
 _WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
 _READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
@@ -29,6 +42,17 @@ def check_exists(item: bpy.types.ID, key: str) -> None:
         raise ProblemError(f"{key} must be in the file; what was given has been removed from it") from None
 
 
+def is_result(item: bpy.types.Object) -> bool:
+    """Tell whether an object is what a scatter made: marked as such, and nothing but points with the attributes of one."""
+    if not item.get(RESULT_TAG) or item.type != "MESH" or RESULT_TARGET not in item:
+        return False
+    mesh = item.data
+    if not mesh.get(RESULT_TAG) or len(mesh.edges) or len(mesh.polygons):
+        return False
+    found = {attribute.name: (attribute.data_type, attribute.domain) for attribute in mesh.attributes}
+    return all(found.get(name) == (kind, "POINT") for name, kind in _RESULT_ATTRIBUTES.items())
+
+
 def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object:
     """Return ``target``; raise ProblemError unless it is a mesh object of the view layer and no result."""
     if not isinstance(target, bpy.types.Object):
@@ -37,7 +61,7 @@ def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object
     name = f'target "{target.name}"'
     if target.type != "MESH":
         raise ProblemError(f"{name} must be a mesh object; it is of type {target.type}")
-    if target.get(RESULT_TAG):
+    if is_result(target):
         raise ProblemError(f"{name} is the result of a scatter; choose the mesh that it stands on, or another one")
     layer = context.view_layer
     if layer is not None:

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
+import io
 import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
@@ -20,6 +23,7 @@ from ..errors import EshError, ProblemError
 from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
 from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
+from .batch_command import add_batch, batch
 
 if TYPE_CHECKING:
     from ..device.profile import Profile
@@ -33,12 +37,17 @@ __all__ = ["main"]
 BAD_INPUT = 2
 # What shells report for a program that Ctrl-C ended.
 INTERRUPTED = 130
+INTERRUPTING = (signal.SIGINT,)
+# A process manager's way to end a program, and that of a terminal that is closed.
+ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+# Seconds that a step may go on after a signal before the process is ended in its middle.
+PATIENCE = 1.0
 
 SOLVE_HELP = """\
 Read a recipe, place its bodies, and write their positions.
 
 Exit status: 0 if everything was written. 2 if something in the input is wrong; one sentence says what. 130 if Ctrl-C
-stopped the run. After 2 and 130 nothing was written, and older files are unchanged.
+stopped the run, 143 and 129 if SIGTERM or SIGHUP did. After all of these nothing was written, and older files are unchanged.
 """
 
 
@@ -56,13 +65,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The words after the command's name; those of this process when None.
     """
-    for stream in (sys.stdout, sys.stderr):
-        # A name that the terminal cannot show is no reason to fail.
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+    command = ""
     try:
-        options = _parser().parse_args(arguments)
-        return {"solve": _solve, "separate": _separate}[options.command](options)
+        _open_standard_streams()
+        for stream in (sys.stdout, sys.stderr):
+            # A name that the terminal cannot show is no reason to fail.
+            if hasattr(stream, "reconfigure"):
+                stream.reconfigure(errors="replace")
+        with _on_signals(ENDING, _end):
+            options = _parser().parse_args(arguments)
+            command = options.command
+            return {"solve": _solve, "separate": _separate, "batch": batch}[command](options)
+    except _Ended as end:
+        kept = (
+            "the scenes that are done stay, the same command goes on" if command == "batch" else "nothing was written"
+        )
+        _complain(f"ended by {end.name}; {kept}")
+        return 128 + end.number
     except EshError as error:
         _complain(str(error))
         return BAD_INPUT
@@ -70,11 +89,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain("there is not enough memory; lower the counts, or use smaller density images")
         return BAD_INPUT
     except KeyboardInterrupt as interruption:
-        _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
+        # Only a batch has parts that stay.
+        kept = "" if command == "batch" and str(interruption) else "; nothing was written"
+        _complain(f"stopped by Ctrl-C{interruption}{kept}")
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read the report has had enough of it. Python flushes once more at exit: into nothing, then.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # Whoever read the report has had enough of it.
+        _close_output()
         return 0
 
 
@@ -105,6 +126,14 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         help=f"file for the placement: {formats}; may be given several times",
     )
+    solve.add_argument(
+        "--asset",
+        metavar="CLASS[/SIZE]=FILE",
+        type=_asset,
+        action="append",
+        default=[],
+        help="file of the object itself, for .usd and .glb; may be given several times",
+    )
     solve.add_argument("--report", metavar="R.json", type=Path, help="also write the report, as JSON")
     solve.add_argument("--plot", metavar="P.png", type=Path, help="draw a plan: each body as a disc of its size")
     solve.add_argument(
@@ -128,6 +157,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--profile", action="store_true", help="print how long each phase took")
     solve.add_argument("--quiet", action="store_true", help="show no progress bar and no report")
+    add_batch(commands, _whole)
     separate = commands.add_parser(
         "separate",
         help="split a colour image into inks",
@@ -148,6 +178,9 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         help="folder for C.png, ... and recipe.toml; it is made if it does not exist",
     )
+    separate.add_argument(
+        "--overwrite", action="store_true", help="replace files of other content that lie in the folder already"
+    )
     return parser
 
 
@@ -157,6 +190,13 @@ def _positive(text: str) -> float:
         if 0.0 < float(text) < math.inf:
             return float(text)
     raise argparse.ArgumentTypeError(f"must be a number above 0; got {text!r}")
+
+
+def _asset(text: str) -> tuple[str, Path]:
+    name, equals, file = text.partition("=")
+    if not (name and equals and file):
+        raise argparse.ArgumentTypeError(f"must be CLASS=FILE or CLASS/SIZE=FILE; got {text!r}")
+    return name, Path(file)
 
 
 class _whole:
@@ -185,14 +225,23 @@ def _solve(options: argparse.Namespace) -> int:
 
     recipe = parse_recipe(options.recipe)
     problem = read_recipe(recipe, seed=options.seed)
-    _check_not_inputs(options, [options.recipe, *recipe_densities(recipe)])
+    assets: dict[str, list[Path]] = {}
+    for name, path in options.asset:
+        assets.setdefault(name, []).append(path)
+    _check_not_inputs(options, [options.recipe, *recipe_densities(recipe), *(path for _, path in options.asset)])
+    if assets:
+        from ..files.bodies import check_assets
+
+        check_assets(problem, assets)
     from ..device.profile import Profile
 
     profile = Profile() if options.profile else None
     placement = _run(problem, options, profile)
-    writers = {path: placement_writer(path, placement) for path in options.output}
+    writers = {path: placement_writer(path, placement, assets=assets) for path in options.output}
     if options.report is not None:
-        writers[options.report] = lambda file: _write_report(file, placement)
+        from ..files.report_files import write_report
+
+        writers[options.report] = lambda file: write_report(file, placement)
     if options.plot is not None:
         from ..drawing.plan import draw_plan
 
@@ -200,14 +249,9 @@ def _solve(options: argparse.Namespace) -> int:
     if options.halftone is not None:
         writers[options.halftone] = _halftone_writer(options, placement, recipe)
     # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
-    with _on_interruption(signal.SIG_IGN):
+    with _on_signals(INTERRUPTING, signal.SIG_IGN):
         write_files(writers)
-    if not options.quiet:
-        print(placement.report)
-    if profile is not None:
-        print(profile)
-    if profile is not None or not options.quiet:
-        sys.stdout.flush()
+    _print(*([] if options.quiet else [placement.report]), *([] if profile is None else [profile]))
     return 0
 
 
@@ -225,6 +269,8 @@ def _separate(options: argparse.Namespace) -> int:
     for path in writers:
         if path.exists() and path.samefile(options.image):
             raise EshError(f"-o {folder} would overwrite {options.image}, which this run reads; choose another folder")
+    if not options.overwrite:
+        _check_replaces_nothing(folder, writers)
     made = not folder.exists()
     try:
         folder.mkdir(exist_ok=True)
@@ -237,8 +283,25 @@ def _separate(options: argparse.Namespace) -> int:
             with contextlib.suppress(OSError):
                 folder.rmdir()
         raise
-    print(f"wrote {', '.join(path.name for path in writers)} into {folder}")
+    _print(f"wrote {', '.join(path.name for path in writers)} into {folder}")
     return 0
+
+
+def _check_replaces_nothing(folder: Path, writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
+    """Raise EshError where a file would be replaced whose content is another: somebody may have made or changed it."""
+    for path, writer in writers.items():
+        if not path.exists():
+            continue
+        new = io.BytesIO()
+        writer(new)
+        try:
+            same = path.is_file() and path.read_bytes() == new.getvalue()
+        except OSError:
+            same = False
+        if not same:
+            raise EshError(
+                f"-o {folder} holds another {path.name}, which would be replaced; choose another folder, or add --overwrite"
+            )
 
 
 def _halftone_writer(
@@ -256,14 +319,20 @@ def _halftone_writer(
 def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None) -> Placement:
     import warp
 
+    from ..device.kernel_cache import CacheWarning
+    from ..device.launcher import resolve_device
     from ..native_output import muted
     from ..solve import solve
 
     # Warp tells of every kernel it loads on the stream that the report goes to, and of a missing GPU on the other.
     warp.config.log_level = warp.LOG_ERROR
-    with muted():
-        warp.init()
-    show_bar = sys.stderr.isatty() and not options.quiet
+    with warnings.catch_warnings(record=True) as caught, muted():
+        warnings.simplefilter("always", CacheWarning)
+        resolve_device("cpu")
+    for note in caught:
+        if issubclass(note.category, CacheWarning):
+            _complain(str(note.message))
+    show_bar = sys.stderr is not None and sys.stderr.isatty() and not options.quiet
     pressed: list[bool] = []
     reached = ""
 
@@ -271,7 +340,16 @@ def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None)
         pressed.append(True)
         raise KeyboardInterrupt(reached)
 
-    with _on_interruption(press), _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar:
+    def end(number: int, frame: object) -> NoReturn:
+        pressed.append(True)
+        _end(number, frame)
+
+    with (
+        _on_signals(INTERRUPTING, press),
+        _on_signals(ENDING, end),
+        _ends_in_compiled_code(lambda: bool(pressed)),
+        _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar,
+    ):
 
         def on_progress(progress: Progress) -> bool:
             nonlocal reached
@@ -293,17 +371,73 @@ def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None)
 
 
 @contextlib.contextmanager
-def _on_interruption(handler: Any) -> Iterator[None]:
-    """Handle Ctrl-C in this way for a while."""
+def _on_signals(numbers: Sequence[int], handler: Any) -> Iterator[None]:
+    """Handle signals in this way for a while; those that are ignored stay so (``nohup``)."""
+    before = {}
     try:
-        before = signal.signal(signal.SIGINT, handler)
-    except ValueError:  # called from another thread than the main one, where Ctrl-C does not arrive
+        for number in numbers:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+    except ValueError:  # called from another thread than the main one, where no signal arrives
         yield
         return
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
+
+
+class _Ended(BaseException):
+    """A signal that asks the process to end."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.name = signal.Signals(number).name
+
+
+def _end(number: int, frame: object) -> NoReturn:
+    raise _Ended(number)
+
+
+@contextlib.contextmanager
+def _ends_in_compiled_code(answered: Callable[[], bool]) -> Iterator[None]:
+    """See to it that signals end the process also while Python cannot handle them, because compiled code is at work.
+
+    Python's own handlers run between two of its instructions. Nothing is being written meanwhile.
+
+    Args:
+        answered: Whether a handler has run.
+    """
+    if os.name != "posix" or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+
+    def watch() -> None:
+        while number := os.read(reader, 1):
+            if number[0] not in (*INTERRUPTING, *ENDING):
+                continue
+            until = time.monotonic() + PATIENCE
+            while time.monotonic() < until:
+                time.sleep(0.02)
+                if answered():
+                    return
+            name = "Ctrl-C" if number[0] == signal.SIGINT else signal.Signals(number[0]).name
+            _complain(f"stopped by {name} in the middle of a step; nothing was written")
+            os._exit(128 + number[0])
+
+    watcher = threading.Thread(target=watch, name="ESH Scatter signals", daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(writer)
+        watcher.join()
+        os.close(reader)
 
 
 @contextlib.contextmanager
@@ -342,29 +476,14 @@ def _progress_bar(body_count: int) -> Iterator[Any]:
         yield show
 
 
-def _write_report(file: BinaryIO, placement: Placement) -> None:
-    assert placement.report is not None
-    text = json.dumps(_strict(placement.report.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
-    file.write(text.encode("utf-8") + b"\n")
-
-
-def _strict(value: Any) -> Any:
-    """Return plain JSON values; what JSON has no number for (NaN, infinity) becomes null."""
-    if isinstance(value, dict):
-        return {str(key): _strict(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_strict(entry) for entry in value]
-    if hasattr(value, "item"):  # a NumPy scalar
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _check_outputs(options: argparse.Namespace) -> None:
     """Find out before the run, not after it, that something cannot be written."""
     endings = {"-o": tuple(WRITERS), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
     seen: dict[Path, Path] = {}
     for option, path in _outputs(options):
-        check_ending(path, endings[option], option)
+        ending = check_ending(path, endings[option], option)
+        if option == "-o":
+            WRITERS[ending].check()
         check_writable(path)
         target = path.resolve()
         if target in seen:
@@ -387,9 +506,41 @@ def _outputs(options: argparse.Namespace) -> list[tuple[str, Path]]:
     return named + [(option, path) for option, path in more if path is not None]
 
 
+def _open_standard_streams() -> None:
+    """Give streams that were closed nothing to write to, so that no file of ours gets their numbers, and what is meant for them."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+
+
+def _print(*parts: object) -> None:
+    """Print what a run has to say; raises EshError where that fails for another reason than a reader who has had enough."""
+    if sys.stdout is None or not parts:
+        return
+    try:
+        for part in parts:
+            print(part)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except (OSError, ValueError) as error:
+        _close_output()
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise EshError(f"the files are written, but what there is to say of them is not: {reason.lower()}") from None
+
+
+def _close_output() -> None:
+    """Send what still waits to be printed into nothing: Python tries it once more at its exit."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _complain(sentence: str) -> None:
-    with contextlib.suppress(OSError):
-        print(f"esh-scatter: {' '.join(sentence.split())}", file=sys.stderr)
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):
+            print(f"esh-scatter: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

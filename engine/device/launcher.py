@@ -23,6 +23,7 @@ import warp as wp
 
 from ..errors import DeviceError
 from ..native_output import muted
+from .kernel_cache import ensure_kernel_cache
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
@@ -57,14 +58,16 @@ def resolve_device(name: str = "auto") -> wp.Device:
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
     _start_warp()
     gpu_names = [device.alias for device in wp.get_cuda_devices()]
+    accepted = ", ".join(f'"{choice}"' for choice in ["auto", "cpu", *gpu_names])
+    if not isinstance(name, str):
+        raise DeviceError(f"`device` must be one of {accepted}; got {reprlib.repr(name)}")
     if name == "auto":
         name = gpu_names[0] if gpu_names else "cpu"
     if name == "cuda" and gpu_names:
         name = gpu_names[0]
     if name == "cpu" or name in gpu_names:
         return wp.get_device(name)
-    accepted = ", ".join(f'"{choice}"' for choice in ["auto", "cpu", *gpu_names])
-    number = name.removeprefix("cuda:") if isinstance(name, str) else ""
+    number = name.removeprefix("cuda:")
     if name == "cuda" or number.isdigit():
         why = "this machine has no such NVIDIA GPU, or no driver for it"
         raise DeviceError(f"`device` {name!r} is not there: {why}; use one of {accepted}")
@@ -74,6 +77,7 @@ def resolve_device(name: str = "auto") -> wp.Device:
 @cache
 def _start_warp() -> None:
     """Start Warp without its native remark that a machine has no GPU; who asks for one gets a DeviceError."""
+    ensure_kernel_cache()
     with muted():
         wp.init()
 

@@ -19,20 +19,15 @@ import warp as wp
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
-from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from ..space.space import space_for_kernels
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_field, kernels_splines
+from .field_meshes import charge_mesh, split_of
 from .influence import convolution_of, open_influence, smoothed_influence
 from .target_correction import FEWEST_NODES, TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
 
-# Split width over mesh spacing; with the cut-off it gives a force error of 1e-3 to 3e-3 of the local force scale.
-SPLIT_OVER_MESH = 2.0
-# Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
-MESH_OVER_SPACING = 0.72
-SMALLEST_MESH = 48
 # Bands of cells that CPU threads deposit the charges of, for every thread: enough that a crowded one keeps no thread waiting.
 BANDS_PER_THREAD = 8
 
@@ -41,12 +36,14 @@ BANDS_PER_THREAD = 8
 class FieldTarget:
     """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
 
-    ``more`` are others that are added to it.
+    Groups of one ``class_index`` follow one image. Those of several may, too; then it is laid on the mesh once. ``more`` are others
+    that are added to it.
     """
 
     image: np.ndarray
     charge: float
     more: tuple[FieldTarget, ...] = ()
+    class_index: int | None = None
 
 
 class Field:
@@ -69,7 +66,8 @@ class Field:
         split: Standard deviation of the Gaussian that splits the kernel.
         cutoff: Distance beyond which the near part is left out.
         blur: Standard deviation of the Gaussian by which the targets are smoothed.
-        images: The distinct images of the targets.
+        images: The images of the targets, one per class.
+        image_of_class: Index of every class's image among them, where bodies follow it.
         deposited: Share of every image's integral at every node, flat, one image after the other.
         attraction: Sum over h of M[g, h] u_h as charge per node, flat, one group after the other.
         mean_attraction: Its mean as charge per area, shape ``[group_count]``.
@@ -94,7 +92,15 @@ class Field:
         self.group_count = len(targets)
         self.charge_count = len(charge)
         device = launcher.device
-        self.layout = self._choose_mesh(spacing)
+        self.layout = charge_mesh(
+            size,
+            periodic,
+            spacing,
+            charge_count=self.charge_count,
+            group_count=self.group_count,
+            on_gpu=device.is_cuda,
+        )
+        self.split = split_of(self.layout)
         self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
@@ -113,7 +119,7 @@ class Field:
         self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
         self._potential = launcher.empty(self.group_count * node_count, float)
 
-        images, charge_of_image = _distinct_images(targets)
+        images, charge_of_image, self.image_of_class = _distinct_images(targets)
         attracting = interaction @ charge_of_image
         self.images = images
         self.deposited = deposit_images(launcher, images, self.layout)
@@ -139,25 +145,6 @@ class Field:
             # The mean potential has no force.
             return smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
         return open_influence(self._convolution, self.layout, self.split)
-
-    def _choose_mesh(self, spacing: float) -> MeshLayout:
-        """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
-
-        The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
-        a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
-        """
-        on_gpu = self.launcher.device.is_cuda
-        crowding = max(1.0, self.size[0] * self.size[1] / (self.charge_count * spacing**2))
-        coarsening = (self.group_count * crowding) ** 0.25
-        wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(self.size) / SMALLEST_MESH)
-        if self.periodic:
-            # Neighbours are looked for within a cut-off on both sides, which must not meet behind.
-            wanted = min(wanted, min(self.size) / (3.0 * kernels_field.CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH))
-            layout = periodic_mesh(self.size, wanted, on_gpu=on_gpu)
-        else:
-            layout = open_mesh(self.size, wanted, on_gpu=on_gpu)
-        self.split = SPLIT_OVER_MESH * max(layout.spacing)
-        return layout
 
     def _choose_cells(self) -> None:
         counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.size]
@@ -254,17 +241,19 @@ class Field:
         self._convolution.apply(self._influence, self._potential)
 
 
-def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray]:
-    """The images that groups follow, each once, and the charge of each group by image, shape ``[groups, images]``."""
+def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray, dict[int, int]]:
+    """Images that groups follow, one per class; the charge of each group by image, shape ``[groups, images]``; each class's image."""
     images: list[np.ndarray] = []
+    place: dict[tuple[str, int], int] = {}
     entries = []
     for group, target in enumerate(targets):
         for part in (target, *target.more):
-            found = [i for i, image in enumerate(images) if image is part.image]
-            if not found:
+            key = ("image", id(part.image)) if part.class_index is None else ("class", part.class_index)
+            if key not in place:
+                place[key] = len(images)
                 images.append(part.image)
-            entries.append((group, found[0] if found else len(images) - 1, part.charge))
+            entries.append((group, place[key], part.charge))
     charge = np.zeros((len(targets), len(images)))
     for group, index, amount in entries:
         charge[group, index] += amount
-    return images, charge
+    return images, charge, {number: index for (kind, number), index in place.items() if kind == "class"}

@@ -31,7 +31,6 @@ class MirroredField:
 
     Attributes:
         field: The field of all of them.
-        images: The distinct images of the targets, as they were given.
     """
 
     def __init__(
@@ -58,9 +57,6 @@ class MirroredField:
             charge_group=np.tile(charge_group, COPIES),
             **more,
         )
-        given = {id(part.image): part.image for target in targets for part in (target, *target.more)}
-        original = {id(image): given[key] for key, image in mirrored.items()}
-        self.images = [original[id(image)] for image in self.field.images]
         self._position = launcher.empty(COPIES * self._count, wp.vec2)
         self._all = launcher.zeros(COPIES * self._count, wp.vec2)
 
@@ -81,4 +77,4 @@ def mirror(image: np.ndarray) -> np.ndarray:
 
 def _mirrored(target: FieldTarget, images: dict[int, np.ndarray]) -> FieldTarget:
     more = tuple(_mirrored(part, images) for part in target.more)
-    return FieldTarget(images[id(target.image)], COPIES * target.charge, more)
+    return FieldTarget(images[id(target.image)], COPIES * target.charge, more, target.class_index)

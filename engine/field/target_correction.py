@@ -12,21 +12,12 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from ..space.mesh_layout import MeshLayout
 from ..space.target_deposit import deposit_images, mix_images
+from .field_meshes import BLUR_OVER_MESH, BLUR_OVER_SPACING, FEWEST_NODES, target_mesh
 from .influence import convolution_of, smoothed_influence
 
 __all__ = ["FEWEST_NODES", "TargetCorrection"]
-
-# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
-# two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
-BLUR_OVER_SPACING = 0.37
-BLUR_OVER_MESH = 1.1
-# Where bodies crowd on little of the domain, a mesh that resolves them there would have far more nodes than there are bodies.
-NODES_PER_CHARGE = 12
-FEWEST_NODES = 2**18
-# The correction's kernel has fallen to 1e-5 of its height here.
-REACH_OVER_SPLIT = 4.7
 
 
 class TargetCorrection:
@@ -64,13 +55,15 @@ class TargetCorrection:
         split: float,
         fewest_nodes: int = FEWEST_NODES,
     ) -> None:
-        on_gpu = launcher.device.is_cuda
-        coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
-        wanted = max(BLUR_OVER_SPACING / BLUR_OVER_MESH * spacing, coarsest)
-        if periodic:
-            self.layout = periodic_mesh(size, wanted, on_gpu=on_gpu)
-        else:
-            self.layout = open_mesh(size, wanted, on_gpu=on_gpu, kernel_reach=REACH_OVER_SPLIT * split)
+        self.layout = target_mesh(
+            size,
+            periodic,
+            spacing,
+            charge_count=charge_count,
+            split=split,
+            on_gpu=launcher.device.is_cuda,
+            fewest_nodes=fewest_nodes,
+        )
         self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * max(self.layout.spacing))
         row, scale, distinct = _distinct_rows(attraction)
         device = launcher.device

@@ -11,7 +11,11 @@ Linux, Windows and macOS, kept by the people who keep the format.
 
 from __future__ import annotations
 
+import itertools
+import math
 import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +35,12 @@ __all__ = ["read_array", "read_color", "read_density"]
 MOST_PIXELS = 2**28
 ACCEPTED = "a density is a PNG, JPEG, EXR or .npy file"
 SAVE_AGAIN = "save or copy it again"
+# Tag of how a photograph is to be turned.
+EXIF_ORIENTATION = 0x0112
+# A square of 4096, as many cells as the start of a million bodies looks at. Of more pixels than this blocks are averaged, and so many
+# pixels are looked at at once.
+MOST_USED = 2**24
+PIXELS_AT_ONCE = 2**23
 # What the first bytes of a PNG and of a JPEG are.
 SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
 
@@ -45,34 +55,38 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
         invert: Take 1 minus the value: black = many. Needs values within 0..1.
 
     Returns:
-        Values >= 0, shape ``[height, width]``, float32, row 0 the top; somewhere above 0.
+        Values >= 0, shape ``[height, width]``, float32, row 0 the top; somewhere above 0. Of more than 16 million pixels, which no
+        solver can tell apart, blocks are averaged.
 
     Raises:
         InputFileError: A missing, unreadable or truncated file; values that are negative, not finite or 0 everywhere.
     """
     path = Path(path)
-    color, alpha = _read(path)
-    value = luminance(color) if color.ndim == 3 else color
-    if invert:
-        if np.isfinite(value).all() and value.max() > 1.0:
-            raise InputFileError(
-                f"{path} cannot be inverted: `invert` takes 1 minus the value, so values must be between 0 and 1; "
-                f"the largest is {value.max():g}"
-            )
-        value = 1.0 - value
-    if alpha is not None:
-        value = value * np.clip(alpha, 0.0, 1.0)
+
+    def density_of(color: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
+        value = luminance(color) if color.ndim == 3 else color
+        if invert:
+            if np.isfinite(value).all() and value.max() > 1.0:
+                raise InputFileError(
+                    f"{path} cannot be inverted: `invert` takes 1 minus the value, so values must be between 0 and 1; "
+                    f"the largest is {value.max():g}"
+                )
+            value = 1.0 - value
+        return value if alpha is None else value * np.clip(alpha, 0.0, 1.0)
+
+    value = _read(path, density_of, reduced=True)
     try:
         return check_density(value, f"{path}" + (", inverted," if invert else ""))
     except ProblemError as error:
         raise InputFileError(str(error)) from None
 
 
-def read_color(path: str | Path) -> np.ndarray:
+def read_color(path: str | Path, *, reduced: bool = False) -> np.ndarray:
     """Read an image as colours, as stored, transparent places white.
 
     Args:
         path: As for :func:`read_density`.
+        reduced: Whether blocks of pixels may be averaged where there are more than a solver can use.
 
     Returns:
         Shape ``[height, width, 3]``, float32, 0..1, row 0 the top; grey images have three equal channels.
@@ -81,15 +95,18 @@ def read_color(path: str | Path) -> np.ndarray:
         InputFileError: A missing, unreadable or truncated file; values beyond 0..1 or not finite.
     """
     path = Path(path)
-    color, alpha = _read(path)
-    if not np.isfinite(color).all() or color.min() < 0.0 or color.max() > 1.0:
-        raise InputFileError(f"{path} must hold values between 0 and 1; got {color.min():g} to {color.max():g}")
-    if color.ndim == 2:
-        color = np.repeat(color[..., None], 3, axis=2)
-    if alpha is not None:
-        opaque = np.clip(alpha, 0.0, 1.0)[..., None]
-        color = color * opaque + (1.0 - opaque)
-    return np.asarray(color, dtype=np.float32)
+
+    def color_of(color: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
+        if not np.isfinite(color).all() or color.min() < 0.0 or color.max() > 1.0:
+            raise InputFileError(f"{path} must hold values between 0 and 1; got {color.min():g} to {color.max():g}")
+        if color.ndim == 2:
+            color = np.repeat(color[..., None], 3, axis=2)
+        if alpha is not None:
+            opaque = np.clip(alpha, 0.0, 1.0)[..., None]
+            color = color * opaque + (1.0 - opaque)
+        return np.asarray(color, dtype=np.float32)
+
+    return np.asarray(_read(path, color_of, reduced=reduced), dtype=np.float32)
 
 
 def read_array(path: str | Path) -> np.ndarray:
@@ -106,13 +123,19 @@ def read_array(path: str | Path) -> np.ndarray:
         raise InputFileError(f"{path} must be a .npy file; got the ending {path.suffix!r}")
     _check_is_file(path)
     try:
-        return _load_npy(path, "[height, width] or [height, width, channels]", {2, 3})
+        return np.array(_map_npy(path, "[height, width] or [height, width, channels]", {2, 3}))
     except MemoryError:
         raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
 
 
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return values, shape ``[height, width]`` or ``[height, width, 3]``, and alpha; None where everything is opaque."""
+def _read(path: Path, wanted: Callable[[np.ndarray, np.ndarray | None], np.ndarray], *, reduced: bool) -> np.ndarray:
+    """Return what ``wanted`` makes of an image, strip by strip, ``reduced`` to what a solver can use.
+
+    Args:
+        path: The file.
+        wanted: Gets values, shape ``[rows, width]`` or ``[rows, width, 3]``, and alpha, None where everything is opaque.
+        reduced: Whether blocks of pixels are averaged where there are more than ``MOST_USED``.
+    """
     readers = {
         ".png": _read_picture,
         ".jpg": _read_picture,
@@ -125,9 +148,55 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         raise InputFileError(f"{path} is not of a kind that can be read: {ACCEPTED}; got the ending {path.suffix!r}")
     _check_is_file(path)
     try:
-        return reader(path)
+        stored = reader(path)
+        side = math.ceil(math.sqrt(stored.height * stored.width / MOST_USED)) if reduced else 1
+        # One strip where nothing is averaged, or else whole blocks of rows.
+        rows = stored.height if side == 1 else side * max(1, PIXELS_AT_ONCE // (stored.width * side))
+        parts = [_mean_of_blocks(wanted(*strip), side) for strip in stored.strips(rows)]
+        return _turned(parts[0] if len(parts) == 1 else np.concatenate(parts), stored.orientation)
     except MemoryError:
         raise InputFileError(f"{path} holds more pixels than this machine's memory") from None
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """An image as it is stored.
+
+    Attributes:
+        height: Its rows.
+        width: Its columns.
+        strips: Yields values and alpha of so many rows after the other, from the top.
+        orientation: How it is to be turned to be seen, as EXIF numbers it; 1 is as it is.
+    """
+
+    height: int
+    width: int
+    strips: Callable[[int], Iterator[tuple[np.ndarray, np.ndarray | None]]]
+    orientation: int = 1
+
+
+def _mean_of_blocks(values: np.ndarray, side: int) -> np.ndarray:
+    """Means of blocks of ``side`` by ``side`` pixels; those at the lower and right edge may be smaller."""
+    if side == 1:
+        return values
+    for axis in (0, 1):
+        first = np.arange(0, values.shape[axis], side)
+        count = np.minimum(first + side, values.shape[axis]) - first
+        shape = [1] * values.ndim
+        shape[axis] = len(count)
+        values = np.add.reduceat(values, first, axis=axis) / count.reshape(shape).astype(np.float32)
+    return values
+
+
+def _turned(image: np.ndarray, orientation: int) -> np.ndarray:
+    """Turn and mirror an image as its EXIF orientation, 1 to 8, says."""
+    if orientation in (5, 6, 7, 8):
+        image = np.swapaxes(image, 0, 1)
+    if orientation in (2, 3, 6, 7):
+        image = image[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        image = image[::-1]
+    return np.ascontiguousarray(image)
 
 
 def _check_is_file(path: Path) -> None:
@@ -155,9 +224,9 @@ def _reason(error: Exception) -> str:
 # PNG and JPEG
 
 
-def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return values and alpha, both 0..1; alpha is None where everything is opaque."""
-    from PIL import Image, ImageOps
+def _read_picture(path: Path) -> _Stored:
+    """Return values and alpha, both 0..1; alpha is None where everything is opaque. A photograph is the right way up."""
+    from PIL import Image
 
     try:
         with warnings.catch_warnings():
@@ -171,18 +240,25 @@ def _read_picture(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         raise InputFileError(f"{path} {_what_pillow_does_not_know(path)}") from None
     except Exception as error:  # decoders raise whatever damaged bytes lead them to: struct.error, OverflowError, ...
         raise InputFileError(f"{path} {_damage(error)}") from None
-    with image:
+    try:
         _check_pixel_count(path, *image.size)
-        try:
-            if image.format == "PNG" and _bit_depth(path) == 16:
-                return _deep_png(path, image)
-            # A photograph is the right way up as it is seen, not as it is stored.
-            upright = ImageOps.exif_transpose(image)
-            return _shallow(upright)
-        except InputFileError:
-            raise
-        except Exception as error:
-            raise InputFileError(f"{path} {_damage(error)}") from None
+        if image.format == "PNG" and _bit_depth(path) == 16:
+            return _deep_png(path, image)
+        orientation = image.getexif().get(EXIF_ORIENTATION, 1)
+        image.load()
+    except InputFileError:
+        raise
+    except Exception as error:
+        raise InputFileError(f"{path} {_damage(error)}") from None
+
+    def strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        with image:
+            for top in range(0, image.height, rows):
+                bottom = min(top + rows, image.height)
+                whole = bottom - top == image.height
+                yield _shallow(image if whole else image.crop((0, top, image.width, bottom)))
+
+    return _Stored(image.height, image.width, strips, orientation)
 
 
 def _damage(error: Exception) -> str:
@@ -228,36 +304,57 @@ def _bit_depth(path: Path) -> int:
         return file.read(25)[24]
 
 
-def _deep_png(path: Path, image: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
+def _deep_png(path: Path, image: Image.Image) -> _Stored:
     """Read a PNG of 16 bits per channel as such: Pillow holds so many in greyscale only, and drops half of every colour's."""
     # All of it, whatever it holds: what is damaged is found here.
     image.load()
+    width, height = image.size
+    orientation = image.getexif().get(EXIF_ORIENTATION, 1)
     if image.mode.startswith("I"):
-        channels = np.asarray(image, dtype=np.uint16)[..., None]
-        transparent = image.info.get("transparency")
-    else:
-        try:
-            import png
-        except ImportError:
-            raise InputFileError(f"{path} needs the Python module pypng to be read: pip install pypng") from None
+        grey = np.asarray(image, dtype=np.uint16)[..., None]
+        see_through = image.info.get("transparency")
+        image.close()
 
-        with warnings.catch_warnings():
-            # What it complains of are notes beside the picture: Pillow was content with them.
-            warnings.simplefilter("ignore")
-            width, height, rows, info = png.Reader(filename=str(path)).read(lenient=True)
-            channels = np.vstack([np.asarray(row, dtype=np.uint16) for row in rows])
-        channels = channels.reshape(height, width, info["planes"])
-        transparent = info.get("transparent")
+        def grey_strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+            for top in range(0, height, rows):
+                yield _deep(grey[top : top + rows], see_through)
+
+        return _Stored(height, width, grey_strips, orientation)
+    image.close()
+    try:
+        import png
+    except ImportError:
+        raise InputFileError(f"{path} needs the Python module pypng to be read: pip install pypng") from None
+
+    def strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        try:
+            with warnings.catch_warnings():
+                # What it complains of are notes beside the picture: Pillow was content with them.
+                warnings.simplefilter("ignore")
+                _, _, lines, info = png.Reader(filename=str(path)).read(lenient=True)
+                lines = iter(lines)
+                while strip := [np.asarray(line, dtype=np.uint16) for line in itertools.islice(lines, rows)]:
+                    yield _deep(np.vstack(strip).reshape(len(strip), width, info["planes"]), info.get("transparent"))
+        except InputFileError:
+            raise
+        except Exception as error:
+            raise InputFileError(f"{path} {_damage(error)}") from None
+
+    return _Stored(height, width, strips, orientation)
+
+
+def _deep(channels: np.ndarray, see_through: object) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values and alpha of 16-bit channels; ``see_through`` is the one colour of a picture without alpha that is, or None."""
     value, alpha = _split(channels.astype(np.float32) / np.float32(65535))
-    if alpha is None and transparent is not None:  # the one colour of a picture without alpha that is see-through
-        alpha = (channels != np.asarray(transparent)).any(axis=2).astype(np.float32)
+    if alpha is None and see_through is not None:
+        alpha = (channels != np.asarray(see_through)).any(axis=2).astype(np.float32)
     return value, alpha
 
 
 # EXR
 
 
-def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+def _read_exr(path: Path) -> _Stored:
     """Return values and alpha of the first part; colour is freed from the alpha it was multiplied by."""
     try:
         import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
@@ -303,11 +400,19 @@ def _read_exr(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     else:
         names = ", ".join(sorted(channels)) or "none"
         raise InputFileError(f"{path} must have the channels R, G and B, or Y, or only one; got {names}")
-    if "A" not in channels or colours == []:
-        return value, None
-    alpha = pixels("A")
-    divisor = alpha if value.ndim == 2 else alpha[..., None]
-    return np.divide(value, divisor, out=np.zeros_like(value), where=divisor != 0), alpha
+    alpha = pixels("A") if "A" in channels and colours else None
+
+    def strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        for top in range(0, len(value), rows):
+            part = value[top : top + rows]
+            if alpha is None:
+                yield part, None
+                continue
+            opacity = alpha[top : top + rows]
+            divisor = opacity if part.ndim == 2 else opacity[..., None]
+            yield np.divide(part, divisor, out=np.zeros_like(part), where=divisor != 0), opacity
+
+    return _Stored(value.shape[0], value.shape[1], strips)
 
 
 def _window(window: tuple) -> tuple[int, int, int, int]:
@@ -319,16 +424,22 @@ def _window(window: tuple) -> tuple[int, int, int, int]:
 # NumPy
 
 
-def _read_npy(path: Path) -> tuple[np.ndarray, None]:
+def _read_npy(path: Path) -> _Stored:
     """Return the values of an image, whole numbers of 8 and 16 bits and truth values as numbers 0..1."""
-    value = _load_npy(path, "[height, width]", {2})
-    if value.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
-        return value.astype(np.float32) / np.float32(np.iinfo(value.dtype).max), None
-    return (value.astype(np.float32) if value.dtype == bool else value), None
+    stored = _map_npy(path, "[height, width]", {2})
+
+    def strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        for top in range(0, len(stored), rows):
+            value = np.array(stored[top : top + rows])
+            if value.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
+                value = value.astype(np.float32) / np.float32(np.iinfo(value.dtype).max)
+            yield (value.astype(np.float32) if value.dtype == bool else value), None
+
+    return _Stored(stored.shape[0], stored.shape[1], strips)
 
 
-def _load_npy(path: Path, accepted: str, dimensions: set[int]) -> np.ndarray:
-    """Return the array; never unpickles, and never allocates what the file only claims to hold."""
+def _map_npy(path: Path, accepted: str, dimensions: set[int]) -> np.ndarray:
+    """Return the array, mapped from its file; never unpickles, and never allocates what the file only claims to hold."""
     try:
         # Mapping the file compares the claimed shape with the file's size, and refuses Python objects.
         stored = np.lib.format.open_memmap(path, mode="r")
@@ -344,4 +455,4 @@ def _load_npy(path: Path, accepted: str, dimensions: set[int]) -> np.ndarray:
     if stored.dtype.kind not in "buif":
         raise InputFileError(f"{path} must hold numbers; got the type {stored.dtype}")
     _check_pixel_count(path, stored.shape[1], stored.shape[0])
-    return np.array(stored)
+    return stored

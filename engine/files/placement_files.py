@@ -14,25 +14,45 @@ import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
+from .body_formats import FORMATS, BodyFormat
 
 if TYPE_CHECKING:
     from ..problem.placement import Placement
+    from .bodies import AssetFiles, Bodies
 
 __all__ = [
     "WRITERS",
+    "Assets",
     "PlacementWriter",
     "check_ending",
     "check_writable",
+    "name_in_cell",
     "one_of",
     "placement_writer",
+    "write_bodies",
     "write_files",
     "write_placement",
 ]
 
+# What formulas begin with in spreadsheets, those of East Asian keyboards among them.
+FORMULAS = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 Writer = Callable[[BinaryIO], None]
+
+
+@dataclass(frozen=True)
+class Assets:
+    """Files that hold the objects themselves, for formats that can refer to them or take them in.
+
+    Attributes:
+        files: By ``"class"`` or ``"class/size"``, one or several; see :func:`~.bodies.bodies_of`.
+        folder: Where the placement's file will lie.
+    """
+
+    files: AssetFiles
+    folder: Path
 
 
 @dataclass(frozen=True)
@@ -42,33 +62,56 @@ class PlacementWriter:
     Attributes:
         what: What such a file is, for help texts.
         write: Writes a placement to an open binary file; equal placements as equal bytes.
+        check: Finds out whether what it needs is installed, and raises an EshError if it is not.
     """
 
     what: str
-    write: Callable[[BinaryIO, Placement], None]
+    write: Callable[[BinaryIO, Placement, Assets], None]
+    check: Callable[[], None] = lambda: None
 
 
-def write_placement(path: str | Path, placement: Placement) -> None:
+def write_placement(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> None:
     """Write a placement; an older file is replaced only once the new one is complete.
 
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad],
             ``length`` and ``width`` [m] and ``area`` [m²], shape ``[n]``; ``class_name``, shape ``[k]``; ``bends`` [m], shape ``[n,
             charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where bodies are fixed or
-            were edited; readable without pickle; equal placements give equal bytes) or in ``.csv`` (one line per body, its
-            columns named in the first).
+            were edited; readable without pickle; equal placements give equal bytes), in ``.csv`` (one line per body, its
+            columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front), or in ``.usd``,
+            ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
         placement: What to write.
+        assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
+            formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
+            and it stands upright. Prisms stand in for objects without a file.
 
     Raises:
-        EshError: Another ending, or a file that cannot be written.
+        EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    write_files({Path(path): placement_writer(path, placement)})
+    write_files({Path(path): placement_writer(path, placement, assets=assets)})
 
 
-def placement_writer(path: str | Path, placement: Placement) -> Writer:
+def write_bodies(path: str | Path, bodies: Bodies) -> None:
+    """Write bodies in space, for other programs; an older file is replaced only once the new one is complete.
+
+    Args:
+        path: Ends in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson``.
+        bodies: What to write.
+
+    Raises:
+        EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
+    """
+    body_format = FORMATS[check_ending(path, FORMATS)]
+    body_format.check()
+    write_files({Path(path): lambda file: body_format.write(file, bodies, Path(path).parent)})
+
+
+def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
-    write = WRITERS[check_ending(path, WRITERS)].write
-    return lambda file: write(file, placement)
+    writer = WRITERS[check_ending(path, WRITERS)]
+    writer.check()
+    beside = Assets(assets or {}, Path(path).parent)
+    return lambda file: writer.write(file, placement, beside)
 
 
 def check_ending(path: str | Path, endings: Iterable[str], option: str = "") -> str:
@@ -118,38 +161,124 @@ def check_writable(path: str | Path) -> None:
 def write_files(writers: Mapping[Path, Writer]) -> None:
     """Write several files, all of them or none.
 
-    Each is written under another name in its own folder; when the last one is complete, all take their places.
+    Each is written under another name in its own folder; when the last one is complete, all take their places. What lay there
+    is kept until they have.
 
     Raises:
         EshError: One cannot be written; then no older file has been touched, and nothing new is left behind.
     """
     for path in writers:
         check_writable(path)
-    staged: list[tuple[Path, Path]] = []
+    staged: list[_Staged] = []
     path = Path()
+    complete = False
     try:
         for path, writer in writers.items():
-            target = path.resolve()  # a link stays a link: what it points to is replaced
-            beside = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.part")
-            staged.append((beside, target))
-            with beside.open("xb") as file:
-                writer(file)
-                file.flush()
-                os.fsync(file.fileno())
-            if target.exists():
-                shutil.copymode(target, beside)
-        for beside, target in staged:
-            path = target
-            beside.replace(target)
+            staged.append(_Staged(path))
+            staged[-1].write(writer)
+        for item in staged:
+            path = item.path
+            item.take_place()
+        complete = True
+    except EshError:
+        raise
     except (OSError, ValueError, MemoryError) as error:
         raise EshError(f"{path} cannot be written: {_reason(error)}") from None
     finally:
-        for beside, _ in staged:
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
+        for item in reversed(staged):
+            item.finish(complete)
 
 
-def _write_npz(file: BinaryIO, placement: Placement) -> None:
+class _Staged:
+    """A file that is written beside its place, and what lay there before."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._target = path.resolve()  # a link stays a link: what it points to is replaced
+        stem = f".{self._target.name[:40]}.{secrets.token_hex(4)}"
+        self._beside = self._target.with_name(f"{stem}.part")
+        self._kept = self._target.with_name(f"{stem}.kept")
+        self._existed = False
+        self._began = False
+
+    def write(self, writer: Writer) -> None:
+        """Write it, all of it, under another name."""
+        with self._beside.open("xb") as file:
+            guarded = _FirstErrorKept(file)
+            writer(guarded)  # type: ignore[arg-type]
+            guarded.flush()
+            if guarded.error is not None:
+                raise guarded.error
+            os.fsync(file.fileno())
+        if self._target.exists():
+            shutil.copymode(self._target, self._beside)
+
+    def take_place(self) -> None:
+        """Put it where it belongs; what lies there keeps a second name."""
+        self._existed = self._target.exists()
+        if self._existed:
+            try:
+                os.link(self._target, self._kept)
+            except OSError:  # no hard links on this file system
+                shutil.copy2(self._target, self._kept)
+        self._began = True
+        self._beside.replace(self._target)
+
+    def finish(self, complete: bool) -> None:
+        """Leave one file: this one, or if something went wrong what was there before."""
+        with contextlib.suppress(OSError):
+            came = self._began and not self._beside.exists()
+            self._beside.unlink(missing_ok=True)
+            if came and not complete:
+                if self._existed:
+                    # Where this fails, the older file stays under its other name.
+                    self._kept.replace(self._target)
+                else:
+                    self._target.unlink(missing_ok=True)
+            self._kept.unlink(missing_ok=True)
+
+
+class _FirstErrorKept:
+    """A file that writes into nothing after its first error, and keeps that.
+
+    Archives that break off in the middle write on from their destructors, where nobody can catch what is raised.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.error: OSError | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def _try(self, call: Callable[[], int | None], otherwise: int) -> int:
+        if self.error is None:
+            try:
+                return call() or 0
+            except OSError as error:
+                self.error = error
+        return otherwise
+
+    def write(self, data: Any) -> int:
+        """Write, or act as if."""
+        size = memoryview(data).nbytes
+        self._try(lambda: self._file.write(data), size)
+        return size
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go there, or act as if."""
+        return self._try(lambda: self._file.seek(offset, whence), offset)
+
+    def tell(self) -> int:
+        """Tell the place, or anything."""
+        return self._try(self._file.tell, 0)
+
+    def flush(self) -> None:
+        """Hand on what waits."""
+        self._try(self._file.flush, 0)
+
+
+def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     import numpy as np
 
     # np.savez dates its members 1980-01-01, so equal arrays give equal bytes.
@@ -170,7 +299,7 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
     )
 
 
-def _write_csv(file: BinaryIO, placement: Placement) -> None:
+def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     import numpy as np
 
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
@@ -180,8 +309,8 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         ("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name", "width", "area")
         + (("id", "fixed") if marked else ())
     )
-    class_name = [body_class.name for body_class in placement.problem.classes]
-    size_name = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
+    class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
+    size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
     marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
@@ -199,6 +328,17 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
     text.detach()
 
 
+def _as_text(name: str) -> str:
+    """A name as a cell that no spreadsheet takes for a formula: those that begin like one get a quote in front."""
+    # One that begins so after quotes of its own gets another, so that reading takes away no quote of its own.
+    return f"'{name}" if name.lstrip("'").lstrip().startswith(FORMULAS) else name
+
+
+def name_in_cell(cell: str) -> str:
+    """The name that a cell of a table stands for, see :func:`_as_text`."""
+    return cell[1:] if cell[:1] == "'" and cell.lstrip("'").lstrip().startswith(FORMULAS) else cell
+
+
 def _is_marked(placement: Placement) -> bool:
     """Whether bodies have identities of their own, or are fixed."""
     import numpy as np
@@ -212,10 +352,20 @@ def _size_names(placement: Placement) -> list[str]:
     return [names[c][s] for c, s in pairs]
 
 
+def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:
+    def write(file: BinaryIO, placement: Placement, assets: Assets) -> None:
+        from .bodies import bodies_of
+
+        body_format.write(file, bodies_of(placement, assets.files), assets.folder)
+
+    return PlacementWriter(body_format.what, write, body_format.check)
+
+
 # A new format is one entry here: the API, the command line, its help and its messages read this table.
 WRITERS: dict[str, PlacementWriter] = {
     ".npz": PlacementWriter("NumPy arrays", _write_npz),
     ".csv": PlacementWriter("a table of text", _write_csv),
+    **{ending: _exchange_writer(body_format) for ending, body_format in FORMATS.items()},
 }
 
 

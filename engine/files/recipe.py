@@ -57,13 +57,14 @@ second class.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import ProblemError
+from ..errors import InputFileError, ProblemError
 from ..problem import validation
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.ink_models import DEFAULT_MODEL
@@ -91,6 +92,8 @@ class ParsedRecipe:
 
 def parse_recipe(path: str | Path) -> ParsedRecipe:
     """Read a TOML file; raises InputFileError where it cannot be read as one."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise InputFileError(f"`path` must be the name of a recipe; got {show(path)}")
     return ParsedRecipe(Path(path), read_toml(Path(path)))
 
 
@@ -205,7 +208,7 @@ def _read_size(table: RecipeTable, of_shares: bool) -> Size:
 
 def _read_image(table: RecipeTable, domain: Domain, balance: dict[str, Any]) -> Problem:
     table.check_keys("file", "model", "inks", "non_overlap", "area", "size", "density_correction")
-    image = table.read("file", read_color)
+    image = table.read("file", lambda path: read_color(path, reduced=True))
     model: str | InkModel = table.take("model", _check_model, DEFAULT_MODEL)
     if "inks" in table.entries:
         if "model" in table.entries:

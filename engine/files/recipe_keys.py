@@ -135,7 +135,7 @@ def _read_length(table: RecipeTable) -> np.ndarray | float:
         if _is_array(length) and "length_range" not in table.entries:
             return table.read("length", read_array)
         low, high = table.take("length_range", _check_length_range)
-        return low + (high - low) * table.read("length", read_color).mean(axis=2)
+        return low + (high - low) * table.read("length", lambda path: read_color(path, reduced=True)).mean(axis=2)
     if "length_range" in table.entries:
         raise table.error("length_range", f"is only for a `length` that is an image; `length` is {show(length)}")
     return length

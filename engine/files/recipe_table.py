@@ -28,6 +28,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         if path.is_dir():
             raise InputFileError(f"{path} is a folder; a recipe is a TOML file")
+        # Opening a pipe would wait for whoever writes into it.
+        if path.exists() and not path.is_file():
+            raise InputFileError(f"{path} is not a regular file; a recipe is a TOML file")
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
     except InputFileError:  # it is a ValueError, too

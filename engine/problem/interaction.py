@@ -21,7 +21,7 @@ import numpy as np
 from .prepared_class import PreparedClass
 from .problem import Problem
 
-__all__ = ["LEVELS", "Groups", "group_bodies"]
+__all__ = ["LEVELS", "Groups", "group_bodies", "most_levels"]
 
 # Levels of a range of areas: the continuous matrix min(A_j², A_k²) is a sum of thresholds, and so many steps of it leave the
 # coverage errors where more would.
@@ -71,7 +71,7 @@ def group_bodies(problem: Problem, levels: int = LEVELS) -> Groups:
             first_body = bodies.stop
             level, level_emphasis = np.zeros(size.count or 0, np.int32), np.array([size_emphasis])
             if size.is_range:
-                level, level_emphasis = _levels(area[bodies], _exponent(problem), levels)
+                level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), levels)
             body_group[bodies] = len(emphasis) + level
             emphasis.extend(level_emphasis.tolist())
             class_index.extend([c] * len(level_emphasis))
@@ -91,11 +91,19 @@ def _exponent(problem: Problem) -> float:
     return 2.0 * math.log2(emphasis)
 
 
+def _unit_of_area(problem: Problem) -> float:
+    """Area [m²] whose emphasis is 1: only ratios count, but powers of very large and very small areas leave the range of float64."""
+    areas = np.concatenate([np.atleast_1d(size.area) for c in problem.classes for size in c.sizes])
+    powers = _exponent(problem) * np.abs(np.log10(areas)).max()
+    return 1.0 if powers < 100.0 else float(areas.max())
+
+
 def _size_emphases(problem: Problem, body_class: PreparedClass) -> list[float]:
     """Emphasis of every size: by rank where all are single areas, by the mean area's power beside a range."""
     emphasis = problem.balance.size_emphasis
     if any(size.is_range for size in body_class.sizes):
-        return [size.mean_area ** _exponent(problem) for size in body_class.sizes]
+        exponent, unit = _exponent(problem), _unit_of_area(problem)
+        return [(size.mean_area / unit) ** exponent for size in body_class.sizes]
     # Equal areas share a rank.
     rank = np.unique([size.mean_area for size in body_class.sizes], return_inverse=True)[1].ravel()
     if isinstance(emphasis, tuple):
@@ -104,10 +112,16 @@ def _size_emphases(problem: Problem, body_class: PreparedClass) -> list[float]:
     return (emphasis ** rank.astype(np.float64)).tolist()
 
 
+def most_levels(count: int) -> int:
+    """Levels that a range of so many areas is cut into at most: a handful has no use for many, each of which costs a transform."""
+    # Counts may be larger than any float.
+    return max(FEWEST_LEVELS, min(LEVELS, math.ceil(LEVELS_PER_ROOT * math.sqrt(min(count, 10**6)))))
+
+
 def _levels(area: np.ndarray, exponent: float, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut areas into levels of equal width: the level of every body, and the mean emphasis of every level that has bodies."""
     if most == LEVELS:
-        most = max(FEWEST_LEVELS, min(most, math.ceil(LEVELS_PER_ROOT * math.sqrt(len(area)))))
+        most = most_levels(len(area))
     low, high = float(area.min()), float(area.max())
     width = (high - low) / most
     if width <= 0.0:

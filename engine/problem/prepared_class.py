@@ -17,6 +17,7 @@ from .apportionment import apportion
 from .density_correction import correct_density
 from .image_filters import unsharp_mask
 from .obstacles import Obstacle, clearance, mask_shape
+from .validation import MOST_BODIES, show
 
 if TYPE_CHECKING:
     from .problem import BodyClass, Domain, Size
@@ -123,7 +124,10 @@ def prepare_density(body_class: BodyClass) -> PreparedDensity:
 def _sharpened(image: np.ndarray, body_class: BodyClass, where: str) -> tuple[np.ndarray, tuple[str, ...]]:
     assert body_class.unsharp is not None
     sharpened, clipped = unsharp_mask(image, body_class.unsharp.amount, body_class.unsharp.radius)
-    image = sharpened.astype(np.float32)
+    with np.errstate(over="ignore"):
+        image = sharpened.astype(np.float32)
+    if not np.isfinite(image).all():
+        raise ProblemError(f"`unsharp` of {where} must leave a finite density; lower its amount")
     if not image.any():
         raise ProblemError(f"`unsharp` of {where} must leave a density above 0 somewhere; lower its amount")
     if clipped <= 0.0:
@@ -147,11 +151,20 @@ def count_sizes(body_class: BodyClass, covered: float) -> tuple[Size, ...]:
         return sizes
     if isinstance(body_class.count, int):
         count = body_class.count
+        if count > MOST_BODIES:
+            raise ProblemError(
+                f'`count` of class "{body_class.name}" is too large ({show(count)}): at most {MOST_BODIES} bodies can be placed'
+            )
     else:
         number = sum(covered * (size.share or 0.0) / size.mean_area for size in sizes)
         if number < 0.5:
             raise ProblemError(
                 f'`count` of class "{body_class.name}" is "cover", but its density covers {covered:.3g} m², less than half a body'
+            )
+        if number > MOST_BODIES:
+            raise ProblemError(
+                f'`count` of class "{body_class.name}" is "cover", which takes about {number:.3g} bodies of these areas; at most '
+                f"{MOST_BODIES} can be placed"
             )
         count = max(round(number), 1)
     shares = np.array([size.share for size in sizes], dtype=np.float64)

@@ -10,6 +10,8 @@ Halftoning, 2012.
 
 from __future__ import annotations
 
+import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -60,6 +62,10 @@ class Domain(Settings):
             check=validation.check_boundary,
         ),
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        validation.check_period(self.size, self.boundary)
 
     def _key(self, name: str) -> str:
         return f"`domain.{name}`"
@@ -207,7 +213,8 @@ class Line(Settings):
     middle_charge: float = field(
         default=6.0,
         metadata=setting(
-            "Charge of the middle one over that of an end, where their number is odd", check=validation.check_positive
+            "Charge of the middle one over that of an end, where their number is odd",
+            check=validation.check_middle_charge,
         ),
     )
     turn_weights: tuple[float, float] = field(
@@ -244,6 +251,11 @@ class Line(Settings):
     def longest(self) -> float:
         """The largest preferred length [m]."""
         return float(np.max(self.length))
+
+    @property
+    def shortest(self) -> float:
+        """The smallest preferred length [m]."""
+        return float(np.min(self.length))
 
     def charge_shares(self) -> np.ndarray:
         """Share of the body's charge at every place along the axis, shape ``[charges]``, float64, sum 1."""
@@ -340,6 +352,13 @@ class Size(Settings):
         if isinstance(self.distribution, np.ndarray):
             return float(self.distribution.mean())
         return float(np.mean(self.area))
+
+    @property
+    def footprint(self) -> float:
+        """Mean ground that a body takes [m²]: its area, or that of the capsule where a line has a width of its own."""
+        if self.line is None or self.line.width is None:
+            return self.mean_area
+        return self.line.width * (float(np.mean(self.line.length)) + 0.25 * math.pi * self.line.width)
 
     def areas(self, seed: Sequence[int]) -> np.ndarray:
         """Footprint of every body [m²], shape ``[count]``, float64; ``seed`` draws those of a uniform range."""
@@ -540,7 +559,7 @@ class Problem(SamplingSettings):
         obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
         # A class of another problem may have been cut and counted before.
         bases = tuple((c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain.area) for c in classes)
-        prepared = tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases
+        prepared = _sharing_images(tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
         settle(self, include_fixed=include_fixed, obstacles=obstacles)
         super().__post_init__()
@@ -551,6 +570,9 @@ class Problem(SamplingSettings):
             raise ProblemError("a problem must have at least one body to place; all of them are fixed")
         self._check_balance()
         self._check_lines()
+        self._check_areas()
+        self._check_emphasis()
+        self._check_extents()
 
     def _with_fixed(self, index: int, body_class: PreparedClass) -> PreparedClass:
         """A class whose sizes count all of their bodies, fixed ones among them."""
@@ -601,6 +623,63 @@ class Problem(SamplingSettings):
                     raise ProblemError(
                         f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
                         f"got {size.line.longest:g}"
+                    )
+                if size.line is not None and size.line.shortest < validation.SHORTEST_LINE * most:
+                    raise ProblemError(
+                        f'`line.length` of size "{size.name}" of class "{c.name}" must not be shorter than '
+                        f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}"
+                    )
+
+    def _check_areas(self) -> None:
+        sizes = [(c, size) for c in self.classes for size in c.sizes]
+        small = min(sizes, key=lambda pair: np.min(pair[1].area))
+        large = max(sizes, key=lambda pair: np.max(pair[1].area))
+        low, high = float(np.min(small[1].area)), float(np.max(large[1].area))
+        if high > validation.MOST_AREA_RATIO * low:
+            raise ProblemError(
+                f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
+                f'{validation.MOST_AREA_RATIO:g} times that of size "{small[1].name}" of class "{small[0].name}"; got {high:g} and '
+                f"{low:g} m²"
+            )
+        # Counts may be larger than any float.
+        covered = sum(float(min(size.count or 0, 10**18)) * (size.footprint / self.domain.area) for _, size in sizes)
+        if self.avoid_overlap and covered > validation.MOST_COVERED:
+            raise ProblemError(
+                f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
+                "the areas, or let them overlap"
+            )
+
+    def _check_emphasis(self) -> None:
+        emphasis = self.balance.size_emphasis
+        for c in self.classes:
+            areas = [area for size in c.sizes for area in np.atleast_1d(size.area).tolist()]
+            if not isinstance(emphasis, float):
+                powers = math.log(max((1.0, *emphasis[: len(set(areas)) - 1])))
+            elif any(size.is_range for size in c.sizes):
+                powers = 2.0 * math.log2(emphasis) * math.log(max(areas) / min(areas))
+            else:
+                powers = (len(set(areas)) - 1) * math.log(emphasis)
+            if powers > math.log(validation.MOST_EMPHASIS):
+                raise ProblemError(
+                    f'`balance.size_emphasis` must not give the largest bodies of class "{c.name}" more than '
+                    f"{validation.MOST_EMPHASIS:g} times the weight of its smallest; {show(emphasis)} gives them "
+                    f"1e{powers / math.log(10.0):.0f} times as much"
+                )
+
+    def _check_extents(self) -> None:
+        side, most, which = max(self.domain.size), validation.MOST_EXTENT, "longer side of the domain"
+        if self.domain.periodic:
+            side, most, which = min(self.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
+        for c in self.classes:
+            for size in c.sizes:
+                disc = 2.0 * math.sqrt(float(np.max(size.area)) / math.pi)
+                key, extent = "area", disc
+                if size.line is not None:
+                    key, extent = "line", size.line.longest + (size.line.width or disc)
+                if extent > most * side:
+                    raise ProblemError(
+                        f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
+                        f"{which}, {side:g} m; they are {extent:g} m long"
                     )
 
     @property
@@ -656,3 +735,19 @@ class Problem(SamplingSettings):
         result[fixed] = named
         result[~fixed] = first + len(unnamed) + np.arange(int((~fixed).sum()))
         return result
+
+
+def _sharing_images(classes: Sequence[PreparedClass]) -> tuple[PreparedClass, ...]:
+    """Let classes whose densities are equal share one image, so that whatever is made of an image is made once."""
+    result: list[PreparedClass] = []
+    seen: dict[tuple[tuple[int, ...], int], list[np.ndarray]] = {}
+    for body_class in classes:
+        image = body_class.density_image
+        alike = seen.setdefault((image.shape, zlib.crc32(np.ascontiguousarray(image).data)), [])
+        shared = next((other for other in alike if other is image or np.array_equal(other, image)), None)
+        if shared is None:
+            alike.append(image)
+        elif shared is not image:
+            body_class = replace(body_class, density_image=shared)
+        result.append(body_class)
+    return tuple(result)

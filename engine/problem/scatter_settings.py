@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from .problem import Balance, SamplingSettings
 from .settings import Choice, Settings, as_given, described, same_setting, setting
+from .validation import LARGEST_ANGLE
 
 __all__ = ["RunSettings", "ScatterSettings", "Standing"]
 
@@ -31,6 +32,7 @@ class Standing(Settings):
             "How far each object is turned about its own axis at random. 360° allows any direction, 0 none",
             unit="rad",
             low=0.0,
+            high=LARGEST_ANGLE,
             soft_high=2.0 * math.pi,
         ),
     )

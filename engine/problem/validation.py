@@ -28,6 +28,23 @@ DISTRIBUTIONS: tuple[str, ...] = ("linear", "uniform")
 SMALLEST_LENGTH = 1e-9
 LARGEST_LENGTH = 1e12
 MOST_ELONGATED = 10_000
+# A periodic mesh is as fine as neighbours across the shorter side need, and holds so many nodes along the longer one.
+MOST_ELONGATED_PERIODIC = 3_000
+# What combinations of values may do. Charges are added in units of 2^-32 of the mean one; forces and their sums are float32.
+MOST_AREA_RATIO = 1e8
+MOST_EMPHASIS = 1e15
+MOST_MIDDLE_CHARGE = 1e6
+# Of a body over the shorter side of a periodic domain, whose bodies meet their own images, and over the longer side of an open one.
+MOST_PERIODS = 16
+MOST_EXTENT = 10_000_000
+# Of a line over the longer side of its domain.
+SHORTEST_LINE = 1e-7
+# Angles beyond this have lost their fraction of a turn in float32.
+LARGEST_ANGLE = 1e4
+# Bodies are numbered by signed 32-bit integers.
+MOST_BODIES = 2**31 - 1
+# The footprints of bodies that push each other apart, over the domain: a hundred times what could ever fit.
+MOST_COVERED = 100.0
 # Charges of one line body: the stretch and turn of a body are sums over them.
 MOST_CHARGES_ON_A_LINE = 64
 # Shares written with few digits (0.111, 0.222, 0.667) are meant to add up.
@@ -56,6 +73,15 @@ def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
     if not isinstance(value, str) or value not in BOUNDARIES:
         raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
     return BOUNDARIES[BOUNDARIES.index(value)]  # type: ignore[arg-type]
+
+
+def check_period(size: tuple[float, float], boundary: Boundary, key: str = "`domain.size`") -> None:
+    """Raise ProblemError where a periodic domain is longer than its mesh can be."""
+    if boundary == "periodic" and max(size) > MOST_ELONGATED_PERIODIC * min(size):
+        raise ProblemError(
+            f"{key} must not be more than {MOST_ELONGATED_PERIODIC:,} times longer than wide where the boundary is periodic; got "
+            f"{show(size)}"
+        )
 
 
 def check_class_separation(value: object, key: str = "`balance.class_separation`") -> float:
@@ -234,9 +260,13 @@ def check_line_length(value: object, key: str) -> float | np.ndarray:
     if is_real(value):
         return check_length(value, key)
     image = _image(value, key, "a length in metres, or an image of them", (2,))
-    smallest = float(image.min())
+    smallest, largest = float(image.min()), float(image.max())
     if smallest <= 0.0:
         raise ProblemError(f"{key} must be above 0 everywhere; its smallest value is {smallest:g}")
+    if smallest < 0.999 * SMALLEST_LENGTH or largest > LARGEST_LENGTH:
+        raise ProblemError(
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres everywhere; got {smallest:g} to {largest:g}"
+        )
     return image
 
 
@@ -251,8 +281,16 @@ def check_direction(value: object, key: str) -> str | float | np.ndarray:
     if number is not None:
         if not math.isfinite(number):
             raise ProblemError(f"{key} must be finite; got {show(value)}")
+        if abs(number) > LARGEST_ANGLE:
+            raise ProblemError(
+                f"{key} must be an angle between {-LARGEST_ANGLE:g} and {LARGEST_ANGLE:g} radians; got {show(value)}"
+            )
         return number
     image = _image(value, key, accepted, (2, 3))
+    if image.ndim == 2 and not np.abs(image).max() <= LARGEST_ANGLE:
+        raise ProblemError(
+            f"{key} must hold angles between {-LARGEST_ANGLE:g} and {LARGEST_ANGLE:g} radians everywhere"
+        )
     if image.ndim == 3 and image.shape[2] != 2:
         raise ProblemError(
             f"{key} must have shape [height, width] or [height, width, 2]; got shape {list(image.shape)}"
@@ -260,6 +298,16 @@ def check_direction(value: object, key: str) -> str | float | np.ndarray:
     if image.ndim == 3 and not image.any():
         raise ProblemError(f"{key} must have a direction somewhere; all its vectors are 0")
     return image
+
+
+def check_middle_charge(value: object, key: str) -> float:
+    """Return the charge of a line's middle over that of its ends; raise ProblemError unless float32 holds both."""
+    number = _positive(value, key, "")
+    if not 1.0 / MOST_MIDDLE_CHARGE <= number <= MOST_MIDDLE_CHARGE:
+        raise ProblemError(
+            f"{key} must lie between {1.0 / MOST_MIDDLE_CHARGE:g} and {MOST_MIDDLE_CHARGE:g}; got {show(value)}"
+        )
+    return number
 
 
 def check_scales(value: object, key: str) -> tuple[float, float]:

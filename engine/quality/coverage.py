@@ -11,6 +11,7 @@ import warp as wp
 from ..device.launcher import Launcher, resolve_device
 from ..field.influence import product_influence
 from ..problem.problem import Domain
+from ..space.comparison_grid import comparison_cells
 from ..space.target_deposit import integrate_boxes
 from ..transforms.convolution import Convolution, good_length
 from . import kernels_coverage
@@ -18,11 +19,6 @@ from .measured_bodies import MeasuredBodies, measured_bodies
 
 __all__ = ["Coverage", "coverage_error"]
 
-# Cells along the longer side of the domain, on which charge and target are compared: so many, or so many for each mean spacing,
-# below which what is left is the pattern of the cells, but never more than at most.
-COVERAGE_CELLS = 512
-CELLS_PER_SPACING = 4.0
-MOST_CELLS = 4096
 # A Gaussian has fallen to 1e-8 of its height here.
 REACH_OVER_SIGMA = 6.0
 # An image's density, and the charge that its integral stands for.
@@ -73,8 +69,7 @@ class Coverage:
         self._total = np.bincount(class_index, weights=charge)
         self._count = np.bincount(class_index)
         longer = max(self.domain.size)
-        wanted = CELLS_PER_SPACING * longer / bodies.unit
-        cell = longer / min(max(COVERAGE_CELLS, math.ceil(wanted)), MOST_CELLS)
+        cell = longer / comparison_cells(self.domain, bodies.count)
         columns, rows = (max(1, round(length / cell)) for length in self.domain.size)
         if self.domain.periodic:
             # What wraps is as long as its transform.
@@ -85,6 +80,7 @@ class Coverage:
         self._unit = mean / kernels_coverage.CLOUD_SCALE
         self._charge = wp.array((charge / mean).astype(np.float32), dtype=float, device=device)
         self._class = wp.array(class_index, dtype=wp.int32, device=device)
+        self._shared: tuple[np.ndarray, wp.array] | None = None
         # One grid for all classes in turn: there may be many of them.
         self._grid = self.launcher.empty(rows * columns, wp.int64)
         self.launcher.launch(kernels_coverage.empty_cells, rows * columns, [], [self._grid])
@@ -111,7 +107,9 @@ class Coverage:
             )
             padded = (padded_rows, padded_columns)
         convolution = Convolution(launcher, shape, padded)
-        along_y, along_x = (_gaussian_transform(n, s) for n, s in zip(padded, sigma, strict=True))
+        along_y, along_x = (
+            _gaussian_transform(n, s, wraps=domain.periodic) for n, s in zip(padded, sigma, strict=True)
+        )
         influence = product_influence(convolution, along_y / (padded[0] * padded[1]), along_x)
 
         difference = launcher.empty(shape[0] * shape[1], float)
@@ -119,13 +117,19 @@ class Coverage:
         launcher.launch(kernels_coverage.take_clouds, shape[0] * columns, [factor], [self._grid, difference])
         weights = sum(weight for _, weight in targets)
         for image, weight in targets:
-            share = integrate_boxes(launcher, image, self.shape)
+            share = self._share_of(image)
             factor = -rows * columns * weight / weights
             launcher.launch(kernels_coverage.add_shares, rows * columns, [share, factor], [difference])
         convolution.apply(influence, difference)
         squares = launcher.empty(rows, wp.float64)
         launcher.launch(kernels_coverage.sum_squares, rows, [difference, columns], [squares])
         return math.sqrt(float(squares.numpy().sum()) / (rows * columns))
+
+    def _share_of(self, image: np.ndarray) -> wp.array:
+        """Share of an image's integral in every cell; classes that share an image come one after the other, or all do."""
+        if self._shared is None or self._shared[0] is not image:
+            self._shared = image, integrate_boxes(self.launcher, image, self.shape)
+        return self._shared[1]
 
     def _deposit(self, one: int) -> None:
         self.launcher.launch(
@@ -144,9 +148,14 @@ class Coverage:
         )
 
 
-def _gaussian_transform(count: int, sigma: float) -> np.ndarray:
-    """Transform of a Gaussian of sum 1, sampled and wrapped, shape ``[count // 2 + 1]``."""
+def _gaussian_transform(count: int, sigma: float, *, wraps: bool) -> np.ndarray:
+    """Transform of a Gaussian of sum 1, sampled over ``count`` cells, shape ``[count // 2 + 1]``.
+
+    In a periodic domain it wraps as often as it reaches; in the padding of an open one, which is meant to be empty, it does not.
+    """
     periods = math.ceil(9.0 * sigma / count)
     shifts = count * np.arange(-periods - 1, periods + 1)
-    weight = np.exp(-0.5 * ((np.arange(count) + shifts[:, None]) / sigma) ** 2).sum(axis=0)
-    return np.fft.rfft(weight / weight.sum()).real
+    wrapped = np.exp(-0.5 * ((np.arange(count) + shifts[:, None]) / sigma) ** 2).sum(axis=0)
+    cell = np.arange(count)
+    weight = wrapped if wraps else np.exp(-0.5 * (np.minimum(cell, count - cell) / sigma) ** 2)
+    return np.fft.rfft(weight / wrapped.sum()).real

@@ -19,6 +19,9 @@ __all__ = ["smallest_distance", "smallest_spacing"]
 
 # A hexagonal lattice of number density 1 has this distance of neighbours.
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
+# A body without a neighbour in sight is told by a distance of more spacings; then cells grow by a factor until there is one.
+MOST_SPACINGS = 1e3
+WIDER = 4.0
 
 
 def smallest_spacing(
@@ -48,22 +51,28 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
     launcher, domain = bodies.launcher, bodies.domain
     # A typical density; some thousand bodies tell it well enough.
     reach = 1.5 / math.sqrt(float(np.median(number_density.numpy()[:: max(1, n // 10_000)])))
-    # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed.
+    # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed. In a long and narrow
+    # domain all of them may lie beyond it.
     side = max(reach, 0.5)
-    grid = kernels_cells.CellGrid()
-    counts = [max(1, int(length / side)) for length in bodies.size]
-    grid.count_x, grid.count_y = counts
-    grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
-    grid.space = space_for_kernels(bodies.size, domain.periodic)
-    cells = CellSort(launcher, n, counts[0] * counts[1])
-    cells.sort(kernels_cells.compute_cell_keys, [position_of(bodies.pose), grid])
     nearest = launcher.empty(n, float)
-    launcher.launch(
-        kernels_spacing.find_nearest,
-        n,
-        [bodies.pose, number_density, cells.order, cells.cell_start, grid],
-        [nearest],
-        grain=GRAIN_OF_NEIGHBOURS,
-    )
-    smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
-    return smallest if smallest < 1e3 else None
+    while True:
+        grid = kernels_cells.CellGrid()
+        counts = [max(1, int(length / side)) for length in bodies.size]
+        grid.count_x, grid.count_y = counts
+        grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
+        grid.space = space_for_kernels(bodies.size, domain.periodic)
+        cells = CellSort(launcher, n, counts[0] * counts[1])
+        cells.sort(kernels_cells.compute_cell_keys, [position_of(bodies.pose), grid])
+        launcher.launch(
+            kernels_spacing.find_nearest,
+            n,
+            [bodies.pose, number_density, cells.order, cells.cell_start, grid],
+            [nearest],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
+        if smallest < MOST_SPACINGS:
+            return smallest
+        if max(counts) == 1:
+            return None
+        side *= WIDER

@@ -18,10 +18,9 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field
 from ..field.mirrored_field import COPIES, MirroredField
-from ..problem.problem import Problem
 from ..space.space import space_for_kernels
 from ..space.support import images_for_kernels
-from ..space.survey import survey
+from ..space.survey import typical_spacing
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction
 from .contact import Contact
@@ -71,7 +70,7 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = _bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        self._evaluate, self.field, self._images_of_targets = self._make_field(fewest_nodes)
+        self._evaluate, self.field = self._make_field(fewest_nodes)
         self._prepare_steps()
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
@@ -101,30 +100,29 @@ class Descent:
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
-    def _make_field(
-        self, fewest_nodes: int | None
-    ) -> tuple[Callable[[wp.array, wp.array], None], Field, list[np.ndarray]]:
-        """What evaluates the forces, the field that it has, and the images of the targets."""
+    def _make_field(self, fewest_nodes: int | None) -> tuple[Callable[[wp.array, wp.array], None], Field]:
+        """What evaluates the forces, and the field that it has."""
         model = self.model
         domain = model.problem.domain
         described: dict[str, Any] = {
             "size": model.size,
-            "interaction": model.groups.matrix,
+            "interaction": model.interaction,
             "targets": group_targets(model),
-            "spacing": _typical_spacing(model.problem) / model.unit,
+            "spacing": typical_spacing(model.problem) / model.unit,
             "charge": model.charge.charge,
             "charge_group": model.body.group[model.charge.body],
             "fewest_nodes": fewest_nodes,
         }
         if domain.mirrored:
             mirrored = MirroredField(self.launcher, **described)
-            return mirrored.evaluate, mirrored.field, mirrored.images
+            return mirrored.evaluate, mirrored.field
         field = Field(self.launcher, periodic=domain.periodic, **described)
-        return field.evaluate, field, field.images
+        return field.evaluate, field
 
     def residual(self) -> float:
-        """RMS of the moves that the forces asked for in the last step, over the local spacing."""
-        return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+        """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
+        squares = float(self.direction.numpy()[3])
+        return math.sqrt(max(squares, 0.0) / self.model.body_count) if math.isfinite(squares) else math.nan
 
     def set_flags(self, flags: np.ndarray) -> None:
         """Say anew what is special about every body, shape ``[body_count]``; the model's own flags are in ``model.body``."""
@@ -160,7 +158,7 @@ class Descent:
         layout = field.layout
         device = self.launcher.device
         # A group that nothing attracts keeps a finite step.
-        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-12)
+        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-30)
         self.step_length = self.launcher.empty(self.model.groups.count * layout.node_count, float)
         self.launcher.launch(
             kernels_descent.find_step_lengths,
@@ -174,10 +172,11 @@ class Descent:
             [self.step_length],
         )
         count = np.zeros((1, len(field.images)))
-        for c in self.model.problem.classes:
-            found = [i for i, image in enumerate(self._images_of_targets) if image is c.density_image]
+        copies = COPIES if self.model.problem.domain.mirrored else 1
+        for index, c in enumerate(self.model.problem.classes):
             # Where all bodies of a class are fixed, nothing may follow its density.
-            count[0, found[:1]] += c.body_count * (COPIES if self.model.problem.domain.mirrored else 1)
+            if index in field.image_of_class:
+                count[0, field.image_of_class[index]] += copies * c.body_count
         number = mix_images(self.launcher, field.deposited, count, layout.node_count)
         self.step_limit = self.launcher.empty(layout.node_count, float)
         self.launcher.launch(
@@ -278,11 +277,3 @@ def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodi
     bodies.axial = wp.array(charge.axial, dtype=float, device=device)
     bodies.charge = wp.array(charge.charge, dtype=float, device=device)
     return bodies
-
-
-def _typical_spacing(problem: Problem) -> float:
-    """Spacing [m] of charges at the number density that the average body sees."""
-    number = survey(problem)
-    cell_area = problem.domain.area / number.size
-    spacing = math.sqrt(cell_area * number.sum() / (number**2).sum())
-    return spacing * math.sqrt(problem.body_count / problem.charge_count)

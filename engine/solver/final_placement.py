@@ -48,9 +48,14 @@ def placement_of(model: Model, state: State) -> Placement:
 
 
 def position_in_metres(model: Model, state: State) -> np.ndarray:
-    """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain."""
+    """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
     position = np.multiply(state.pose.numpy()[:, :2], model.unit, dtype=np.float64)
-    return np.minimum(position, model.problem.domain.size, out=position)
+    domain = model.problem.domain
+    if domain.periodic:
+        # The far edge, where rounding may have put them, is the near one.
+        position[position >= domain.size] = 0.0
+        return position
+    return np.minimum(position, domain.size, out=position)
 
 
 def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:

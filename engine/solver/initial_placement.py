@@ -58,14 +58,19 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
     ]
     domain = wp.vec2(*model.size)
     pose = launcher.empty(model.body_count, wp.vec4)
+    pyramids: dict[tuple[int, int], wp.array] = {}
     first = 0
     for k, body_class in enumerate(problem.classes):
         most = int(count[model.groups.class_index == k].max())
         order = min(max(math.ceil(math.log2(math.sqrt(CELLS_PER_BODY * most) + 1.0)), 3), LARGEST_ORDER)
+        # What fixed bodies leave of a density is its class's own.
+        shared = k if model.fixed.any() else id(body_class.density_image), order
+        if shared not in pyramids:
+            pyramids[shared] = _pyramid(launcher, model, k, order)
         launcher.launch(
             kernels_start.place_bodies,
             body_class.body_count,
-            [*of_bodies, order, _pyramid(launcher, model, k, order), images, domain, seed],
+            [*of_bodies, order, pyramids[shared], images, domain, seed],
             [pose],
             first=first,
             grain=GRAIN_OF_NEIGHBOURS,

@@ -150,8 +150,8 @@ def nearest_vector(
     """Image of vectors, interpolated bilinearly between the centres of its pixels."""
     u = wp.clamp(position[0] / domain[0] * float(width) - 0.5, 0.0, float(width - 1))
     v = wp.clamp((1.0 - position[1] / domain[1]) * float(height) - 0.5, 0.0, float(height - 1))
-    left = wp.min(int(u), width - 1)
-    top = wp.min(int(v), height - 1)
+    left = wp.clamp(int(u), 0, width - 1)
+    top = wp.clamp(int(v), 0, height - 1)
     right = wp.min(left + 1, width - 1)
     bottom = wp.min(top + 1, height - 1)
     fu = u - float(left)
@@ -213,6 +213,15 @@ def vector_into_support(
 
 
 @wp.func
+def middle_confined(pose: wp.vec4, space: Space):
+    """A pose whose middle is wrapped into a periodic space; an open one holds it by its charges."""
+    if space.periodic == 0:
+        return pose
+    middle = confine(wp.vec2(pose[0], pose[1]), space)
+    return wp.vec4(middle[0], middle[1], pose[2], pose[3])
+
+
+@wp.func
 def confine_line(
     old: wp.vec4,
     wanted: wp.vec4,
@@ -224,17 +233,20 @@ def confine_line(
     images: Images,
     space: Space,
 ):
-    """Where a line ends that moves from ``old``, in the support, to ``wanted``: in the support again."""
-    new = wanted
+    """Where a line ends that moves from ``old``, in the support, to ``wanted``: in the support again.
+
+    Its middle stays inside a periodic space, too.
+    """
+    new = middle_confined(wanted, space)
     for _attempt in range(PUSHES):
         back = vector_into_support(new, begin, end, bodies, bend, k, images, space)
         if back[2] == 0.0:
             return new
-        new = wp.vec4(new[0] + back[0], new[1] + back[1], new[2], new[3])
+        new = middle_confined(wp.vec4(new[0] + back[0], new[1] + back[1], new[2], new[3]), space)
     if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     # A shift without the turn, then a turn without the shift.
-    new = wp.vec4(wanted[0], wanted[1], old[2], old[3])
+    new = middle_confined(wp.vec4(wanted[0], wanted[1], old[2], old[3]), space)
     if vector_into_support(new, begin, end, bodies, bend, k, images, space)[2] == 0.0:
         return new
     new = wp.vec4(old[0], old[1], wanted[2], wanted[3])

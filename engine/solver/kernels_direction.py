@@ -17,8 +17,8 @@ SLOTS_AT_ONCE = 32
 SUM_SCALE = wp.constant(1073741824.0)
 LARGEST_SUMMAND = wp.constant(1.0e6)
 # What is summed: the products of the last displacement s, the moves m that the forces ask for, and what they changed by, y, in the
-# metric of the curvature; the squared move over the squared local spacing; then for every kind of line the length over the preferred
-# one.
+# metric of the curvature; the squared move over the squared local spacing; how many bodies' moves are no finite numbers; then for
+# every kind of line the length over the preferred one.
 S_Y = wp.constant(0)
 S_S = wp.constant(1)
 Y_Y = wp.constant(2)
@@ -26,7 +26,8 @@ S_M = wp.constant(3)
 Y_M = wp.constant(4)
 M_M = wp.constant(5)
 RESIDUAL = wp.constant(6)
-LENGTHS = wp.constant(7)
+BROKEN = wp.constant(7)
+LENGTHS = wp.constant(8)
 # Share of the moves that is made where nothing is known of the last step, and bounds on it where something is.
 FIRST_SHARE = wp.constant(0.7)
 SMALLEST_SHARE = wp.constant(0.3)
@@ -41,21 +42,31 @@ GROWN = wp.constant(0.6)
 
 
 # The sums that every body adds to, in the order of their numbers.
-Sums = wp.types.vector(LENGTHS, wp.float32)
+Sums = wp.types.vector(BROKEN, wp.float32)
 
 # wp.atomic_add finds its element in an array of three dimensions once for every sum; these lie side by side.
 _ADD = f"""
     const int slots = sums.shape[2];
     long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + (i & (slots - 1));
-    for (int k = 0; k < {LENGTHS}; ++k)
+    for (int k = 0; k < {BROKEN}; ++k)
     {{
-        const float value = values[k] < -{LARGEST_SUMMAND}f ? -{LARGEST_SUMMAND}f
+        // What is no number becomes the smallest one.
+        const float value = !(values[k] > -{LARGEST_SUMMAND}f) ? -{LARGEST_SUMMAND}f
             : values[k] > {LARGEST_SUMMAND}f ? {LARGEST_SUMMAND}f : values[k];
         const long long amount = (long long)(value * {SUM_SCALE}f);
     #if defined(__CUDA_ARCH__)
         atomicAdd((unsigned long long*)to + k * slots, (unsigned long long)amount);
     #else
         to[k * slots] += amount;
+    #endif
+    }}
+    // Moves and displacements that are no numbers make their squares none.
+    if (!(values[{M_M}] + values[{S_S}] < 1e38f))
+    {{
+    #if defined(__CUDA_ARCH__)
+        atomicAdd((unsigned long long*)to + {BROKEN} * slots, 1ull);
+    #else
+        to[{BROKEN} * slots] += 1;
     #endif
     }}
 """
@@ -143,7 +154,8 @@ def decide_direction(
 
     With the last displacement s, the moves m and what they changed by, y, it is
     g m + (s·m / s·y (1 + g y·y / s·y) - g y·m / s·y) s - g s·m / s·y y, where g = |s| / |y|: BFGS that remembers one step, without a
-    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings. Leaves the totals empty.
+    line search. ``direction`` is the three factors, and the sum of the squared moves over squared spacings; NaN where a move
+    is no finite number. Leaves the totals empty.
     """
     sy = sum_of(totals, S_Y)
     ss = sum_of(totals, S_S)
@@ -166,11 +178,17 @@ def decide_direction(
     direction[1] = float(of_displacement)
     direction[2] = float(of_change)
     direction[3] = float(sum_of(totals, RESIDUAL))
+    if not wp.isfinite(direction[0] + direction[1] + direction[2]):
+        totals[BROKEN] = wp.int64(1)
+    if totals[BROKEN] != wp.int64(0):
+        direction[3] = wp.NAN
     for kind in range(kind_count):
         ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
         # While lines still grow, what is missing is no pressure.
         if pressed[kind] > 0.0 and ratio > GROWN:
             raised = length_factor[kind] + LENGTH_GAIN * (1.0 - ratio)
             length_factor[kind] = wp.clamp(raised, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR)
+    # What is broken once stays so, however many steps are taken before somebody looks.
     for kind in range(totals.shape[0]):
-        totals[kind] = wp.int64(0)
+        if kind != BROKEN:
+            totals[kind] = wp.int64(0)

@@ -12,8 +12,9 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.direction_field import direction_field
+from ..problem.problem import Domain
 from . import kernels_descent
-from .model import Model
+from .model import LineKind, Model
 
 __all__ = ["LineRules"]
 
@@ -41,18 +42,8 @@ class LineRules:
         problem = model.problem
         rules = [kind.line for kind in model.kinds]
         self.kind_count = len(rules)
-        self._directions = [
-            direction_field(
-                kind.line.direction,
-                kind.body_class.density_image,
-                *kind.line.tensor_scales,
-                pixel_size=(
-                    problem.domain.size[0] / kind.body_class.density_image.shape[1],
-                    problem.domain.size[1] / kind.body_class.density_image.shape[0],
-                ),
-            ).double_angle_vectors()
-            for kind in model.kinds
-        ]
+        made: dict[tuple[object, ...], np.ndarray] = {}
+        self._directions = [_directions_of(kind, problem.domain, made) for kind in model.kinds]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
 
         def numbers_of(values: list[float]) -> wp.array:
@@ -109,14 +100,29 @@ class LineRules:
         return result
 
 
+def _directions_of(kind: LineKind, domain: Domain, made: dict[tuple[object, ...], np.ndarray]) -> np.ndarray:
+    """Desired directions of a kind, as :class:`DirectionField` gives them to kernels; those of equal wishes are ``made`` once."""
+    line, image = kind.line, kind.body_class.density_image
+    wish = line.direction if isinstance(line.direction, (str, float)) else id(line.direction)
+    key = (wish, id(image), *line.tensor_scales)
+    if key not in made:
+        height, width = image.shape
+        field = direction_field(
+            line.direction, image, *line.tensor_scales, pixel_size=(domain.size[0] / width, domain.size[1] / height)
+        )
+        made[key] = field.double_angle_vectors()
+    return made[key]
+
+
 def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp.array, wp.array, wp.array, wp.array]:
-    """Images one after the other on the device: pixels, where each starts, heights and widths."""
+    """Images one after the other on the device, each once: pixels, where each starts, heights and widths."""
     channels = (2,) if kind is wp.vec2 else ()
     images = images or [np.zeros((1, 1, *channels), dtype=np.float32)]
-    sizes = [image.shape[0] * image.shape[1] for image in images]
-    pixels = np.concatenate([np.asarray(image, np.float32).reshape(-1, *channels) for image in images])
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    numbers = (starts, [image.shape[0] for image in images], [image.shape[1] for image in images])
+    distinct = list({id(image): image for image in images}.values())
+    pixels = np.concatenate([np.asarray(image, np.float32).reshape(-1, *channels) for image in distinct])
+    ends = np.cumsum([image.shape[0] * image.shape[1] for image in distinct])
+    first = {id(image): end - image.shape[0] * image.shape[1] for image, end in zip(distinct, ends, strict=True)}
+    numbers = ([first[id(image)] for image in images], *([image.shape[axis] for image in images] for axis in (0, 1)))
     start, height, width = (wp.array(np.array(n, np.int32), dtype=wp.int32, device=device) for n in numbers)
     return wp.array(pixels, dtype=kind, device=device), start, height, width
 

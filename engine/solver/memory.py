@@ -4,40 +4,123 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 import os
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import ProblemError
+from ..field.field_meshes import charge_mesh, split_of, target_mesh
 from ..field.mirrored_field import COPIES
-from ..problem.interaction import LEVELS
+from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
-from ..problem.validation import show
+from ..problem.validation import MOST_BODIES, show
+from ..space.comparison_grid import comparison_cells
+from ..space.mesh_layout import MeshLayout
+from ..space.survey import typical_spacing
 
 __all__ = ["check_memory", "machine_memory", "required_memory"]
 
-# Measured with the peak resident size of runs from 10,000 to 1,000,000 bodies: positions, forces, sorted copies and the
-# report's arrays, and per group the mesh (integer and float charge, potential, target) at about eight nodes a body.
-BYTES_PER_BODY = 600
-BYTES_PER_BODY_AND_GROUP = 400
-BYTES_FIXED = 300_000_000
-# Bodies are counted by signed 32-bit integers in the kernels.
-MOST_BODIES = 2**31 - 1
+# Python, NumPy, Warp and its compiled kernels, measured with the peak resident size of runs of a few bodies.
+BYTES_FIXED = 380_000_000
+# Tables, poses, footprints, sorted copies and the report's arrays: what is left of the peaks of runs from 10,000 to 1,000,000 bodies.
+BYTES_PER_BODY = 260
+BYTES_PER_CHARGE = 170
+# A body's weight as a group sees it.
+BYTES_PER_CHARGE_AND_GROUP = 4
+# Of a mesh, per node and group: charge, potential, attraction and length of a step.
+BYTES_PER_NODE_AND_GROUP = 8 + 4 + 4 + 4
+# Per pixel of a density: what was given, what is followed, the device's copy, the way out of empty pixels; and while that is found, or
+# bodies are surveyed in float64.
+BYTES_PER_PIXEL = 4 + 4 + 4 + 8
+BYTES_PER_PIXEL_MEANWHILE = 24
+# Per cell of the report's grid: charges, their difference from the target, and shares.
+BYTES_PER_CELL = 8 + 4 + 4
+# The start's pyramid: shares, and their sums in float64 on all levels.
+BYTES_PER_CURVE_CELL = 4 + 8 * 4 / 3
+# What bodies alone take beyond this is refused without a look at anything else [bytes].
+MOST_FORETOLD = 10**14
 
 
 def required_memory(problem: Problem) -> int:
-    """Estimate the memory that solving ``problem`` takes [bytes].
+    """Estimate the memory that solving ``problem`` takes at its peak [bytes].
 
-    ``300 MB + charges * (600 + 400 * groups)``: a dot has one charge, a line several; a group is one size of one class, or one level
-    of a range. A whole number, exact for counts of any size.
+    What bodies take, exact for counts of any size; images; and the meshes, which are laid out here as they will be.
     """
-    return BYTES_FIXED + problem.charge_count * _bytes_per_body(problem)
+    of_bodies = BYTES_FIXED + problem.charge_count * _bytes_per_charge(problem)
+    if of_bodies > MOST_FORETOLD or problem.charge_count > MOST_BODIES:
+        return of_bodies
+    return of_bodies + _required_for_images(problem) + _required_for_meshes(problem)
 
 
-def _bytes_per_body(problem: Problem) -> int:
-    groups = sum(LEVELS if size.is_range else 1 for body_class in problem.classes for size in body_class.sizes)
-    # Borders that are mirrors have images of all charges behind them.
-    return (BYTES_PER_BODY + BYTES_PER_BODY_AND_GROUP * groups) * (COPIES if problem.domain.mirrored else 1)
+def _required_for_images(problem: Problem) -> int:
+    """Estimate the memory that a problem's densities take [bytes]."""
+    sizes = [image.size for image in _distinct_images(problem)]
+    directions = sum(
+        8 * c.density_image.size + (line.length.nbytes if isinstance(line.length, np.ndarray) else 0)
+        for c in problem.classes
+        for line in (size.line for size in c.sizes)
+        if line is not None
+    )
+    return BYTES_PER_PIXEL * sum(sizes) + BYTES_PER_PIXEL_MEANWHILE * max(sizes) + directions
+
+
+def _required_for_meshes(problem: Problem) -> int:
+    """What the meshes of the field and the grid of the report take."""
+    groups = _group_count(problem)
+    classes = len(problem.classes)
+    unit = math.sqrt(problem.domain.area / problem.charge_count)
+    size = problem.domain.size[0] / unit, problem.domain.size[1] / unit
+    spacing, periodic, charges = typical_spacing(problem) / unit, problem.domain.periodic, problem.charge_count
+    if problem.domain.mirrored:
+        # The mesh lies over the images beyond the borders as well.
+        size, periodic, charges = (2.0 * size[0], 2.0 * size[1]), True, COPIES * charges
+    coarse = charge_mesh(size, periodic, spacing, charge_count=charges, group_count=groups, on_gpu=False)
+    fine = target_mesh(size, periodic, spacing, charge_count=charges, split=split_of(coarse), on_gpu=False)
+    of_coarse = (
+        groups * (BYTES_PER_NODE_AND_GROUP * coarse.node_count + _halves(coarse)) + 4 * classes * coarse.node_count
+    )
+    # While it is made; the report comes when that is over.
+    rows = min(classes, groups)
+    of_fine = 4 * (classes + rows) * fine.node_count + rows * _halves(fine)
+    kept_of_fine = 4 * rows * fine.node_count
+    longer = max(problem.domain.size)
+    cells = comparison_cells(problem.domain, problem.body_count)
+    shape = [max(1.0, cells * length / longer) for length in problem.domain.size]
+    # A blur of a spacing widens the grid by a few of them, that of single bodies doubles it.
+    padding = 1.0 if problem.domain.periodic else 1.35 if problem.body_count > 500 else 4.0
+    of_report = shape[0] * shape[1] * (BYTES_PER_CELL + 8.0 * padding)
+    order = math.log2(math.sqrt(8.0 * max(c.body_count for c in problem.classes)) + 1.0)
+    curve = 4.0 ** min(max(math.ceil(order), 3), 12) * BYTES_PER_CURVE_CELL
+    return int(of_coarse + _influence(coarse) + max(of_fine + _influence(fine), kept_of_fine + max(of_report, curve)))
+
+
+def _halves(layout: MeshLayout) -> int:
+    """Transformed rows of one mesh: real and imaginary halves."""
+    return 4 * layout.shape[0] * (layout.padded[1] + 16)
+
+
+def _influence(layout: MeshLayout) -> int:
+    """The kernel's transform, and what it is made of."""
+    return 4 * layout.padded[0] * layout.padded[1]
+
+
+def _group_count(problem: Problem) -> int:
+    sizes = [size for body_class in problem.classes for size in body_class.sizes]
+    return sum(most_levels(size.count or 0) if size.is_range else 1 for size in sizes)
+
+
+def _bytes_per_charge(problem: Problem) -> int:
+    per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
+    per_charge *= COPIES if problem.domain.mirrored else 1
+    # Lines have several charges each, dots one.
+    return per_charge + -(-BYTES_PER_BODY * problem.body_count // max(problem.charge_count, 1))
+
+
+def _distinct_images(problem: Problem) -> list[np.ndarray]:
+    return list({id(c.density_image): c.density_image for c in problem.classes}.values())
 
 
 def check_memory(problem: Problem) -> None:
@@ -46,22 +129,44 @@ def check_memory(problem: Problem) -> None:
     Raises:
         ProblemError: Naming the largest count, what all bodies would take and what the machine has.
     """
-    required = required_memory(problem)
     available = machine_memory()
+    if available is not None:
+        _check_images(problem, available)
+    required = required_memory(problem)
     fits = available is None or required <= available
     if fits and problem.body_count <= MOST_BODIES:
         return
     body_class, size = max(
         ((k, size) for k in problem.classes for size in k.sizes), key=lambda pair: pair[1].count or 0
     )
+    of_bodies = problem.charge_count * _bytes_per_charge(problem)
+    if not fits and available is not None and required - of_bodies - BYTES_FIXED > max(of_bodies, BYTES_FIXED):
+        raise ProblemError(
+            f"solving this problem would take about {format_bytes(required)} of memory, most of it for the meshes of its "
+            f"{_group_count(problem)} groups (sizes of classes, {LEVELS} for a range of areas), and this machine has "
+            f"{format_bytes(available)}; use fewer of them, or a less elongated domain"
+        )
     sentence = (
         f'`count` of size "{size.name}" of class "{body_class.name}" is too large ({show(size.count)}): '
         f"{show(problem.body_count)} bodies in all would take about {format_bytes(required)} of memory"
     )
     if not fits and available is not None:
-        most = min(max(available - BYTES_FIXED, 0) // _bytes_per_body(problem), MOST_BODIES)
+        most = min(max(available - BYTES_FIXED, 0) // _bytes_per_charge(problem), MOST_BODIES)
         raise ProblemError(f"{sentence}, this machine has {format_bytes(available)}, enough for about {_rounded(most)}")
     raise ProblemError(f"{sentence}, and at most {MOST_BODIES} bodies can be placed")
+
+
+def _check_images(problem: Problem, available: int) -> None:
+    """Refuse densities that the machine cannot hold before they are looked at."""
+    required = BYTES_FIXED + _required_for_images(problem)
+    if required <= available:
+        return
+    largest = max(problem.classes, key=lambda c: c.density_image.size)
+    height, width = largest.density_image.shape
+    raise ProblemError(
+        f'`density` of class "{largest.name}" is too large ({width} x {height} pixels): the densities would take about '
+        f"{format_bytes(required)} of memory, and this machine has {format_bytes(available)}; use smaller images"
+    )
 
 
 def machine_memory() -> int | None:

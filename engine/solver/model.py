@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 
+# Factor between groups times the square of a charge at most, before forces are scaled down: far above what ordinary problems have, far
+# below what float32, and sums over all bodies in fixed point, can hold.
+LARGEST_INTERACTION = 2.0**16
+
 
 @dataclass(frozen=True, eq=False)
 class LineKind:
@@ -77,6 +81,7 @@ class Model:
         body: Its bodies.
         charge: Their charges.
         groups: Their groups, and how these see each other.
+        interaction: The groups' matrix, times a power of two that keeps forces within the range of float32.
         kinds: The kinds of lines among them.
         fixed: Whether each body is a fixed one of the problem, shape ``[n]``, bool.
         supports: Images that are above zero where bodies may be.
@@ -113,6 +118,7 @@ class Model:
             support=supports.of_body.astype(np.int32),
         )
         self.charge: BodyCharges = charges_of(problem)
+        self.interaction = _within_range(self.groups.matrix, self.charge.charge)
         self.unit = unit or math.sqrt(problem.domain.area / len(self.charge.charge))
         self.size = (problem.domain.size[0] / self.unit, problem.domain.size[1] / self.unit)
 
@@ -171,3 +177,12 @@ class Model:
                 else kind.line.width
             )
         return width
+
+
+def _within_range(matrix: np.ndarray, charge: np.ndarray) -> np.ndarray:
+    """Scale interaction factors down where charges or emphases are large; a power of two alters no digit.
+
+    Only ratios count: all moves are measured in the inverse of the energy's curvature, which is scaled as the forces are.
+    """
+    largest = float(matrix.max()) * float(charge.max()) ** 2
+    return matrix * 2.0 ** -max(0, math.ceil(math.log2(largest / LARGEST_INTERACTION)))

@@ -29,6 +29,11 @@ __all__ = ["Edit", "Progress", "Solver"]
 TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than a hundredth of their spacing.
 SETTLED = 5e-3
+# What is said where numbers leave the range of float32 all the same.
+OVERFLOW = (
+    "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
+    "nearer to each other"
+)
 # Steps after an edit: the coverage error at a spacing is then within a quarter of what many more would reach.
 EDIT_STEPS = 5
 # An edit that makes so many times more or fewer charges gets another unit of length.
@@ -182,12 +187,19 @@ class Solver:
         self.descent.place_charges()
 
     def step(self, count: int = 1) -> float:
-        """Take steps; return the residual, see :class:`Progress`."""
+        """Take steps; return the residual, see :class:`Progress`.
+
+        Raises:
+            ProblemError: A force is no finite number.
+        """
         for _ in range(count):
             self.descent.step.play()
         self.state.steps += count
         with self.launcher.phase("readback"):
-            return self.descent.residual()
+            residual = self.descent.residual()
+        if math.isnan(residual):
+            raise ProblemError(OVERFLOW)
+        return residual
 
     def run(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> tuple[int, bool]:
         """Step until bodies have settled, ``max_steps`` are taken or ``progress`` returns False.
@@ -206,7 +218,8 @@ class Solver:
             if progress is not None:
                 with self.launcher.phase("progress"):
                     go_on = progress(Progress(step, max_steps, residual, self._position))
-                if go_on is False:
+                # NumPy's False counts, too; None goes on.
+                if isinstance(go_on, (bool, np.bool_)) and not go_on:
                     return step, False
             # Before the second step nothing has shown yet whether contact lets bodies move.
             if residual < TOLERANCE and step > 1:
@@ -222,8 +235,15 @@ class Solver:
             self.descent.place_charges()
 
     def placement(self) -> Placement:
-        """The bodies where they are now; its report is empty."""
-        return placement_of(self.model, self.state)
+        """The bodies where they are now; its report is empty.
+
+        Raises:
+            ProblemError: A position is no finite number.
+        """
+        placement = placement_of(self.model, self.state)
+        if not np.isfinite(placement.position).all():
+            raise ProblemError(OVERFLOW)
+        return placement
 
     def close(self) -> None:
         """Give the threads back; nothing can be stepped after that."""

@@ -30,19 +30,20 @@ BISECTIONS = 60
 def group_targets(model: Model) -> list[FieldTarget]:
     """Return what attracts every group: its class's density, and beside it the excess of fixed bodies where there is one."""
     classes = model.problem.classes
-    images = [classes[c].density_image for c in model.groups.class_index]
+    class_index = model.groups.class_index.tolist()
     charge = model.group_charge
     fixed = model.fixed
     result = []
-    for g, image in enumerate(images):
+    for g, c in enumerate(class_index):
+        image = classes[c].density_image
         own = fixed & (model.body.group == g)
         if not own.any():
-            result.append(FieldTarget(image, charge[g]))
+            result.append(FieldTarget(image, charge[g], class_index=c))
             continue
         bodies = (model.body.group == g).sum()
         share, excess = _excess(model, image, own, float(charge[g]), int(bodies))
         more = (FieldTarget(excess.astype(np.float32), float(excess.sum())),) if excess.any() else ()
-        result.append(FieldTarget(image, share, more))
+        result.append(FieldTarget(image, share, more, c))
     return result
 
 

@@ -28,4 +28,5 @@ def nearest_node(position: wp.vec2, mesh: Mesh):
     if mesh.periodic != 0:
         column = wrap(column, mesh.count_x)
         row = wrap(row, mesh.count_y)
-    return row * mesh.count_x + column
+    # Of a position that is no number, too, there is a node.
+    return wp.clamp(row, 0, mesh.count_y - 1) * mesh.count_x + wp.clamp(column, 0, mesh.count_x - 1)

@@ -31,7 +31,12 @@ def confine(position: wp.vec2, space: Space):
             x = 0.0
         if y >= space.size[1]:
             y = 0.0
-    return wp.vec2(wp.clamp(x, 0.0, space.size[0]), wp.clamp(y, 0.0, space.size[1]))
+    # What is no number ends on an edge, too: a position outside would be looked up outside of arrays.
+    if not (x >= 0.0):
+        x = 0.0
+    if not (y >= 0.0):
+        y = 0.0
+    return wp.vec2(wp.min(x, space.size[0]), wp.min(y, space.size[1]))
 
 
 @wp.func

@@ -20,19 +20,21 @@ def images_for_kernels(
 
     Args:
         launcher: Where to.
-        images: One per class, shape ``[height, width]``.
+        images: One per class, shape ``[height, width]``; what several classes share is there once.
         size: Extent of the domain, in the unit that the vectors are to have.
         to_support: Whether anybody wants to leave empty pixels.
     """
     device = launcher.device
-    first = np.concatenate([[0], np.cumsum([image.size for image in images])])
+    distinct = list({id(image): image for image in images}.values())
+    index = np.array([[id(image) for image in distinct].index(id(image)) for image in images])
+    first = np.concatenate([[0], np.cumsum([image.size for image in distinct])])
     result = kernels_images.Images()
-    result.pixel = wp.array(np.concatenate([image.ravel() for image in images]), dtype=float, device=device)
+    result.pixel = wp.array(np.concatenate([image.ravel() for image in distinct]), dtype=float, device=device)
     result.to_support = launcher.zeros(int(first[-1]) if to_support else 1, wp.vec2)
-    for image, start in zip(images, first[:-1].tolist(), strict=True):
+    for image, start in zip(distinct, first[:-1].tolist(), strict=True):
         if to_support and not (image > 0.0).all():
             wp.copy(result.to_support, vectors_to_support(launcher, image, size), dest_offset=start, count=image.size)
-    result.start = wp.array(first[:-1], dtype=wp.int32, device=device)
+    result.start = wp.array(first[:-1][index], dtype=wp.int32, device=device)
     result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
     result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)
     return result

@@ -20,7 +20,7 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
 
     Args:
         launcher: Where to run.
-        images: Densities, each of shape ``[height, width]``, row 0 at the top.
+        images: Densities, each of shape ``[height, width]``, row 0 at the top; one that is there several times is worked on once.
         layout: The mesh.
 
     Returns:
@@ -28,11 +28,17 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
     """
     result = launcher.empty(len(images) * layout.node_count, float)
     fold = FOLD if layout.periodic else 0
+    nodes = layout.node_count
+    done: dict[int, int] = {}
     for index, image in enumerate(images):
+        if id(image) in done:
+            wp.copy(result, result, dest_offset=index * nodes, src_offset=done[id(image)] * nodes, count=nodes)
+            continue
+        done[id(image)] = index
         bands = spline_bands(image.shape, layout.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
         target = wp.array(
-            ptr=result.ptr + 4 * index * layout.node_count,
-            shape=(layout.node_count,),
+            ptr=result.ptr + 4 * index * nodes,
+            shape=(nodes,),
             dtype=float,
             device=launcher.device,
         )

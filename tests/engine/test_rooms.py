@@ -21,7 +21,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "quality": {"device", "field", "problem", "space", "transforms"},
     "files": {"problem"},
     "drawing": {"files", "problem"},
-    "cli": {"device", "drawing", "files", "problem", "solve", "solver"},
+    "scenes": {"device", "files", "problem", "solve"},
+    "cli": {"device", "drawing", "files", "problem", "scenes", "solve", "solver"},
 }
 FOR_ALL = {"errors", "native_output", "version"}
 # Files beside the rooms, and what they may import. What is asked of the engine as a whole is in one file.

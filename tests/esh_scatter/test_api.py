@@ -379,6 +379,30 @@ def test_what_sharpening_clipped_is_in_the_report():
     assert any("unsharp" in note for note in scatter(quad(), sharpened, **OPTIONS).report.notes)
 
 
+def test_what_many_classes_share_is_read_once(monkeypatch):
+    from esh.esh_scatter import api
+
+    read = {"density": 0, "outline": 0}
+    honest_density, honest_outline = api.density_at, api.measure_footprint
+
+    def density_at(*arguments):
+        read["density"] += 1
+        return honest_density(*arguments)
+
+    def measure_footprint(*arguments):
+        read["outline"] += 1
+        return honest_outline(*arguments)
+
+    monkeypatch.setattr(api, "density_at", density_at)
+    monkeypatch.setattr(api, "measure_footprint", measure_footprint)
+    source = quad("shared", 1.0)
+    image = np.linspace(0.1, 1.0, 64).reshape(8, 8)
+    classes = [ScatterClass(f"class {k}", [ScatterSize("s", 2, source)], density=image) for k in range(6)]
+    job = api.ScatterJob(quad(), classes, device="cpu")
+    assert read == {"density": 1, "outline": 1}
+    assert len({id(c.density_image) for c in job.problem.classes}) == 1
+
+
 def test_instances_say_where_blender_shows_the_objects():
     ground = hills()
     ground.location, ground.rotation_euler = (30, -7, 4), (0.2, -0.3, 1.1)

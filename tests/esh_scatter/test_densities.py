@@ -189,3 +189,58 @@ def test_a_hidden_target_is_refused(ground, stone):
     ground.hide_viewport = True
     with pytest.raises(EshError, match=r"Ground.*visible"):
         placed(ground, stone, 1.0)
+
+
+def tiled_image(folder, greys, kind):
+    """An image of UDIM tiles of one grey each: generated, in files, or packed."""
+    if kind == "generated":
+        image = bpy.data.images.new("tiles", 8, 8, tiled=True)
+        with bpy.context.temp_override(edit_image=image):
+            bpy.ops.image.tile_fill(color=(*(greys[1001],) * 3, 1.0))
+            for number in sorted(set(greys) - {1001}):
+                bpy.ops.image.tile_add(number=number, width=8, height=4, fill=True, color=(*(greys[number],) * 3, 1.0))
+        return image
+    for number, grey in greys.items():
+        tile = new_image(np.full((4, 6), grey))
+        tile.file_format = "PNG"
+        tile.filepath_raw = str(folder / f"grey.{number}.png")
+        tile.save()
+        bpy.data.images.remove(tile)
+    image = bpy.data.images.load(str(folder / "grey.1001.png"))
+    image.source = "TILED"
+    image.filepath = str(folder / "grey.<UDIM>.png")
+    for number in sorted(set(greys) - {1001}):
+        image.tiles.new(number)
+    image.reload()
+    if kind == "packed":
+        image.pack()
+        for number in greys:
+            (folder / f"grey.{number}.png").unlink()
+    return image
+
+
+@pytest.mark.parametrize("kind", ["generated", "files", "packed"])
+def test_every_tile_of_a_udim_image_is_read_where_it_lies(ground, stone, tmp_path, kind):
+    # Tile 1002 is black, 1011 (above 1001) white, and 1012 is missing.
+    image = tiled_image(tmp_path, {1001: 1.0, 1002: 0.0, 1011: 1.0}, kind)
+    uv = ground.data.uv_layers["Turned"]
+    for corner, value in enumerate([(0, 0), (2, 0), (2, 2), (0, 2)]):
+        uv.data[corner].uv = value
+    before = set(bpy.data.images)
+    x, y, _ = placed(ground, stone, ImageDensity(image, mapping="UV")).T
+    assert (x <= 5.0 + 0.02).all() and (y > 5.0).sum() == pytest.approx(75, abs=8)
+    # Inverted, the black tile holds all of them, and the missing one still none.
+    x, y, _ = placed(ground, stone, ImageDensity(image, mapping="UV", invert=True)).T
+    assert (x >= 5.0 - 0.02).all() and (y <= 5.0 + 0.02).all()
+    assert set(bpy.data.images) == before
+
+
+def test_a_missing_tile_is_a_sentence(ground, stone, tmp_path):
+    bpy.data.images.remove(tiled_image(tmp_path, {1001: 1.0, 1002: 0.5}, "files"))
+    (tmp_path / "grey.1002.png").unlink()
+    image = bpy.data.images.load(str(tmp_path / "grey.1001.png"))
+    image.source = "TILED"
+    image.filepath = str(tmp_path / "grey.<UDIM>.png")
+    image.tiles.new(1002)
+    with pytest.raises(EshError, match=r'image "grey\.1001\.png" must have pixels in all its tiles; \w+ has none'):
+        placed(ground, stone, ImageDensity(image, mapping="UV"))

@@ -203,7 +203,7 @@ def test_the_modal_run_gives_what_the_script_gives(scatter, monkeypatch):
     real_context = bpy.context
     window = Window(monkeypatch, job)
     job_write = job.write
-    monkeypatch.setattr(job, "write", lambda _context: job_write(real_context), raising=False)
+    monkeypatch.setattr(job, "write", lambda: job_write(real_context), raising=False)
     assert window.send("A") == {"RUNNING_MODAL"}, "what would change the scene is held back"
     assert window.send("MIDDLEMOUSE") == {"PASS_THROUGH"}, "looking around is not"
     assert window.run_to_end() == {"FINISHED"}
@@ -222,7 +222,7 @@ class Job:
         while progress(SimpleNamespace(step=1, steps=5)):
             pass
 
-    def write(self, _context):
+    def write(self):
         self.written = True
 
 

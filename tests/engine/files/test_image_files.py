@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from esh import InputFileError
-from esh.engine.files.image_files import read_density
+from esh.engine.files.image_files import read_color, read_density
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -300,3 +300,112 @@ def test_damage_anywhere_ends_in_a_sentence_or_an_image(tmp_path, data):
         assert str(path) in str(error)
     else:
         assert density.dtype == np.float32 and density.ndim == 2 and np.isfinite(density).all() and density.max() > 0
+
+
+def turn_back(image: np.ndarray, orientation: int) -> np.ndarray:
+    """How a picture that is seen as ``image`` is stored."""
+    return {
+        1: image,
+        2: image[:, ::-1],
+        3: image[::-1, ::-1],
+        4: image[::-1],
+        5: np.swapaxes(image, 0, 1),
+        6: np.rot90(image, 1),
+        7: np.rot90(image, 2).swapaxes(0, 1),
+        8: np.rot90(image, -1),
+    }[orientation]
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("kind", ["grey 8", "grey 16", "colour 8", "colour 16", "jpeg"])
+def test_photographs_are_read_the_right_way_up_whatever_their_kind(tmp_path, orientation, kind):
+    seen = np.random.default_rng(0).integers(1, 200, (24, 40))
+    seen = np.repeat(np.repeat(seen[::8, ::8], 8, axis=0), 8, axis=1)
+    stored = np.ascontiguousarray(turn_back(seen, orientation))
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    path = tmp_path / ("a.jpg" if kind == "jpeg" else "a.png")
+    if kind == "grey 16":
+        Image.fromarray((stored * 257).astype(np.uint16)).save(path, exif=exif)
+    elif kind == "colour 16":
+        import zlib
+
+        import png
+
+        with path.open("wb") as file:
+            rows = np.repeat(stored[..., None] * 257, 3, axis=2).reshape(len(stored), -1)
+            png.Writer(stored.shape[1], stored.shape[0], bitdepth=16, greyscale=False).write(file, rows.tolist())
+        # The chunk that Pillow writes, before the picture.
+        data = exif.tobytes()[6:]
+        chunk = len(data).to_bytes(4, "big") + b"eXIf" + data + zlib.crc32(b"eXIf" + data).to_bytes(4, "big")
+        content = path.read_bytes()
+        path.write_bytes(content[:33] + chunk + content[33:])
+    else:
+        picture = Image.fromarray(stored.astype(np.uint8))
+        (picture.convert("RGB") if kind == "colour 8" else picture).save(path, exif=exif, quality=95)
+    read = read_density(path)
+    assert read.shape == seen.shape
+    np.testing.assert_allclose(read, seen / 255, atol=0.06 if kind == "jpeg" else 1e-6)
+    assert read_color(path).shape == (*seen.shape, 3)
+
+
+@pytest.mark.parametrize("kind", ["1", "L", "P", "RGBA", "I;16", "RGB;16", "npy", "exr"])
+def test_more_pixels_than_a_solver_can_use_are_averaged_in_blocks(tmp_path, monkeypatch, kind):
+    from esh.engine.files import image_files
+
+    rng = np.random.default_rng(3)
+    values = (rng.random((50, 83)) * 255).astype(np.uint8)
+    path = tmp_path / {"npy": "a.npy", "exr": "a.exr"}.get(kind, "a.png")
+    if kind == "npy":
+        np.save(path, values / 255.0)
+    elif kind == "exr":
+        import OpenEXR
+
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"Y": (values / 255.0).astype(np.float32)}).write(str(path))
+    elif kind == "I;16":
+        Image.fromarray(values.astype(np.uint16) * 257).save(path)
+    elif kind == "RGB;16":
+        import png
+
+        with path.open("wb") as file:
+            rows = np.repeat(values[..., None].astype(int) * 257, 3, axis=2).reshape(50, -1)
+            png.Writer(83, 50, bitdepth=16, greyscale=False).write(file, rows.tolist())
+    else:
+        picture = Image.fromarray(values)
+        picture = picture.convert("RGB") if kind == "RGBA" else picture
+        if kind == "RGBA":
+            picture.putalpha(Image.fromarray(values[::-1].copy()))
+        (picture if kind == "RGBA" else picture.convert(kind)).save(path)
+    whole = read_density(path).astype(np.float64)
+    assert whole.shape == values.shape
+    monkeypatch.setattr(image_files, "MOST_USED", 500)
+    monkeypatch.setattr(image_files, "PIXELS_AT_ONCE", 900)
+    # Blocks of 3 x 3 pixels; two columns are left for the last.
+    expected = np.array([[whole[y : y + 3, x : x + 3].mean() for x in range(0, 83, 3)] for y in range(0, 50, 3)])
+    np.testing.assert_allclose(read_density(path), expected, atol=1e-6)
+    assert read_color(path).shape == (50, 83, 3)
+    assert read_color(path, reduced=True).shape == (17, 28, 3)
+
+
+def test_a_large_picture_takes_little_more_memory_than_its_bytes(tmp_path):
+    import subprocess
+    import sys
+
+    # Two colours, 64 million pixels: 64 MB for Pillow, and 16 million numbers of 4 bytes.
+    stripes = Image.new("1", (8000, 8000))
+    stripes.paste(1, (0, 0, 4000, 8000))
+    stripes.save(tmp_path / "large.png")
+    script = f"""
+import resource, numpy as np
+from esh.engine.files.image_files import read_color, read_density
+import PIL.Image, esh.engine.files.image_files
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+image = read_density({str(tmp_path / "large.png")!r})
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, *image.shape, float(image.mean()))
+"""
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=120)
+    grown, height, width, mean = finished.stdout.split()
+    assert (height, width, mean) == ("4000", "4000", "0.5")
+    if sys.platform == "linux":
+        assert int(grown) < 420_000  # kB

@@ -277,8 +277,12 @@ def test_what_is_not_a_file(tmp_path):
         read_recipe(tmp_path / "nul\0.toml")
     with pytest.raises(InputFileError, match="cannot be read"):
         read_recipe(tmp_path / ("x" * 5000))
+    with (tmp_path / "film.toml").open("wb") as film:
+        film.truncate(2**24 + 1)
+    with pytest.raises(InputFileError, match="is larger than 16 MB"):
+        read_recipe(tmp_path / "film.toml")
     if Path("/dev/zero").exists():
-        with pytest.raises(InputFileError, match="is larger than 16 MB"):
+        with pytest.raises(InputFileError, match="is not a regular file"):
             read_recipe("/dev/zero")
 
 
@@ -323,3 +327,9 @@ def test_any_line_replaced_by_any_other_is_read_or_refused(folder, line, key, va
 def test_any_bytes_are_refused(folder, content):
     with pytest.raises(InputFileError):
         read_recipe(write(folder, content))
+
+
+@pytest.mark.parametrize("path", [None, 3, b"\x00", ["a.toml"]])
+def test_what_is_no_name_of_a_recipe_is_a_sentence(path):
+    with pytest.raises(InputFileError):
+        read_recipe(path)

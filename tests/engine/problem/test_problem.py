@@ -503,3 +503,16 @@ def test_a_balance_fits_the_classes_and_sizes():
 def test_avoid_overlap_is_a_switch(value):
     with pytest.raises(ProblemError, match="`avoid_overlap` must be true or false; got "):
         Problem(Domain((1.0, 1.0)), [BodyClass("a", [SIZE])], avoid_overlap=value)
+
+
+def test_classes_of_equal_densities_share_one_image():
+    image = np.random.default_rng(0).random((20, 30))
+    other = image.copy()
+    other[3, 4] = 0.0
+    classes = [BodyClass(f"{k}", [Size("s", 1.0, 3)], density=d.copy()) for k, d in enumerate([image, image, other])]
+    problem = Problem(Domain((3.0, 2.0)), classes)
+    first, second, third = (c.density_image for c in problem.classes)
+    assert first is second and third is not first
+    np.testing.assert_array_equal(third, classes[2].density)
+    # What was given is as it was.
+    assert classes[0].density is not classes[1].density

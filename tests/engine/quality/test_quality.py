@@ -1,5 +1,7 @@
 """The measures themselves, on arrangements whose values are known."""
 
+import math
+
 import numpy as np
 import pytest
 from esh.engine.device.launcher import Launcher, resolve_device
@@ -86,3 +88,45 @@ def test_spacing_of_a_hexagonal_lattice_is_one(launcher):
     density = np.full(len(position), len(position) / domain.area)
     assert smallest_spacing(position, density, domain, launcher) == pytest.approx(1.0, abs=1e-4)
     assert smallest_spacing(position[:1], density[:1], domain, launcher) is None
+
+
+def error_by_hand(position: np.ndarray, domain: Domain, cells: int = 256) -> float:
+    """:func:`coverage_error` for equal charges and a uniform target, from Gaussians that are evaluated, not convolved."""
+    width, height = domain.size
+    sigma = math.sqrt(domain.area / len(position))
+    step = max(width, height) / cells
+    x, y = ((np.arange(round(length / step)) + 0.5) * step for length in (width, height))
+
+    def share(places: np.ndarray, length: float) -> np.ndarray:
+        """What a blurred rectangle has left inside itself."""
+        return np.array(
+            [0.5 * (math.erf(p / sigma / 2**0.5) - math.erf((p - length) / sigma / 2**0.5)) for p in places]
+        )
+
+    target = np.outer(share(y, height), share(x, width))
+    blurred = np.zeros_like(target)
+    for px, py in position:
+        blurred += np.outer(np.exp(-0.5 * ((y - py) / sigma) ** 2), np.exp(-0.5 * ((x - px) / sigma) ** 2))
+    blurred *= domain.area / len(position) / (2.0 * math.pi * sigma**2)
+    return math.sqrt(((blurred - target) ** 2).mean())
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 10])
+def test_the_coverage_error_of_a_few_bodies(count):
+    domain = Domain((40.0, 30.0))
+    position = np.array([[20.0, 15.0]]) if count == 1 else np.random.default_rng(count).random((count, 2)) * domain.size
+    got = coverage_error(position, np.ones(count), np.ones((1, 1)), domain)
+    assert got == pytest.approx(error_by_hand(position, domain), rel=1e-3)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_neighbours_are_found_in_a_long_and_narrow_domain(boundary):
+    domain = Domain((2000.0, 1.0), boundary)
+    position = np.stack([np.linspace(5.0, 1995.0, 200), np.full(200, 0.5)], axis=1)
+    position[100, 0] += 5.0
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        spacing = smallest_spacing(position, np.full(200, 0.1), domain, launcher)
+    finally:
+        launcher.close()
+    assert spacing == pytest.approx(5.0 * math.sqrt(0.1) / math.sqrt(2.0 / math.sqrt(3.0)), rel=1e-2)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import time
 
+import numpy as np
 import pytest
 from esh import BodyClass, Domain, Problem, ProblemError, Size
 from esh.engine.solver import memory
@@ -70,3 +73,57 @@ def test_this_machine_tells_its_memory():
 )
 def test_amounts_read_as_people_say_them(amount, text):
     assert format_bytes(amount) == text
+
+
+MEASURED = {
+    "few bodies": "[BodyClass('a', [Size('s', 1e-4, 100)])]",
+    "many bodies": "[BodyClass('a', [Size('s', 1e-6, 400_000)])]",
+    "ranges": "[BodyClass(f'{k}', [Size('s', (1e-3, 1e-2), 3000)]) for k in range(6)]",
+    "images": (
+        "[BodyClass(f'{k}', [Size('s', 1e-4, 100)], density=np.random.default_rng(k).random((2000, 2000)) > 0.5)"
+        " for k in range(6)]"
+    ),
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is told in another unit elsewhere")
+@pytest.mark.parametrize("name", MEASURED)
+def test_memory_is_foretold(name):
+    script = f"""
+import resource
+import numpy as np
+from esh import *
+from esh.engine.solver import memory
+problem = Problem(Domain((4.0, 3.0)), [BodyClass("a", [Size("s", 1e-4, 10)])])
+solve(problem, device="cpu", max_steps=1)
+idle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+problem = Problem(Domain((4.0, 3.0)), {MEASURED[name]})
+solve(problem, device="cpu", max_steps=2)
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+print(memory.required_memory(problem), peak, idle)
+"""
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=200)
+    foretold, peak, idle = map(int, finished.stdout.split())
+    # What the libraries take is not the problem's, and differs from system to system.
+    of_problem = foretold - memory.BYTES_FIXED
+    assert foretold < 1.5 * peak and peak < 1.5 * max(foretold, of_problem + idle)
+
+
+def test_groups_on_long_meshes_are_refused_before_any_is_laid(monkeypatch):
+    ranges = [BodyClass(f"{k}", [Size("s", (1e-3, 1e-2), 3000)]) for k in range(12)]
+    problem = Problem(Domain((3000.0, 1.0), "periodic"), ranges)
+    required = required_memory(problem)
+    assert required > 5e9
+    monkeypatch.setattr(memory, "machine_memory", lambda: required - 1)
+    with pytest.raises(
+        ProblemError, match=r"most of it for the meshes of its 288 groups .* or a less elongated domain"
+    ):
+        check_memory(problem)
+
+
+def test_densities_are_refused_before_they_are_looked_at(monkeypatch):
+    problem = Problem(Domain((1.0, 1.0)), [BodyClass("pine", [Size("s", 1e-3, 10)], density=np.ones((3000, 2000)))])
+    monkeypatch.setattr(memory, "machine_memory", lambda: memory.BYTES_FIXED + 10**8)
+    monkeypatch.setattr(memory, "required_memory", lambda problem: pytest.fail("not asked for"))
+    with pytest.raises(ProblemError, match=r'`density` of class "pine" is too large \(2000 x 3000 pixels\)'):
+        check_memory(problem)

@@ -185,8 +185,9 @@ def test_footprints_that_cannot_fit_keep_their_counts_and_are_reported():
     [((1.0, 1.0), 1), ((1.0, 1.0), 2), ((1000.0, 1.0), 100), ((1.0, 3000.0), 40), ((1e-6, 1e-6), 300)],
 )
 def test_small_and_extreme_problems_end_with_finite_positions_inside(boundary, size, count):
+    area = min(size) ** 2
     problem = Problem(
-        Domain(size, boundary), [BodyClass("a", [Size("s", 1e-3, count)]), BodyClass("b", [Size("s", 1.0, 1)])]
+        Domain(size, boundary), [BodyClass("a", [Size("s", 1e-3 * area, count)]), BodyClass("b", [Size("s", area, 1)])]
     )
     placement = solve(problem, device="cpu", max_steps=30)
     assert len(placement.position) == count + 1
@@ -216,3 +217,14 @@ def test_max_steps_must_be_a_whole_number(max_steps):
 def test_a_count_beyond_memory_says_how_much_it_would_take():
     with pytest.raises(ProblemError, match=r"[GTP]B"):
         solve(Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 1.0, 10**12)])]))
+
+
+@pytest.mark.parametrize("wrong", [None, "forest.toml", 3])
+def test_what_is_no_problem_is_named(wrong):
+    with pytest.raises(ProblemError, match="`problem` must be a Problem; got "):
+        solve(wrong)
+
+
+def test_progress_must_be_something_to_call():
+    with pytest.raises(ProblemError, match='`progress` must be something to call, or None; got "x"'):
+        solve(small_problem(), progress="x")
