@@ -96,8 +96,9 @@ def test_the_button_says_what_to_select(ground, objects, what, said):
     if what == "light is active":
         select(*objects, active=objects[3])
     elif what == "result is active":
-        ground["esh_scatter"] = True
-        select(*objects, ground, active=ground)
+        select(objects[0], ground, active=ground)
+        bpy.ops.esh.scatter_selection(most=5)
+        select(*objects, active=bpy.context.scene.esh_scatter.active.result)
     with pytest.raises(RuntimeError, match=said):
         bpy.ops.esh.scatter_selection()
 
