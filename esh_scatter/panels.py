@@ -272,11 +272,7 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         assert report is not None
         _draw_counts(layout.box(), report, scatter.names_in_report())
         facts = layout.column(align=True)
-        overlaps = report["overlaps"]
-        if overlaps:
-            _draw_fact(facts, "Overlaps", f"{overlaps:,} pair{'s' * (overlaps != 1)}", "ERROR")
-        else:
-            _draw_fact(facts, "Overlaps", "none")
+        _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
         if evenness := words.evenness(report):
             _draw_fact(facts, "Spread", evenness)
         if report.get("closest") is not None:

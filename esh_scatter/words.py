@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["UNBROKEN", "evenness", "evenness_word", "meters", "notes", "summary"]
+__all__ = ["UNBROKEN", "evenness", "evenness_word", "meters", "notes", "overlaps", "summary"]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07.
 VERY_EVEN = 0.04
@@ -39,18 +39,27 @@ def evenness(report: dict[str, Any]) -> str:
 
 def summary(report: dict[str, Any], unbroken: str = " ") -> str:
     """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
-    overlaps = report["overlaps"]
-    overlap = f"{overlaps:,} overlap{'s' * (overlaps != 1)}" if overlaps else "no overlap"
+    count = report["overlaps"]
+    overlap = f"{count:,} overlap{'s' * (count != 1)}" if count else "no overlap"
     parts = [f"{_placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
 
 
 def notes(report: dict[str, Any]) -> list[str]:
     """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help."""
-    found = [note.replace("`", "") for note in report["notes"]]
+    # How many overlap, and how deep, has a line of its own.
+    found = [note.replace("`", "") for note in report["notes"] if "still overlap" not in note]
     if not report["converged"] and evenness(report).startswith("uneven"):
         found.append("more steps would make it more even (Advanced)")
     return [note[:1].upper() + note[1:] for note in found]
+
+
+def overlaps(report: dict[str, Any]) -> str:
+    """Return how many pairs of footprints overlap, and how far: "12 pairs, up to 0.05 m"."""
+    count, deepest = report["overlaps"], report.get("deepest_overlap") or 0.0
+    if not count:
+        return "none"
+    return f"{count:,} pair{'s' * (count != 1)}" + (f", up to {meters(deepest)}" if deepest > 0.0 else "")
 
 
 def meters(length: float) -> str:

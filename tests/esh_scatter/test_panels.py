@@ -247,15 +247,13 @@ def test_the_report_shows_counts_metres_and_every_note_once():
             {"name": "Large", "area": 1.0, "asked": 20, "placed": 12}, {"name": "Small", "area": 1.0, "asked": 8, "placed": 8},
         ]},
     ]  # fmt: skip
-    told = report(
-        overlaps=1, classes=entries, coverage_error=0.2, converged=False, notes=["`area`: 1 pair still overlaps"]
-    )
+    told = report(overlaps=1, classes=entries, coverage_error=0.2, converged=False, notes=["`area`: too large"])
     scatter.remember(scatter.result, told)
     drawn = draw_all(400)
     words = " ".join(drawn)
     assert "Pine 1,234 very even" in words and "Beech 20 uneven" in words and "12 of 20" in words
     assert "0.34 m" in words and "0.71 m to the nearest" in words and "lattice" not in words
-    assert words.count("Area: 1 pair still overlaps") == 1 and "1 overlap ·" in words
+    assert words.count("Area: too large") == 1 and "1 overlap ·" in words
     assert "uneven: Beech" in words and "More steps would make it more even" in words and "not converged" not in words
     scatter.remember(scatter.result, report(converged=False))
     assert "More steps" not in " ".join(draw_all(400)), "nothing is wrong that more steps would mend"
