@@ -37,6 +37,7 @@ from ..engine.problem.settings import Settings, as_given, described, same_settin
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,
+    check_count,
     check_density,
     check_direction,
     check_name,
@@ -89,7 +90,9 @@ class ScatterSize(Settings):
     """One size of a class."""
 
     name: str = field(metadata=same_setting(Size, "name"))
-    count: int | None = field(default=None, metadata=same_setting(Size, "count"))
+    count: int | None = field(
+        default=None, metadata=same_setting(Size, "count", low=1, soft_low=None, check=check_count)
+    )
     source: bpy.types.Object | bpy.types.Collection | None = field(
         default=None,
         metadata=setting(

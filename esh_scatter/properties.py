@@ -216,7 +216,7 @@ class ESH_PG_size(PropertyGroup):
         name="Collection",
         description="The collection whose objects are placed. Each point gets one of them, chosen at random",
     )
-    count: property_of(_SIZE["count"], default=100)
+    count: property_of(_SIZE["count"], default=100, min=1)
     share: property_of(
         _SIZE["share"],
         description="The part of the class's summed footprints that this size gets. Shares need not add up to 1",

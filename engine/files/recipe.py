@@ -5,7 +5,7 @@
     avoid_overlap = false          # default; true: footprints push each other apart
     [domain]
     size = [40.0, 30.0]            # metres, x and y
-    boundary = "open"              # default; or "periodic"
+    boundary = "open"              # default; or "mirror", or "periodic"
     inset = false                  # default; true: footprints lie inside as a whole
     [balance]
     class_separation = 0.5         # default

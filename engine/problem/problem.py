@@ -61,6 +61,7 @@ class Domain(Settings):
             "What is beyond the edges",
             choices=(
                 Choice("open", "Open", "bodies stay inside, nothing lies beyond", "OPEN"),
+                Choice("mirror", "Mirror", "the edges are mirrors: bodies neither crowd nor shun them", "MIRROR"),
                 Choice("periodic", "Periodic", "opposite edges are joined, so the result can be tiled", "PERIODIC"),
             ),
             check=validation.check_boundary,
@@ -92,6 +93,11 @@ class Domain(Settings):
     def periodic(self) -> bool:
         """Whether opposite edges are joined."""
         return self.boundary == "periodic"
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the edges are mirrors."""
+        return self.boundary == "mirror"
 
 
 @described
@@ -299,8 +305,9 @@ class Size(Settings):
         default=None,
         metadata=setting(
             "How many to place. This count is always reached exactly",
-            more="None where the class has the count and this size a share",
-            low=1,
+            more="None where the class has the count and this size a share; 0 only where bodies of this size are fixed",
+            low=0,
+            soft_low=1,
             soft_high=100_000,
             check=validation.check_size_count,
         ),

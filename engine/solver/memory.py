@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..field.field_meshes import charge_mesh, split_of, target_mesh
+from ..field.mirrored_field import COPIES
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
 from ..problem.validation import MOST_BODIES, show
@@ -76,6 +77,9 @@ def _required_for_meshes(problem: Problem) -> int:
     unit = math.sqrt(problem.domain.area / problem.charge_count)
     size = problem.domain.size[0] / unit, problem.domain.size[1] / unit
     spacing, periodic, charges = typical_spacing(problem) / unit, problem.domain.periodic, problem.charge_count
+    if problem.domain.mirrored:
+        # The mesh lies over the images beyond the borders as well.
+        size, periodic, charges = (2.0 * size[0], 2.0 * size[1]), True, COPIES * charges
     coarse = charge_mesh(size, periodic, spacing, charge_count=charges, group_count=groups, on_gpu=False)
     fine = target_mesh(size, periodic, spacing, charge_count=charges, split=split_of(coarse), on_gpu=False)
     of_coarse = (
@@ -113,6 +117,7 @@ def _group_count(problem: Problem) -> int:
 
 def _bytes_per_charge(problem: Problem) -> int:
     per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
+    per_charge *= COPIES if problem.domain.mirrored else 1
     # Lines have several charges each, dots one.
     per_body = BYTES_PER_BODY
     if problem.avoid_overlap:

@@ -157,7 +157,11 @@ def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
 
 
 TABLES = {
-    "Top level": (SamplingSettings, {"version", "[domain]", "[balance]", "[[class]]", "[image]"}, {}),
+    "Top level": (
+        SamplingSettings,
+        {"version", "[domain]", "[balance]", "[[class]]", "[image]", "[[fixed]]", "include_fixed", "[[obstacle]]"},
+        {},
+    ),
     "`[domain]`": (Domain, set(), {}),
     "`[balance]`": (Balance, set(), {}),
     "`[[class]]`": (BodyClass, {"color"}, {"sizes": "[[class.size]]"}),
