@@ -116,7 +116,7 @@ def test_what_cannot_fit_is_reported():
     problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 14)])], avoid_overlap=True)
     report = solve(problem, device="cpu", max_steps=20).report
     assert report.overlaps > 0
-    assert ["cannot fit without overlap" in note for note in report.notes] == [True], "said once"
+    assert ["at most about" in note for note in report.notes].count(True) == 1, "said once"
     assert report.classes[0].sizes[0].placed == 14
 
 
