@@ -35,11 +35,14 @@ if TYPE_CHECKING:
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
     from .engine.problem.scatter_settings import ScatterSettings, Standing
+    from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
+    from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
+    from .engine.solver.surface_state import SurfaceState
     from .engine.surface.footprint import Outline
     from .engine.surface.instances import Instances
     from .esh_scatter.amount import Amount
@@ -76,6 +79,7 @@ __all__ = [
     "Outline",
     "Obstacle",
     "Placement",
+    "PointsOnSurface",
     "PreparedClass",
     "Problem",
     "ProblemError",
@@ -93,6 +97,12 @@ __all__ = [
     "Solver",
     "Standing",
     "State",
+    "Surface",
+    "SurfaceAttribute",
+    "SurfaceImage",
+    "SurfaceMesh",
+    "SurfaceState",
+    "SurfaceTriplanar",
     "Unsharp",
     "VertexGroupDensity",
     "cover_of",
@@ -149,6 +159,7 @@ _MODULES = {
     "Outline": ".engine.surface.footprint",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
+    "PointsOnSurface": ".engine.problem.surface",
     "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
@@ -166,6 +177,12 @@ _MODULES = {
     "Solver": ".engine.solver.solver",
     "Standing": ".engine.problem.scatter_settings",
     "State": ".engine.solver.state",
+    "Surface": ".engine.problem.surface",
+    "SurfaceAttribute": ".engine.problem.surface_density",
+    "SurfaceImage": ".engine.problem.surface_density",
+    "SurfaceMesh": ".engine.problem.surface",
+    "SurfaceState": ".engine.solver.surface_state",
+    "SurfaceTriplanar": ".engine.problem.surface_density",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
     "cover_of": ".engine.problem.cover",

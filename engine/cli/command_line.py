@@ -222,6 +222,7 @@ class _whole:
 def _solve(options: argparse.Namespace) -> int:
     _check_outputs(options)
     from ..files.recipe import parse_recipe, read_recipe, recipe_densities
+    from ..problem.problem import Domain
 
     recipe = parse_recipe(options.recipe)
     problem = read_recipe(recipe, seed=options.seed)
@@ -229,6 +230,9 @@ def _solve(options: argparse.Namespace) -> int:
     for name, path in options.asset:
         assets.setdefault(name, []).append(path)
     _check_not_inputs(options, [options.recipe, *recipe_densities(recipe), *(path for _, path in options.asset)])
+    for option in ("plot", "halftone"):
+        if getattr(options, option) is not None and not isinstance(problem.domain, Domain):
+            raise EshError(f"--{option} draws what lies in a rectangle; {options.recipe} has a surface")
     if assets:
         from ..files.bodies import check_assets
 

@@ -77,9 +77,10 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
             ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
             ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where
-            bodies are fixed or were edited; readable without pickle; equal placements give equal bytes), in ``.csv`` (one line per
-            body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front), or in
-            ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
+            bodies are fixed or were edited; on a surface ``position`` has three columns, and ``normal``, ``tangent``, ``mesh``,
+            ``triangle`` and ``barycentric`` are there; readable without pickle; equal placements give equal bytes), in ``.csv`` (one
+            line per body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front),
+            or in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
         placement: What to write.
         assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
             formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
@@ -295,6 +296,7 @@ def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         scale=placement.scale,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
+        **{name: getattr(placement, name) for name in ON_SURFACE if placement.normal is not None},
         # Where nothing is fixed and nothing was edited they say nothing that the order does not.
         **({"id": placement.id, "fixed": placement.fixed} if _is_marked(placement) else {}),
         **({"size_name": np.array(_size_names(placement), dtype=np.str_)} if _is_marked(placement) else {}),
@@ -307,16 +309,21 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
     marked = _is_marked(placement)
+    on_surface = placement.normal is not None
     rows.writerow(
         (
-            *("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"),
-            *("width", "area", "variant", "scale"),
+            *("x", "y", *(["z"] if on_surface else []), "class_index", "size_index", "angle", "length", "class_name"),
+            *("size_name", "width", "area", "variant", "scale"),
             *(("id", "fixed") if marked else ()),
+            *(SURFACE_COLUMNS if on_surface else ()),
         )
     )
     class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
     size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
     marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
+    for name in ON_SURFACE if on_surface else ():
+        values = getattr(placement, name)
+        marks += [values.tolist()] if values.ndim == 1 else values.T.tolist()
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
         placement.class_index.tolist(),
@@ -324,6 +331,7 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
+    at = 3 if on_surface else 2
     shape = zip(
         *(values.tolist() for values in (placement.width, placement.area, placement.variant, placement.scale)),
         *marks,
@@ -331,10 +339,21 @@ def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     )
     # Python writes the shortest digits that read back as the same number.
     rows.writerows(
-        (*row, class_name[row[2]], size_name[row[2]][row[3]], *rest)
+        (*row, class_name[row[at]], size_name[row[at]][row[at + 1]], *rest)
         for row, rest in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
+
+
+# What placements on surfaces have beside, in the order in which a table has it; and its columns.
+ON_SURFACE = ("normal", "tangent", "mesh", "triangle", "barycentric")
+SURFACE_COLUMNS = (
+    *(f"normal_{axis}" for axis in "xyz"),
+    *(f"tangent_{axis}" for axis in "xyz"),
+    "mesh",
+    "triangle",
+    *(f"weight_{corner}" for corner in range(3)),
+)
 
 
 def _as_text(name: str) -> str:

@@ -30,7 +30,7 @@ from .model import Model
 from .state import State
 from .targets import group_targets
 
-__all__ = ["STEP_LIMIT", "Descent"]
+__all__ = ["SMALLEST_DENSITY", "STEP_LIMIT", "Descent", "bodies_for_kernels"]
 
 # No body moves further in a step than this share of the local spacing: two neighbours that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
@@ -66,9 +66,9 @@ class Descent:
         self.launcher = launcher
         problem = model.problem
         device = launcher.device
-        self._space = space_for_kernels(model.size, problem.domain.periodic)
+        self._space = space_for_kernels(model.size, problem.rectangle.periodic)
         self.rules = LineRules(model, launcher)
-        self.bodies = _bodies_for_kernels(model, device)
+        self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
         self._evaluate, self.field = self._make_field(fewest_nodes)
         self._prepare_steps()
@@ -103,7 +103,7 @@ class Descent:
     def _make_field(self, fewest_nodes: int | None) -> tuple[Callable[[wp.array, wp.array], None], Field]:
         """What evaluates the forces, and the field that it has."""
         model = self.model
-        domain = model.problem.domain
+        domain = model.problem.rectangle
         described: dict[str, Any] = {
             "size": model.size,
             "interaction": model.interaction,
@@ -173,7 +173,7 @@ class Descent:
             [self.step_length],
         )
         count = np.zeros((1, len(field.images)))
-        copies = COPIES if self.model.problem.domain.mirrored else 1
+        copies = COPIES if self.model.problem.rectangle.mirrored else 1
         for index, c in enumerate(self.model.problem.classes):
             # Where all bodies of a class are fixed, nothing may follow its density.
             if index in field.image_of_class:
@@ -267,7 +267,8 @@ class Descent:
         )
 
 
-def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
+def bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
+    """The bodies as kernels take them."""
     table, charge = model.body, model.charge
     bodies = kernels_descent.Bodies()
     bodies.support = wp.array(table.support, dtype=wp.int32, device=device)

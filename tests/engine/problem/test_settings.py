@@ -159,7 +159,17 @@ def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
 TABLES = {
     "Top level": (
         SamplingSettings,
-        {"version", "[domain]", "[balance]", "[[class]]", "[image]", "[[fixed]]", "include_fixed", "[[obstacle]]"},
+        {
+            "version",
+            "[domain]",
+            "[balance]",
+            "[surface]",
+            "[[class]]",
+            "[image]",
+            "[[fixed]]",
+            "include_fixed",
+            "[[obstacle]]",
+        },
         {},
     ),
     "`[domain]`": (Domain, set(), {}),
