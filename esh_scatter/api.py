@@ -18,6 +18,7 @@ import numpy as np
 from ..engine.device.launcher import resolve_device
 from ..engine.errors import EshError, ProblemError
 from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.placement import Placement
 from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
 from ..engine.problem.problem import (
@@ -56,7 +57,7 @@ from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .references import Reference
 from .result import CLASS_NAMES, find_result, write_result
-from .standing import Ground, stand
+from .standing import Ground, draw, stand
 from .target import check_exists, check_target, is_result, read_target
 
 __all__ = [
@@ -186,6 +187,9 @@ class ScatterClass(ClassSettings):
 class _Shape:
     """What a size's bodies and their instances have to do with each other."""
 
+    # Whether footprints are the objects' own outlines, and not a disc or a capsule that somebody asked for.
+    own_outlines: bool
+
     # Per variant: the outline, or None where nothing had to be measured.
     outlines: tuple[Outline | None, ...]
     area: float | tuple[float, float]
@@ -266,6 +270,8 @@ class ScatterJob:
         # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
         measured: dict[bpy.types.Object, Outline] = {}
         self._densities: dict[object, np.ndarray] = {}
+        # Bodies of the sizes before, which number the points.
+        self._counted = 0
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
@@ -354,6 +360,8 @@ class ScatterJob:
         if not mean > 0.0:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
         sizes = list(count_sizes(asked, domain.area * mean))
+        if self.settings.avoid_overlap:
+            sizes = [self._with_outlines(size, shape, c) for size, shape in zip(sizes, shapes, strict=True)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
@@ -362,6 +370,33 @@ class ScatterJob:
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
+
+    def _with_outlines(self, size: Size, shape: _Shape, scatter_class: ScatterClass) -> Size:
+        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand."""
+        identity = np.arange(self._counted, self._counted + (size.count or 0))
+        self._counted += len(identity)
+        if not shape.own_outlines or not len(identity):
+            return size
+        standing = scatter_class.standing or Standing(**values_of(self.settings, Standing))
+        long = np.full(len(identity), shape.line is not None)
+        factor, turn = draw(standing, identity, long, self.settings.seed)
+        ranged = isinstance(shape.area, tuple)
+        variants = [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+        variant = self._variants_of(identity, len(variants))
+        footprints = Footprints(
+            variants,
+            variant=variant,
+            # Of a range, what gives each object its area; its jitter comes on top of that.
+            scale=None if ranged else factor,
+            turn=turn,
+            room=1.0 + standing.scale_jitter if ranged else 1.0,
+        )
+        return replace(size, footprint=footprints)
+
+    def _variants_of(self, identity: np.ndarray, number: int) -> np.ndarray:
+        """Return which of so many variants points have."""
+        random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
+        return (random[identity, 0] * number).astype(int)
 
     def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
         """Return a class's density on the chart; it was read once where several classes have the same."""
@@ -393,8 +428,8 @@ class ScatterJob:
     def _place(self, placement: Placement) -> _Placed:
         """Choose every point's variant, and stand it on the surface."""
         count = len(placement.position)
-        variant_draw = np.random.default_rng([self.settings.seed, 1]).random((count, 3))[:, 0]
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        outlined_sizes = [size.footprint is not None for c in self.problem.classes for size in c.sizes]
         group = first[placement.class_index] + placement.size_index
         surface = self.chart.lift(placement.position)
         ground = Ground(
@@ -406,23 +441,30 @@ class ScatterJob:
             np.zeros((count, 2), np.float32),
         )
         source = np.empty(count, np.int32)
+        everyones = Standing(**values_of(self.settings, Standing))
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
-            variant = (variant_draw[own] * len(variants)).astype(int)
+            variant = self._variants_of(own, len(variants))
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
-            if isinstance(shape.area, tuple) and outlines:
+            outlined = outlined_sizes[number]
+            ground.long[own] = shape.line is not None and bool(outlines)
+            if outlined and len(own):
+                # The turn that was drawn before solving comes with the standing.
+                standing = self.classes[int(placement.class_index[own[0]])].standing or everyones
+                ground.heading[own] -= draw(standing, own, ground.long[own], self.settings.seed)[1].astype(np.float32)
+            if isinstance(shape.area, tuple) and outlined:
+                ground.fit[own] = placement.scale[own]
+            elif isinstance(shape.area, tuple) and outlines:
                 ground.fit[own] = np.sqrt(
                     placement.area[own] / np.array([outline.area for outline in outlines])[variant]
                 )
             if shape.line is not None and outlines:
                 # Of lines, the outline's middle lies on the point.
-                ground.long[own] = True
-                ground.heading[own] = placement.angle[own] - np.array([outline.angle for outline in outlines])[variant]
+                ground.heading[own] -= np.array([outline.angle for outline in outlines])[variant]
                 ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
         rotation, lift = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
         scale = np.empty(count, np.float32)
-        everyones = Standing(**values_of(self.settings, Standing))
         for number, scatter_class in enumerate(self.classes):
             own = np.flatnonzero(placement.class_index == number)
             rotation[own], scale[own], lift[own] = stand(
@@ -573,7 +615,8 @@ def _shape(
     line = size.line if isinstance(size.line, Line) else None
     if size.line is True or (size.line is None and measured and all(outline.is_long for outline in measured)):
         line = _line_around(measured, scatter_class, area)
-    return _Shape(outlines, area, line)
+    own = size.line is None and (size.area is None or isinstance(area, tuple)) and len(measured) == len(members)
+    return _Shape(own, outlines, area, line)
 
 
 def _line_around(outlines: list[Outline], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
@@ -604,6 +647,15 @@ def _direction(scatter_class: ScatterClass) -> str | float | np.ndarray:
             )
         direction = direction_from_rg(pixels)
     return check_direction(direction, key)
+
+
+def _footprint(outline: Outline, long: bool) -> Footprint:
+    """Return an object's outline as the solver takes it: around its origin, or along its axis around its middle."""
+    corners = np.array(outline.corners)
+    if long:
+        c, s = math.cos(outline.angle), math.sin(outline.angle)
+        corners = (corners - outline.center) @ np.array([[c, -s], [s, c]])
+    return Footprint.polygon(corners)
 
 
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:

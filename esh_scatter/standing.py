@@ -14,7 +14,7 @@ import numpy as np
 from ..engine.problem.scatter_settings import Standing
 from ..engine.surface.instances import body_rotations, rotate
 
-__all__ = ["Ground", "Stand", "stand"]
+__all__ = ["Ground", "Stand", "draw", "stand"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +50,24 @@ class Stand(NamedTuple):
     lift: np.ndarray
 
 
+def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is random about points, whether they have a place yet or not: the factor of their scale, and their turn [rad]."""
+    random = np.random.default_rng([seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))[identity]
+    # A line has no front: half of the objects look the other way.
+    back = np.where(random[:, 1] < 0.5, 0.0, math.pi)
+    turn = np.where(long, back, standing.random_turn * (random[:, 1] - 0.5))
+    return 1.0 + standing.scale_jitter * (2.0 * random[:, 2] - 1.0), turn
+
+
 def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     """Return how objects stand on their points; all float32.
 
     A point's random numbers follow from its number and the seed: a longer list of points leaves the earlier ones as they are.
     """
     most = int(ground.identity.max(initial=-1)) + 1
-    random = np.random.default_rng([seed, 1]).random((most, 3))[ground.identity]
-    scale = (ground.fit * (1.0 + standing.scale_jitter * (2.0 * random[:, 2] - 1.0))).astype(np.float32)
-    # A line has no front: half of the objects look the other way.
-    back = np.where(random[:, 1] < 0.5, 0.0, math.pi)
-    turn = ground.heading + np.where(ground.long, back, standing.random_turn * (random[:, 1] - 0.5))
+    factor, turn = draw(standing, ground.identity, ground.long, seed)
+    scale = (ground.fit * factor).astype(np.float32)
+    turn = ground.heading + turn
     tilt = None
     if standing.tilt > 0.0:
         # Directions alike, and within the cone all points alike, as far as it is flat.
