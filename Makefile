@@ -14,6 +14,7 @@ RUN := $(VENV)/bin/python
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
 OUTPUT ?= output
 PLATFORM ?=
+SCENES ?= 10
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 FUZZ_SECONDS ?= 600
@@ -28,16 +29,19 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza figures bench test fuzz extension docs lint format clean
+.PHONY: help demo pizza dataset figures bench test fuzz extension repository wheel docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
 	@echo "make pizza      model, scatter and render four pizzas into $(OUTPUT)/"
+	@echo "make dataset    render SCENES=10 scenes with masks, depth and boxes into $(OUTPUT)/dataset/"
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
 	@echo "make fuzz       solve recipes of all kinds for ten minutes, and look at what comes of them (FUZZ_SEED=…)"
 	@echo "make extension  build the installable zip into dist/ (PLATFORM=linux-x64, windows-x64 or macos-arm64)"
+	@echo "make repository build the zips of all platforms (or of PLATFORM) and their list for Blender into dist/repository/"
+	@echo "make wheel      build what pip installs into dist/, and check it"
 	@echo "make docs       build the documentation as web pages into $(OUTPUT)/docs/"
 	@echo "make lint       check style and types"
 	@echo "make format     put the code into the style that lint asks for"
@@ -50,6 +54,9 @@ demo: $(VENV)/.with-blender
 
 pizza: $(VENV)/.with-blender
 	$(RUN) demo_scenes/pizza.py --output $(OUTPUT)
+
+dataset: $(VENV)/.with-blender
+	$(RUN) demo_scenes/dataset.py --output $(OUTPUT)/dataset --scenes $(SCENES)
 
 figures: $(VENV)/.with-test
 	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures
@@ -72,6 +79,15 @@ fuzz: $(VENV)/.with-test
 
 extension: $(VENV)/.with-blender
 	@$(RUN) tools/build_extension.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+# A folder that any web server can host: Blender installs and updates from it.
+repository: $(VENV)/.with-blender
+	@$(RUN) tools/build_repository.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+wheel: $(VENV)/.with-release
+	rm -f dist/*.whl dist/*.tar.gz
+	$(RUN) -m build --outdir dist
+	$(RUN) -m twine check --strict dist/*.whl dist/*.tar.gz
 
 # Nothing is downloaded once Sphinx is installed; a warning is an error.
 docs: $(VENV)/.with-docs

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from .engine.drawing.halftone import render_halftone, write_halftone_png, write_halftone_svg
     from .engine.drawing.plan import draw_plan
     from .engine.errors import DeviceError, EshError, InputFileError, ProblemError
+    from .engine.files.bodies import Bodies, Prototype
     from .engine.files.fixed_files import read_fixed_bodies
     from .engine.files.image_files import read_color, read_density
-    from .engine.files.placement_files import write_placement
+    from .engine.files.placement_files import write_bodies, write_placement
+    from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
@@ -32,21 +34,29 @@ if TYPE_CHECKING:
     from .engine.problem.prepared_class import PreparedClass
     from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
     from .engine.problem.report import ClassReport, Report, SizeReport
-    from .engine.problem.scatter_settings import ScatterSettings
+    from .engine.problem.scatter_settings import ScatterSettings, Standing
+    from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
+    from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
+    from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
     from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
+    from .engine.solver.surface_state import SurfaceState
     from .engine.surface.footprint import Outline
     from .engine.surface.instances import Instances
+    from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
+    from .esh_scatter.exchange import export_result, import_placement
     from .esh_scatter.footprint import measure_footprint
 
 __all__ = [
     "__version__",
+    "Amount",
     "AttributeDensity",
     "Balance",
+    "Bodies",
     "BodyClass",
     "BodyFlags",
     "ClassReport",
@@ -69,11 +79,13 @@ __all__ = [
     "Outline",
     "Obstacle",
     "Placement",
+    "PointsOnSurface",
     "PreparedClass",
     "Problem",
     "ProblemError",
     "Profile",
     "Progress",
+    "Prototype",
     "Report",
     "ScatterClass",
     "ScatterJob",
@@ -83,13 +95,23 @@ __all__ = [
     "Size",
     "SizeReport",
     "Solver",
+    "Standing",
     "State",
+    "Surface",
+    "SurfaceAttribute",
+    "SurfaceImage",
+    "SurfaceMesh",
+    "SurfaceState",
+    "SurfaceTriplanar",
     "Unsharp",
     "VertexGroupDensity",
     "cover_of",
     "draw_plan",
+    "export_result",
     "halftone_problem",
+    "import_placement",
     "ink_colors",
+    "load_placement",
     "measure_footprint",
     "read_color",
     "read_density",
@@ -99,6 +121,8 @@ __all__ = [
     "scatter",
     "separate",
     "solve",
+    "solve_many",
+    "write_bodies",
     "write_halftone_png",
     "write_halftone_svg",
     "write_placement",
@@ -109,8 +133,10 @@ __all__ = [
 
 # Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
 _MODULES = {
+    "Amount": ".esh_scatter.amount",
     "AttributeDensity": ".esh_scatter.densities",
     "Balance": ".engine.problem.problem",
+    "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.problem",
     "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
@@ -133,11 +159,13 @@ _MODULES = {
     "Outline": ".engine.surface.footprint",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
+    "PointsOnSurface": ".engine.problem.surface",
     "PreparedClass": ".engine.problem.prepared_class",
     "Problem": ".engine.problem.problem",
     "ProblemError": ".engine.errors",
     "Profile": ".engine.device.profile",
     "Progress": ".engine.solver.solver",
+    "Prototype": ".engine.files.bodies",
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
@@ -147,13 +175,23 @@ _MODULES = {
     "Size": ".engine.problem.problem",
     "SizeReport": ".engine.problem.report",
     "Solver": ".engine.solver.solver",
+    "Standing": ".engine.problem.scatter_settings",
     "State": ".engine.solver.state",
+    "Surface": ".engine.problem.surface",
+    "SurfaceAttribute": ".engine.problem.surface_density",
+    "SurfaceImage": ".engine.problem.surface_density",
+    "SurfaceMesh": ".engine.problem.surface",
+    "SurfaceState": ".engine.solver.surface_state",
+    "SurfaceTriplanar": ".engine.problem.surface_density",
     "Unsharp": ".engine.problem.problem",
     "VertexGroupDensity": ".esh_scatter.densities",
     "cover_of": ".engine.problem.cover",
     "draw_plan": ".engine.drawing.plan",
+    "export_result": ".esh_scatter.exchange",
     "halftone_problem": ".engine.problem.color_separation",
+    "import_placement": ".esh_scatter.exchange",
     "ink_colors": ".engine.problem.color_separation",
+    "load_placement": ".engine.files.placement_reader",
     "measure_footprint": ".esh_scatter.footprint",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
@@ -163,6 +201,8 @@ _MODULES = {
     "scatter": ".esh_scatter.api",
     "separate": ".engine.problem.color_separation",
     "solve": ".engine.solve",
+    "solve_many": ".engine.scenes.solve_many",
+    "write_bodies": ".engine.files.placement_files",
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",
     "write_placement": ".engine.files.placement_files",

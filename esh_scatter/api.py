@@ -6,6 +6,7 @@ one, which does not touch Blender, in a thread.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,6 +18,7 @@ import numpy as np
 from ..engine.device.launcher import resolve_device
 from ..engine.errors import EshError, ProblemError
 from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.placement import Placement
 from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
 from ..engine.problem.problem import (
@@ -31,10 +33,12 @@ from ..engine.problem.problem import (
     Unsharp,
 )
 from ..engine.problem.report import Report
-from ..engine.problem.scatter_settings import RunSettings, ScatterSettings
+from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.validation import (
     check_area_or_range,
+    check_class_count,
+    check_count,
     check_density,
     check_direction,
     check_name,
@@ -45,15 +49,19 @@ from ..engine.solve import solve
 from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
-from ..engine.surface.instances import Instances, body_rotations, rotate
+from ..engine.surface.instances import Instances
+from .amount import Amount
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
+from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .references import Reference
-from .result import find_result, write_result
+from .result import CLASS_NAMES, find_result, write_result
+from .standing import Ground, draw, stand
 from .target import check_exists, check_target, is_result, read_target
 
 __all__ = [
+    "Amount",
     "AttributeDensity",
     "EshError",
     "ImageDensity",
@@ -63,6 +71,7 @@ __all__ = [
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
+    "Standing",
     "Unsharp",
     "VertexGroupDensity",
     "scatter",
@@ -82,7 +91,9 @@ class ScatterSize(Settings):
     """One size of a class."""
 
     name: str = field(metadata=same_setting(Size, "name"))
-    count: int | None = field(default=None, metadata=same_setting(Size, "count"))
+    count: int | None = field(
+        default=None, metadata=same_setting(Size, "count", low=1, soft_low=None, check=check_count)
+    )
     source: bpy.types.Object | bpy.types.Collection | None = field(
         default=None,
         metadata=setting(
@@ -144,7 +155,19 @@ class ScatterClass(ClassSettings):
             check=as_given,
         ),
     )
-    count: int | str | None = field(default=None, metadata=same_setting(BodyClass, "count"))
+    count: int | str | Amount | None = field(
+        default=None,
+        metadata=setting(
+            "How many to place, all sizes together",
+            more="The sizes then have shares instead of counts (a single size has all of it); or an :class:`~esh.Amount`; or "
+            '``"cover"``: as many as it takes for the footprints to add up to the density, taken as covered share of the ground',
+            check=lambda value, key: value if isinstance(value, Amount) else check_class_count(value, key),
+        ),
+    )
+    standing: Standing | None = field(
+        default=None,
+        metadata=setting("How objects of this class stand", more="None: as all others do", of=Standing),
+    )
     direction: str | float | np.ndarray | bpy.types.Image = field(
         default="density",
         metadata=setting(
@@ -163,6 +186,9 @@ class ScatterClass(ClassSettings):
 @dataclass(frozen=True)
 class _Shape:
     """What a size's bodies and their instances have to do with each other."""
+
+    # Whether footprints are the objects' own outlines, and not a disc or a capsule that somebody asked for.
+    own_outlines: bool
 
     # Per variant: the outline, or None where nothing had to be measured.
     outlines: tuple[Outline | None, ...]
@@ -189,16 +215,12 @@ class ScatterResult:
     sources: tuple[bpy.types.Object, ...]
 
 
-class _Drawn(NamedTuple):
-    """Of every point: index of the source, turn [rad], scale, and what lies on the point [m], seen from the source's origin.
+class _Placed(NamedTuple):
+    """Where objects stand, and what is known of their points; ``lift`` is the way from point to origin [m], ``[n, 3]``, float32."""
 
-    All are float32, as Blender keeps them, or int32.
-    """
-
-    source: np.ndarray
-    turn: np.ndarray
-    scale: np.ndarray
-    anchor: np.ndarray
+    instances: Instances
+    ground: Ground
+    lift: np.ndarray
 
 
 @takes(ScatterSettings)
@@ -210,6 +232,7 @@ class ScatterJob:
 
     Attributes:
         settings: How it is made.
+        device: Where it runs, as Warp names it.
         problem: What the sampler is asked.
         placement: What it answered; None before :meth:`solve`.
 
@@ -232,7 +255,7 @@ class ScatterJob:
             raise ProblemError(f"`settings` must be ScatterSettings, or None; got {show(settings)}")
         self.settings = replace(settings or ScatterSettings(), **changes)
         self.name = check_name(name, "`name`")
-        resolve_device(self.settings.device)
+        self.device = resolve_device(self.settings.device).alias
         self._scene = Reference(context.scene, "scene")
         self._target = Reference(check_target(target, context), "target")
         replaced = _check_result(result)
@@ -247,6 +270,8 @@ class ScatterJob:
         # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
         measured: dict[bpy.types.Object, Outline] = {}
         self._densities: dict[object, np.ndarray] = {}
+        # Bodies of the sizes before, which number the points.
+        self._counted = 0
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
@@ -293,13 +318,7 @@ class ScatterJob:
         """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
         if self.placement is None:
             raise ProblemError("a scatter must be solved before its objects have a place")
-        drawn = self._draw_instances(self.placement)
-        surface = self.chart.lift(self.placement.position)
-        rotation = body_rotations(surface.normal, self.settings.align_to_normal, drawn.turn)
-        position = surface.position
-        moved = np.flatnonzero(drawn.anchor.any(axis=1))
-        position[moved] -= rotate(rotation[moved], drawn.anchor[moved])
-        return Instances(position.astype(np.float32), rotation.astype(np.float32), drawn.scale, drawn.source)
+        return self._place(self.placement).instances
 
     def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
         """Make the result object, or replace the points of an earlier one; on the main thread only."""
@@ -309,17 +328,20 @@ class ScatterJob:
         scene = self._scene.get() if context is None else context.scene
         target, sources = self.target, self.sources
         replaced = self.result or find_result(scene, target, self.name)
-        instances = self.instances()
+        placed = self._place(self.placement)
         item = write_result(
             scene,
             replaced,
             target,
             self.name,
             sources,
-            instances.position,
-            self._attributes(self.placement, instances),
+            placed.instances.position,
+            self._attributes(self.placement, placed),
         )
-        return ScatterResult(item, self.placement.report, self.placement, instances, tuple(sources))
+        names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
+        item[CLASS_NAMES] = json.dumps(names)
+        item.data[SEED] = self.settings.seed
+        return ScatterResult(item, self.placement.report, self.placement, placed.instances, tuple(sources))
 
     def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> PreparedClass:
         """Return what the engine is to place: densities and counts as the slopes of the surface make them."""
@@ -328,13 +350,18 @@ class ScatterJob:
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
         values = self._density_on_surface(c.density, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
-        asked = BodyClass(c.name, sizes, values, c.count, **values_of(c, ClassSettings))
+        count = 1 if isinstance(c.count, Amount) else c.count
+        asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
         surface = prepare_density(asked)
+        if isinstance(c.count, Amount):
+            asked = replace(asked, count=self._number(c.count, asked, surface.image))
         density = surface.image * self.chart.stretch
         mean = float(density.mean())
         if not mean > 0.0:
             raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
         sizes = list(count_sizes(asked, domain.area * mean))
+        if self.settings.avoid_overlap:
+            sizes = [self._with_outlines(size, shape, c) for size, shape in zip(sizes, shapes, strict=True)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
@@ -343,6 +370,33 @@ class ScatterJob:
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
+
+    def _with_outlines(self, size: Size, shape: _Shape, scatter_class: ScatterClass) -> Size:
+        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand."""
+        identity = np.arange(self._counted, self._counted + (size.count or 0))
+        self._counted += len(identity)
+        if not shape.own_outlines or not len(identity):
+            return size
+        standing = scatter_class.standing or Standing(**values_of(self.settings, Standing))
+        long = np.full(len(identity), shape.line is not None)
+        factor, turn = draw(standing, identity, long, self.settings.seed)
+        ranged = isinstance(shape.area, tuple)
+        variants = [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+        variant = self._variants_of(identity, len(variants))
+        footprints = Footprints(
+            variants,
+            variant=variant,
+            # Of a range, what gives each object its area; its jitter comes on top of that.
+            scale=None if ranged else factor,
+            turn=turn,
+            room=1.0 + standing.scale_jitter if ranged else 1.0,
+        )
+        return replace(size, footprint=footprints)
+
+    def _variants_of(self, identity: np.ndarray, number: int) -> np.ndarray:
+        """Return which of so many variants points have."""
+        random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
+        return (random[identity, 0] * number).astype(int)
 
     def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
         """Return a class's density on the chart; it was read once where several classes have the same."""
@@ -365,41 +419,72 @@ class ScatterJob:
         weight /= weight.max()
         return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
 
-    def _draw_instances(self, placement: Placement) -> _Drawn:
-        """Choose every point's variant, turn and scale, and what of it lies on the point: of lines, the outline's middle."""
+    def _number(self, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
+        """Return how many bodies an amount is on this surface."""
+        area = float((np.minimum(density, 1.0) * self.chart.area).sum())
+        footprint = 1.0 / sum((size.share or 0.0) / size.mean_area for size in asked.sizes)
+        return amount.number(area, footprint, f'class "{asked.name}"')
+
+    def _place(self, placement: Placement) -> _Placed:
+        """Choose every point's variant, and stand it on the surface."""
         count = len(placement.position)
-        # Three numbers for each point, in the points' order: a longer list of bodies leaves the earlier ones as they are.
-        random = np.random.default_rng([self.settings.seed, 1]).random((count, 3))
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        outlined_sizes = [size.footprint is not None for c in self.problem.classes for size in c.sizes]
         group = first[placement.class_index] + placement.size_index
+        surface = self.chart.lift(placement.position)
+        ground = Ground(
+            np.arange(count, dtype=np.int32),
+            surface.normal,
+            placement.angle.astype(np.float32),
+            np.zeros(count, bool),
+            np.ones(count, np.float32),
+            np.zeros((count, 2), np.float32),
+        )
         source = np.empty(count, np.int32)
-        turn = (placement.angle + self.settings.random_turn * random[:, 1]).astype(np.float32)
-        scale = (1.0 + self.settings.scale_jitter * (2.0 * random[:, 2] - 1.0)).astype(np.float32)
-        anchor = np.zeros((count, 3), np.float32)
+        everyones = Standing(**values_of(self.settings, Standing))
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
-            variant = (random[own, 0] * len(variants)).astype(int)
+            variant = self._variants_of(own, len(variants))
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
-            if isinstance(shape.area, tuple) and outlines:
-                scale[own] *= np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
+            outlined = outlined_sizes[number]
+            ground.long[own] = shape.line is not None and bool(outlines)
+            if outlined and len(own):
+                # The turn that was drawn before solving comes with the standing.
+                standing = self.classes[int(placement.class_index[own[0]])].standing or everyones
+                ground.heading[own] -= draw(standing, own, ground.long[own], self.settings.seed)[1].astype(np.float32)
+            if isinstance(shape.area, tuple) and outlined:
+                ground.fit[own] = placement.scale[own]
+            elif isinstance(shape.area, tuple) and outlines:
+                ground.fit[own] = np.sqrt(
+                    placement.area[own] / np.array([outline.area for outline in outlines])[variant]
+                )
             if shape.line is not None and outlines:
-                # A line has no front: half of the instances look the other way.
-                back = np.where(random[own, 1] < 0.5, 0.0, math.pi)
-                turn[own] = placement.angle[own] - np.array([outline.angle for outline in outlines])[variant] + back
-                anchor[own, :2] = scale[own, None] * np.array([outline.center for outline in outlines])[variant]
-        return _Drawn(source, turn, scale, anchor)
+                # Of lines, the outline's middle lies on the point.
+                ground.heading[own] -= np.array([outline.angle for outline in outlines])[variant]
+                ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
+        rotation, lift = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
+        scale = np.empty(count, np.float32)
+        for number, scatter_class in enumerate(self.classes):
+            own = np.flatnonzero(placement.class_index == number)
+            rotation[own], scale[own], lift[own] = stand(
+                scatter_class.standing or everyones, ground.part(own), self.settings.seed
+            )
+        position = (surface.position + lift).astype(np.float32)
+        return _Placed(Instances(position, rotation, scale, source), ground, lift)
 
-    def _attributes(self, placement: Placement, instances: Instances) -> dict[str, tuple[str, np.ndarray]]:
+    def _attributes(self, placement: Placement, placed: _Placed) -> dict[str, tuple[str, np.ndarray]]:
+        instances, ground = placed.instances, placed.ground
         colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
         return {
-            "id": ("INT", np.arange(len(placement.position), dtype=np.int32)),
+            "id": ("INT", ground.identity),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
             INSTANCE_INDEX: ("INT", instances.source),
             ROTATION: ("QUATERNION", instances.rotation),
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
+            **ground_attributes(ground, placed.lift),
         }
 
 
@@ -530,7 +615,8 @@ def _shape(
     line = size.line if isinstance(size.line, Line) else None
     if size.line is True or (size.line is None and measured and all(outline.is_long for outline in measured)):
         line = _line_around(measured, scatter_class, area)
-    return _Shape(outlines, area, line)
+    own = size.line is None and (size.area is None or isinstance(area, tuple)) and len(measured) == len(members)
+    return _Shape(own, outlines, area, line)
 
 
 def _line_around(outlines: list[Outline], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
@@ -561,6 +647,15 @@ def _direction(scatter_class: ScatterClass) -> str | float | np.ndarray:
             )
         direction = direction_from_rg(pixels)
     return check_direction(direction, key)
+
+
+def _footprint(outline: Outline, long: bool) -> Footprint:
+    """Return an object's outline as the solver takes it: around its origin, or along its axis around its middle."""
+    corners = np.array(outline.corners)
+    if long:
+        c, s = math.cos(outline.angle), math.sin(outline.angle)
+        corners = (corners - outline.center) @ np.array([[c, -s], [s, c]])
+    return Footprint.polygon(corners)
 
 
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:

@@ -1,4 +1,4 @@
-"""Lists of the sidebar: scatters, classes, sizes."""
+"""Lists of the sidebar: classes, sizes."""
 
 import bpy
 
@@ -6,34 +6,12 @@ from .properties import ESH_PG_class, ESH_PG_scatter, ESH_PG_size
 
 __all__ = ["CLASSES"]
 
-
-class ESH_UL_scatters(bpy.types.UIList):
-    """The scene's scatters: name, and whether the result shows in viewport and renders."""
-
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        _data: object,
-        item: ESH_PG_scatter,
-        _icon: int,
-        _active_data: object,
-        _active_property: str,
-        _index: int = 0,
-    ) -> None:
-        """Draw one scatter."""
-        row = layout.row(align=True)
-        row.prop(item, "name", text="", emboss=False, icon="STICKY_UVS_DISABLE")
-        if item.outdated:
-            row.label(text="", icon="FILE_REFRESH")
-        result = item.result_in(context.scene)
-        if result is not None:
-            row.prop(result, "hide_viewport", text="", emboss=False)
-            row.prop(result, "hide_render", text="", emboss=False)
+# Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
+WIDE = 330
 
 
 class ESH_UL_classes(bpy.types.UIList):
-    """The classes of a scatter: colour swatch, name, how many."""
+    """The classes of a scatter: colour swatch, name, what is placed, how many, mute, eye, camera."""
 
     def draw_item(
         self,
@@ -47,17 +25,41 @@ class ESH_UL_classes(bpy.types.UIList):
         _index: int = 0,
     ) -> None:
         """Draw one class."""
+        wide = context.region.width > WIDE * context.preferences.system.ui_scale
         row = layout.row(align=True)
         swatch = row.row()
-        swatch.ui_units_x = 1.2
+        swatch.ui_units_x = 0.9
         swatch.prop(item, "color", text="")
-        row.separator()
-        row.prop(item, "name", text="", emboss=False)
-        count = row.row()
+        text = row.row(align=True)
+        text.active = not item.mute
+        name = text.row(align=True)
+        name.prop(item, "name", text="", emboss=False)
+        if wide:
+            source = text.row(align=True)
+            source.active = False
+            source.label(text=_sources(item))
+        count = text.row(align=True)
         count.alignment = "RIGHT"
-        if data.target is not None and data.target.type == "MESH" and item.obstacle(data.target):
+        on_mesh = data.target is not None and data.target.type == "MESH"
+        if on_mesh and not item.mute and item.obstacle(data.target):
             count.label(text="", icon="ERROR")
-        count.label(text="cover" if item.count_kind == "COVER" else f"{item.count:,}")
+        else:
+            count.label(text=item.amount)
+        switches = row.row(align=True)
+        icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
+        switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
+        for switch, on, off in (
+            ("show_viewport", "HIDE_OFF", "HIDE_ON"),
+            ("show_render", "RESTRICT_RENDER_OFF", "RESTRICT_RENDER_ON"),
+        ):
+            switches.prop(item, switch, text="", icon=on if getattr(item, switch) else off, emboss=False)
+
+
+def _sources(item: ESH_PG_class) -> str:
+    """Return what a class places, in a few words; nothing where that is its name."""
+    names = {size.source.name for size in item.sizes if size.source}
+    text = next(iter(names)) if len(names) == 1 else f"{len(names)} sources" if names else "nothing yet"
+    return "" if text == item.name else text
 
 
 class ESH_UL_sizes(bpy.types.UIList):
@@ -86,4 +88,4 @@ class ESH_UL_sizes(bpy.types.UIList):
         count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
 
 
-CLASSES = (ESH_UL_scatters, ESH_UL_classes, ESH_UL_sizes)
+CLASSES = (ESH_UL_classes, ESH_UL_sizes)

@@ -8,18 +8,21 @@ import bpy
 
 from .target import RESULT_TAG
 
-__all__ = ["INSTANCE_INDEX", "ROTATION", "SCALE", "build_node_group"]
+__all__ = ["HIDE_RENDER", "HIDE_VIEWPORT", "INSTANCE_INDEX", "ROTATION", "SCALE", "build_node_group"]
 
 INSTANCE_INDEX = "instance_index"
 ROTATION = "rotation"
 SCALE = "scale"
+HIDE_VIEWPORT = "hide_viewport"
+HIDE_RENDER = "hide_render"
 
 
 def build_node_group(name: str, sources: Sequence[bpy.types.Object]) -> bpy.types.NodeTree:
     """Make a node group that instances ``sources[instance_index]`` on each point, turned and scaled by attributes.
 
     The sources' own rotation and scale count and stay live, their location does not. They are picked by comparing the
-    index, one branch each, so that nothing depends on the order in which a list of instances is joined.
+    index, one branch each, so that nothing depends on the order in which a list of instances is joined. Points may be hidden by
+    attributes; a point without these shows.
     """
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     group[RESULT_TAG] = True
@@ -41,8 +44,22 @@ def build_node_group(name: str, sources: Sequence[bpy.types.Object]) -> bpy.type
     def link(source: bpy.types.NodeSocket, node: bpy.types.Node, socket: str) -> None:
         group.links.new(source, node.inputs[socket])
 
+    def hide(index: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return the index, or -1 where an attribute hides the point in the viewport or in renders."""
+        hidden = add("GeometryNodeSwitch", 1, -2)
+        hidden.input_type = "BOOLEAN"
+        group.links.new(add("GeometryNodeIsViewport", 0, -3).outputs[0], hidden.inputs["Switch"])
+        group.links.new(attribute(HIDE_RENDER, "BOOLEAN", -2), hidden.inputs["False"])
+        group.links.new(attribute(HIDE_VIEWPORT, "BOOLEAN", -1), hidden.inputs["True"])
+        chosen = add("GeometryNodeSwitch", 1, -1)
+        chosen.input_type = "INT"
+        group.links.new(hidden.outputs[0], chosen.inputs["Switch"])
+        group.links.new(index, chosen.inputs["False"])
+        chosen.inputs["True"].default_value = -1
+        return chosen.outputs[0]
+
     points = add("NodeGroupInput", 0, 0).outputs["Geometry"]
-    index = attribute(INSTANCE_INDEX, "INT", 1)
+    index = hide(attribute(INSTANCE_INDEX, "INT", 1))
     rotation = attribute(ROTATION, "QUATERNION", 2)
     scale = attribute(SCALE, "FLOAT_VECTOR", 3)
     join = add("GeometryNodeJoinGeometry", 5, 0)

@@ -8,9 +8,9 @@ import bpy
 
 from ..engine.problem.problem import Balance, ClassSettings, SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing
-from . import running
+from . import running, words
 from .described_properties import shown_settings
-from .properties import BY_HAND, active_scatter, selected_class, selected_scatter
+from .properties import BY_HAND, DERIVED_COUNTS, ESH_PG_scatter, active_scatter, selected_class, selected_scatter
 
 __all__ = ["CLASSES"]
 
@@ -38,30 +38,36 @@ class _SubPanel(_Panel):
 
 
 class ESH_PT_scatter(_Panel, bpy.types.Panel):
-    """Which scatter, on what."""
+    """Which scatter, on what, the button, and how it went."""
 
     bl_label = "ESH Scatter"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list of scatters and the target."""
+        """Draw the active scatter, its target, the button and the status."""
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.enabled = running.session is None
-        settings = context.scene.esh_scatter
-        if not settings.scatters:
-            column = layout.column()
-            _write_text(context, column, "Select the mesh to scatter on, then click:")
-            column.separator()
-            row = column.row()
-            row.scale_y = 1.5
-            row.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+        scatter = active_scatter(context)
+        if scatter is None:
+            _draw_beginning(context, layout.column())
             return
-        _draw_list(layout, "ESH_UL_scatters", settings, "scatters", "scatter_index", "scatter", rows=2)
-        if settings.active is not None:
-            row = layout.row()
-            row.alert = settings.active.target is None
-            row.prop(settings.active, "target")
+        top = layout.column()
+        top.enabled = running.session is None
+        _draw_active_scatter(context, top.row(align=True), scatter)
+        row = top.row()
+        row.alert = scatter.target is None
+        row.prop(scatter, "target")
+        layout.separator(factor=0.5)
+        if running.session is not None:
+            _draw_progress(context, layout)
+            return
+        button = layout.row()
+        button.scale_y = 1.8
+        result = scatter.result_in(context.scene)
+        button.operator(
+            "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
+        )
+        _draw_status(context, layout.column(align=True), scatter)
 
 
 class ESH_PT_classes(_SubPanel, bpy.types.Panel):
@@ -74,15 +80,25 @@ class ESH_PT_classes(_SubPanel, bpy.types.Panel):
         column = self._column()
         scatter = selected_scatter(context)
         if scatter.classes:
-            _draw_list(column, "ESH_UL_classes", scatter, "classes", "class_index", "class", rows=3, move=True)
-            column.operator("esh.classes_from_image", icon="IMAGE_RGB")
+            _draw_list(
+                column,
+                "ESH_UL_classes",
+                scatter,
+                "classes",
+                "class_index",
+                "class",
+                rows=5,
+                move=True,
+                menu="ESH_MT_classes",
+            )
             return
         _write_text(context, column, "A class is one kind of thing, for example pines. It has its own density.")
         column.separator()
         row = column.row()
         row.scale_y = 1.5
         row.operator("esh.class_add", text="Add a Class", icon="ADD")
-        column.operator("esh.classes_from_image", icon="IMAGE_RGB")
+        for name in ("esh.classes_from_selection", "esh.classes_from_collection", "esh.classes_from_image"):
+            column.operator(name)
 
 
 class _ClassPanel(_SubPanel):
@@ -92,14 +108,59 @@ class _ClassPanel(_SubPanel):
         return scatter is not None and scatter.active_class is not None
 
 
-class ESH_PT_density(_ClassPanel, bpy.types.Panel):
+class _ClassSubPanel(_ClassPanel):
+    bl_parent_id = "ESH_PT_class"
+
+
+class ESH_PT_class(_ClassPanel, bpy.types.Panel):
+    """The selected class: what is placed, how many, and how much room each takes."""
+
+    bl_label = ""
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Name the class."""
+        self.layout.label(text=selected_class(context).name)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is placed and how many; the list of sizes where there are several."""
+        column = self._column()
+        body_class = selected_class(context)
+        if not body_class.sizes:
+            _write_text(context, column, "A size says which object is placed, and how many.")
+            column.separator()
+            column.operator("esh.size_add", text="Add a Size", icon="ADD")
+            return
+        size = body_class.active_size
+        if len(body_class.sizes) > 1:
+            _draw_count(column, body_class)
+            _draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=2, move=True)
+            if size is None:
+                return
+            column.separator()
+            _draw_source(column, size)
+            column.prop(size, "count" if body_class.count_kind == "SIZES" else "share")
+        else:
+            size = body_class.sizes[0]
+            _draw_source(column, size)
+            _draw_count(column, body_class)
+        column.separator()
+        column.prop(size, "area_kind")
+        if size.area_kind == "VALUE":
+            column.prop(size, "area")
+        elif size.area_kind == "RANGE":
+            range_column = column.column(align=True)
+            range_column.prop(size, "area", text="Smallest")
+            range_column.prop(size, "area_largest")
+            column.prop(size, "distribution")
+        column.prop(size, "shape")
+        if len(body_class.sizes) == 1:
+            column.operator("esh.size_add", text="Add a Size", icon="ADD")
+
+
+class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
     """Where the selected class stands."""
 
     bl_label = "Density"
-
-    def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Name the class whose density this is."""
-        _draw_class_name(self.layout, context)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the density of the selected class."""
@@ -107,11 +168,11 @@ class ESH_PT_density(_ClassPanel, bpy.types.Panel):
         scatter = selected_scatter(context)
         body_class = selected_class(context)
         target = scatter.target if scatter.target and scatter.target.type == "MESH" else None
-        column.prop(body_class, "density_kind")
+        column.prop(body_class, "density_kind", text="Follow")
         if body_class.density_kind == "UNIFORM":
             return
         if body_class.density_kind == "IMAGE":
-            column.template_ID(body_class, "image", open="image.open", text="Image")
+            _draw_image(column, body_class, "image")
             column.prop(body_class, "mapping")
             if body_class.mapping == "UV" and target:
                 column.prop_search(body_class, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
@@ -124,80 +185,63 @@ class ESH_PT_density(_ClassPanel, bpy.types.Panel):
         column.prop(body_class, "invert")
 
 
-class ESH_PT_density_more(_ClassPanel, bpy.types.Panel):
+class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
+    """How each one of the selected class stands; changed at once, without solving."""
+
+    bl_label = "Turn and Scale"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw how each one stands."""
+        _draw_settings(self._column(), selected_class(context), Standing)
+
+
+class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
     """What is done to the density, and where long ones point."""
 
     bl_label = "Direction and Detail"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Name the class whose direction and detail these are."""
-        _draw_class_name(self.layout, context)
-
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw direction, sharpening, correction and which classes may overlap."""
+        """Draw direction, sharpening and correction."""
         column = self._column()
-        scatter = selected_scatter(context)
         body_class = selected_class(context)
         column.prop(body_class, "direction_kind")
         if body_class.direction_kind == "ANGLE":
             column.prop(body_class, "direction_angle")
         elif body_class.direction_kind == "IMAGE":
-            column.template_ID(body_class, "direction_image", open="image.open", text="Flow Image")
+            _draw_image(column, body_class, "direction_image")
         column.separator()
         _draw_settings(column, body_class, ClassSettings)
-        if len(scatter.classes) > 1:
-            column.separator()
-            column.prop(body_class, "may_overlap")
 
 
-class ESH_PT_sizes(_ClassPanel, bpy.types.Panel):
-    """The selected class's sizes."""
+class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
+    """Which classes may lie on the selected one."""
 
-    bl_label = "Sizes"
+    bl_label = "May Overlap"
+    bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Name the class whose sizes these are."""
-        _draw_class_name(self.layout, context)
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only where there is another class."""
+        return super().poll(context) and len(selected_scatter(context).classes) > 1
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list of sizes and the selected one."""
-        column = self._column()
-        body_class = selected_class(context)
-        if not body_class.sizes:
-            _write_text(context, column, "A size says which object is placed, and how many.")
-            column.separator()
-            column.operator("esh.size_add", text="Add a Size", icon="ADD")
-            return
-        column.prop(body_class, "count_kind")
-        if body_class.count_kind == "TOTAL":
-            column.prop(body_class, "total")
-        _draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=2, move=True)
-        size = body_class.active_size
-        if size is None:
-            return
-        column.separator()
-        column.prop(size, "source_kind")
-        source = column.row()
-        source.alert = size.source is None
-        source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
-        column.prop(size, "count" if body_class.count_kind == "SIZES" else "share")
-        column.separator()
-        column.prop(size, "area_kind")
-        if size.area_kind == "VALUE":
-            column.prop(size, "area")
-        elif size.area_kind == "RANGE":
-            range_column = column.column(align=True)
-            range_column.prop(size, "area", text="Smallest")
-            range_column.prop(size, "area_largest")
-            column.prop(size, "distribution")
-        column.prop(size, "shape")
+        """Draw a checkbox for every other class."""
+        column = self._column().column(align=True)
+        mine = selected_class(context)
+        for other in selected_scatter(context).classes:
+            if other != mine:
+                row = column.row()
+                row.alignment = "LEFT"
+                icon = "CHECKBOX_HLT" if mine.overlaps_with(other) else "CHECKBOX_DEHLT"
+                row.operator("esh.class_overlap", text=other.name, icon=icon, emboss=False).other = other.name
 
 
 class ESH_PT_balance(_SubPanel, bpy.types.Panel):
-    """How the aims are weighed."""
+    """How the classes and sizes get on with each other."""
 
-    bl_label = "Balance"
+    bl_label = "Together"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -205,51 +249,8 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
         column = self._column()
         scatter = selected_scatter(context)
         _draw_settings(column, scatter, Balance, BY_HAND)
-        # The seed stands beside its button.
+        # The seed is among what few need.
         _draw_settings(column, scatter, SamplingSettings, ("seed",))
-
-
-class ESH_PT_placement(_SubPanel, bpy.types.Panel):
-    """How each one stands."""
-
-    bl_label = "Placement"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw how each one stands."""
-        column = self._column()
-        _draw_settings(column, selected_scatter(context), Standing)
-
-
-class ESH_PT_solve(_SubPanel, bpy.types.Panel):
-    """Seed, device and the button."""
-
-    bl_label = "Solve"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw the button, or how far the run is."""
-        column = self._column()
-        scatter = selected_scatter(context)
-        seed = column.row(align=True)
-        seed.prop(scatter, "seed")
-        seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
-        _draw_settings(column, scatter, RunSettings)
-        column.separator()
-        if running.session is not None:
-            self.layout.enabled = True
-            column.enabled = False
-            _draw_progress(context, self.layout)
-            return
-        button = column.row()
-        button.scale_y = 1.8
-        button.operator(
-            "esh.scatter", text="Scatter Again" if scatter.result_in(context.scene) else "Scatter", icon="PLAY"
-        )
-        obstacle = scatter.obstacle(context.scene)
-        if obstacle:
-            _write_text(context, column, obstacle, icon="INFO")
-        elif not scatter.report_json:
-            _write_text(context, column, "The first run compiles the solver. This takes up to a minute.", icon="INFO")
 
 
 class ESH_PT_report(_SubPanel, bpy.types.Panel):
@@ -259,9 +260,9 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only after a run."""
+        """Only while there is a result."""
         scatter = active_scatter(context)
-        return scatter is not None and scatter.report is not None
+        return scatter is not None and scatter.report is not None and scatter.result_in(context.scene) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the last run's report."""
@@ -269,29 +270,110 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         scatter = selected_scatter(context)
         report = scatter.report
         assert report is not None
-        if scatter.outdated and running.session is None:
+        _draw_counts(layout.box(), report, scatter.names_in_report())
+        facts = layout.column(align=True)
+        _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
+        if evenness := words.evenness(report):
+            _draw_fact(facts, "Spread", evenness)
+        if report.get("closest") is not None:
+            _draw_fact(facts, "Closest", words.meters(report["closest"]))
+            _draw_fact(facts, "Usual", f"{words.meters(report['usual'])} to the nearest")
+        _draw_fact(facts, "Ground taken", f"{report['covered']:.0%}")
+        _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps on {report['device']}")
+        for note in words.notes(report):
+            _write_text(context, layout, note, icon="ERROR")
+
+
+class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
+    """Seed, device and steps."""
+
+    bl_label = "Advanced"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw seed, device and steps."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        seed = column.row(align=True)
+        seed.prop(scatter, "seed")
+        seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
+        _draw_settings(column, scatter, RunSettings)
+
+
+def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
+    """Say what to click where there is no scatter."""
+    _write_text(context, column, "Select the objects to place, then the ground, and click:")
+    column.separator()
+    row = column.row()
+    row.scale_y = 1.8
+    row.operator("esh.scatter_selection", icon="PLAY")
+    column.separator()
+    _write_text(context, column, "Or step by step, on the active mesh:")
+    column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+
+
+def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Draw which scatter is shown, and whether its result is."""
+    row.menu("ESH_MT_scatters", text="", icon="DOWNARROW_HLT")
+    row.prop(scatter, "name", text="")
+    result = scatter.result_in(context.scene)
+    if result is not None:
+        row.prop(result, "hide_viewport", text="")
+        row.prop(result, "hide_render", text="")
+    row.operator("esh.scatter_add", text="", icon="ADD")
+    row.operator("esh.scatter_remove", text="", icon="REMOVE")
+
+
+def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say what is missing, what has changed since the last run, or how that went."""
+    obstacle = scatter.obstacle(context.scene)
+    if obstacle:
+        _write_text(context, column, obstacle, icon="INFO")
+        return
+    report = scatter.report
+    if report is not None and scatter.result_in(context.scene) is None:
+        _write_text(context, column, "The result is no longer there", icon="INFO")
+    elif report is not None:
+        changes = scatter.changes()
+        if changes:
+            more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+            _write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
+        else:
             _write_text(
                 context,
-                layout,
-                "Settings have changed since this run. Scatter again to apply them.",
-                icon="FILE_REFRESH",
+                column,
+                words.summary(report, words.UNBROKEN),
+                icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
-        for note in report["notes"]:
-            _write_text(context, layout, note.replace("`", ""), icon="ERROR")
-        _draw_counts(layout.box(), report)
-        facts = layout.column(align=True)
-        spacing = report["smallest_spacing"]
-        overlaps = report["overlaps"]
-        _draw_fact(facts, "Overlaps", f"{overlaps:,}" if overlaps else "none", "ERROR" if overlaps else "NONE")
-        _draw_fact(facts, "Coverage error", f"{report['coverage_error']:.4f}")
-        if len(report["classes"]) > 1:
-            for entry in report["classes"]:
-                _draw_fact(facts, entry["name"], f"{entry['coverage_error']:.4f} (this class)")
-        _draw_fact(facts, "Least spacing", "-" if spacing is None else f"{spacing:.2f} (lattice = 1)")
-        _draw_fact(facts, "Space covered", f"{report['covered']:.0%}")
-        converged = "" if report["converged"] else ", not converged"
-        _draw_fact(facts, "Steps", f"{report['steps']}{converged}", "NONE" if report["converged"] else "ERROR")
-        _draw_fact(facts, "Time", f"{report['seconds']:.1f} s on {report['device']}")
+    left_out = scatter.left_out()
+    if left_out:
+        more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
+        _write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _draw_source(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
+    column.prop(size, "source_kind")
+    source = column.row()
+    source.alert = size.source is None or size.source_deleted
+    source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
+
+
+def _draw_count(column: bpy.types.UILayout, body_class: bpy.types.PropertyGroup) -> None:
+    column.prop(body_class, "count_kind")
+    kind = body_class.count_kind
+    if kind == "SIZES" and len(body_class.sizes) == 1:
+        column.prop(body_class.sizes[0], "count")
+    elif kind == "TOTAL":
+        column.prop(body_class, "total")
+    elif kind in DERIVED_COUNTS:
+        column.prop(body_class, DERIVED_COUNTS[kind])
+
+
+def _draw_image(column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str) -> None:
+    """Draw an image over the whole width, so that its name can be read."""
+    row = column.row()
+    row.use_property_split = False
+    row.template_ID(group, name, new="image.new", open="image.open")
 
 
 def _draw_settings(
@@ -313,25 +395,21 @@ def _draw_list(
     *,
     rows: int,
     move: bool = False,
+    menu: str = "",
 ) -> None:
     movable = move and len(getattr(owner, items)) > 1
     row = layout.row()
     # The buttons beside a list that can be reordered are four rows high.
-    row.template_list(list_class, "", owner, items, owner, index, rows=4 if movable else rows)
+    row.template_list(list_class, "", owner, items, owner, index, rows=max(rows, 4) if movable else rows)
     side = row.column(align=True)
     side.operator(f"esh.{noun}_add", text="", icon="ADD")
     side.operator(f"esh.{noun}_remove", text="", icon="REMOVE")
+    if menu:
+        side.menu(menu, text="", icon="DOWNARROW_HLT")
     if movable:
-        side.separator()
+        side.separator(factor=0.5)
         side.operator(f"esh.{noun}_move", text="", icon="TRIA_UP").direction = "UP"
         side.operator(f"esh.{noun}_move", text="", icon="TRIA_DOWN").direction = "DOWN"
-
-
-def _draw_class_name(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    body_class = selected_scatter(context).active_class
-    row = layout.row()
-    row.active = False
-    row.label(text=body_class.name if body_class else "")
 
 
 def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
@@ -341,25 +419,35 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
     row.operator("esh.stop", text="", icon="CANCEL")
-    _write_text(context, layout, "Esc stops the run. The scene stays as it is.", icon="INFO")
+    _write_text(context, layout, "Esc stops the run. The scene stays as it is", icon="INFO")
 
 
-def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any]) -> None:
-    """Draw a table with a row per class and size: what was asked, and what was placed."""
-    rows = [("", "Asked", "Placed")]
-    for entry in report["classes"]:
+def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list[str]) -> None:
+    """Draw a row for each class and size: how many were placed, of how many if not of all, and how evenly."""
+    rows = []
+    for entry, class_name in zip(report["classes"], names, strict=True):
+        several = len(entry["sizes"]) > 1
+        spread = words.evenness_word(entry["coverage_error"]) if len(names) > 1 else ""
+        if several:
+            placed = sum(size["placed"] for size in entry["sizes"])
+            rows.append((class_name, f"{placed:,}", spread))
         for size in entry["sizes"]:
-            name = entry["name"] if len(entry["sizes"]) == 1 else f"{entry['name']}, {size['name']}"
-            rows.append((name, f"{size['asked']:,}", f"{size['placed']:,}"))
+            count = f"{size['placed']:,}"
+            if size["placed"] != size["asked"]:
+                count += f" of {size['asked']:,}"
+            rows.append((f"    {size['name']}", count, "") if several else (class_name, count, spread))
     column = layout.column(align=True)
-    for number, (name, *counts) in enumerate(rows):
-        split = column.split(factor=0.5)
-        split.active = number > 0
+    for name, count, spread in rows:
+        split = column.split(factor=0.42)
         split.label(text=name)
-        for count in counts:
-            cell = split.row()
-            cell.alignment = "RIGHT"
-            cell.label(text=count)
+        row = split.row()
+        cell = row.row()
+        cell.alignment = "RIGHT"
+        cell.label(text=count)
+        if any(other for _, _, other in rows):
+            last = row.row()
+            last.active = False
+            last.label(text=spread)
 
 
 def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "NONE") -> None:
@@ -377,18 +465,22 @@ def _write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
     # A character of the interface's font is about 7 pixels wide; margins and the icon take about 60.
     characters = max(20, int((context.region.width / scale - 60) / 6.3))
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, characters)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+    for number, line in enumerate(textwrap.wrap(text, characters, break_on_hyphens=False)):
+        column.label(
+            text=line.replace(words.UNBROKEN, " "),
+            icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"),
+        )
 
 
 CLASSES = (
     ESH_PT_scatter,
     ESH_PT_classes,
+    ESH_PT_class,
     ESH_PT_density,
+    ESH_PT_standing,
     ESH_PT_density_more,
-    ESH_PT_sizes,
+    ESH_PT_overlap,
     ESH_PT_balance,
-    ESH_PT_placement,
-    ESH_PT_solve,
     ESH_PT_report,
+    ESH_PT_advanced,
 )

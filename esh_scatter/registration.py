@@ -4,11 +4,11 @@ import atexit
 
 import bpy
 
-from . import lists, operators, panels, properties, running, versions
+from . import exchange_operators, lists, menus, operators, panels, properties, running, versions
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (properties, lists, operators, panels)
+_MODULES = (properties, lists, operators, menus, panels, exchange_operators)
 
 
 def register() -> None:
@@ -18,14 +18,21 @@ def register() -> None:
             bpy.utils.register_class(cls)
     properties.attach()
     versions.attach()
+    exchange_operators.attach()
+    menus.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
     atexit.register(unregister)
 
 
 def unregister() -> None:
-    """Stop a run that is under way and take everything away again."""
+    """Stop a run that is under way and take everything away again; nothing where that has been done."""
     atexit.unregister(unregister)
+    # Blender as a module disables its add-ons on leaving, after Python has called us.
+    if not _MODULES[0].CLASSES[0].is_registered:
+        return
     running.end(wait=True)
+    menus.detach()
+    exchange_operators.detach()
     versions.detach()
     properties.detach()
     for module in reversed(_MODULES):

@@ -10,12 +10,21 @@ import numpy as np
 from .node_group import build_node_group
 from .target import RESULT_TAG, RESULT_TARGET, is_result
 
-__all__ = ["find_result", "write_result"]
+__all__ = ["CLASS_NAMES", "find_result", "remove_result", "rename_result", "write_result"]
 
 # Custom property of a result: the name that it was made with.
 NAME = "esh_scatter_name"
+# And what its indices count: names of classes, and for each the names of its sizes, as JSON.
+CLASS_NAMES = "esh_scatter_classes"
 
-_WRITTEN = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color"}
+_WRITTEN = {
+    "FLOAT": "value",
+    "INT": "value",
+    "FLOAT_VECTOR": "vector",
+    "QUATERNION": "value",
+    "FLOAT_COLOR": "color",
+    "BOOLEAN": "value",
+}
 
 
 def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
@@ -43,7 +52,7 @@ def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> lis
 def write_result(
     scene: bpy.types.Scene,
     replaced: bpy.types.Object | None,
-    target: bpy.types.Object,
+    target: bpy.types.Object | None,
     name: str,
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,
@@ -55,7 +64,7 @@ def write_result(
         scene: Where a new object is linked.
         replaced: Result of an earlier run; its name, transform, collections and other modifiers stay. None makes a new object, and
             takes what is left of earlier ones, which other scenes show, too, out of this scene's own collection.
-        target: Remembered on the object, to find it again.
+        target: Remembered on the object, to find it again; None where there is none.
         name: Of a new object; also remembered.
         sources: What ``instance_index`` counts.
         position: Points in the world [m], shape ``[n, 3]``.
@@ -82,7 +91,8 @@ def write_result(
         bpy.data.node_groups.remove(old)
         group.name = old_name
     item[RESULT_TAG] = True
-    item[RESULT_TARGET] = target
+    if target is not None:
+        item[RESULT_TARGET] = target
     item[NAME] = name
     return item
 
@@ -109,8 +119,26 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
     # As an attribute, which is copied as a whole; vertices are set one after the other.
     mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
     for attribute_name, (kind, values) in attributes.items():
-        dtype = np.int32 if kind == "INT" else np.float32
+        dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
         attribute = mesh.attributes.new(attribute_name, kind, "POINT")
         attribute.data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
     mesh.update()
     return mesh
+
+
+def rename_result(item: bpy.types.Object, name: str) -> None:
+    """Give a result the name of what made it."""
+    item.name = name
+    item[NAME] = name
+
+
+def remove_result(item: bpy.types.Object) -> None:
+    """Remove a result from the file, with its points and its node group where nothing else uses them."""
+    mesh = item.data
+    groups = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
+    bpy.data.objects.remove(item)
+    if mesh is not None and not mesh.users and mesh.get(RESULT_TAG):
+        bpy.data.meshes.remove(mesh)
+    for group in groups:
+        if _is_ours(group) and not group.users:
+            bpy.data.node_groups.remove(group)

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from .api import ScatterJob
     from .properties import ESH_PG_scatter
 
-__all__ = ["end", "lets_through", "session", "start", "still_stopping", "stop"]
+__all__ = ["end", "lets_through", "may_compile", "session", "start", "still_stopping", "stop"]
 
 SIDEBAR_TAB = "ESH Scatter"
 
 # Seconds between two looks at the run: short enough that Esc feels immediate, long enough to cost nothing.
 _TICK = 0.05
 # Seconds without a first step after which the panel says what takes so long.
-_PATIENCE = 1.0
+_PATIENCE = 3.0
 # Seconds that disabling the add-on or quitting waits for the thread to come out of the engine.
 _LONGEST_JOIN = 5.0
 
@@ -57,6 +57,7 @@ class Session:
         job: The API's job; its ``write`` is called at the end, on the main thread.
         run: The thread.
         scatter_index: Which of the scene's scatters.
+        device: Where it runs, by the name that the engine gives it.
         stop_reason: Why it ends early, as a sentence; empty while it runs.
     """
 
@@ -65,6 +66,7 @@ class Session:
         self._scene = Reference(context.scene, "scene")
         self.scatter_index = context.scene.esh_scatter.scatter_index
         self.steps = scatter.max_steps
+        self.device = str(getattr(job, "device", ""))
         self.stop_reason = ""
         self.run = BackgroundRun(job.solve)
         self.timer = context.window_manager.event_timer_add(_TICK, window=context.window)
@@ -88,16 +90,30 @@ class Session:
         progress = self.run.progress
         if progress:
             return f"Step {progress.step} of {progress.steps}"
-        return "Preparing" if self.run.seconds < _PATIENCE else "Compiling (first run only)"
+        compiling = self.run.seconds >= _PATIENCE and may_compile(self.device)
+        return "Compiling (first run only)" if compiling else "Preparing"
 
     def show(self) -> None:
         """Bring panel and status bar up to date where something changed."""
+        if self.run.progress:
+            _ran_on.add(self.device)
         if self._shown != self.text:
             self._shown = self.text
             _set_status(f"ESH Scatter: {self.text}   |   Esc: stop without changes")
             redraw_sidebars()
 
 
+def may_compile(device: str) -> bool:
+    """Tell whether a run on a device may have to compile its kernels first: none has come to its first step, and none are prebuilt."""
+    if device in _ran_on:
+        return False
+    from ..engine.device.prebuilt_kernels import are_prebuilt
+
+    return device != "cpu" or not are_prebuilt()
+
+
+# Devices that a run has come to its first step on, in this process.
+_ran_on: set[str] = set()
 session: Session | None = None
 _stopping: BackgroundRun | None = None
 

@@ -19,11 +19,27 @@ def _keep_reports_current(settings: Any) -> None:
     """From 0 to 1: a run's settings are summed up in another way. What was up to date is so still."""
     for scatter in settings.scatters:
         if scatter.report_json and scatter.ran_with == _fingerprint_of_version_0(scatter):
+            scatter.ran_with = _fingerprint_of_version_1(scatter)
+
+
+def _stand_by_class(settings: Any) -> None:
+    """From 1 to 2: how objects stand is said by class, classes have numbers, and a run's settings are kept readable."""
+    for scatter in settings.scatters:
+        current = scatter.report_json and scatter.ran_with == _fingerprint_of_version_1(scatter)
+        for body_class in scatter.classes:
+            body_class.known_name = body_class.name
+            scatter.give_uid(body_class)
+            for name in _STANDING_1:
+                setattr(body_class, name, _stored(scatter, name))
+            for size in body_class.sizes:
+                # Notes whether the object to place is in a scene.
+                size.source_object = size.source_object
+        if current:
             scatter.ran_with = scatter.fingerprint()
 
 
 # From each version to the next; a new one goes to the end.
-MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current,)
+MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current, _stand_by_class)
 VERSION = len(MIGRATIONS)
 
 
@@ -103,6 +119,40 @@ def _fingerprint_of_version_0(scatter: Any) -> str:
     return hashlib.sha256(repr(values).encode()).hexdigest()
 
 
+# As 32 bits hold them.
+_STANDING_1 = {"align_to_normal": 1.0, "random_turn": 6.2831854820251465, "scale_jitter": 0.0}
+_SCATTER_1 = ("class_separation", "size_emphasis", "seed", "avoid_overlap", "device", "max_steps", *_STANDING_1)
+_CLASS_1 = (
+    *("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
+    *("direction_kind", "direction_angle", "direction_image", "may_overlap", "count_kind", "total", "sizes"),
+    *("density_correction", "use_unsharp", "unsharp_amount", "unsharp_radius"),
+)
+_SIZE_1 = (
+    *("source_kind", "source_object", "source_collection", "count", "share", "area_kind", "area", "area_largest"),
+    *("distribution", "shape"),
+)
+
+
+def _fingerprint_of_version_1(scatter: Any) -> str:
+    target = scatter.target
+    mesh = target and (target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world])
+    classes = []
+    for body_class in scatter.classes:
+        values = dict(zip(_CLASS_1, _values(body_class, _CLASS_1), strict=True))
+        values["sizes"] = [list(zip(_SIZE_1, _values(size, _SIZE_1), strict=True)) for size in body_class.sizes]
+        classes.append(list(values.items()))
+    told = [("target", target and target.name_full), ("classes", classes)]
+    told += zip(_SCATTER_1, _values(scatter, _SCATTER_1), strict=True)
+    return hashlib.sha256(repr([mesh, told]).encode()).hexdigest()
+
+
+def _stored(scatter: Any, name: str) -> Any:
+    """Return what a file holds of a property that a scatter no longer has, or its default."""
+    # From Blender 5.0 on, properties that an extension defines lie apart from those that users add.
+    stored = scatter.bl_system_properties_get() if hasattr(scatter, "bl_system_properties_get") else scatter
+    return _STANDING_1[name] if stored is None else stored.get(name, _STANDING_1[name])
+
+
 def _values(group: Any, names: tuple[str, ...]) -> list[Any]:
-    values = (getattr(group, name) for name in names)
+    values = (getattr(group, name) if hasattr(group, name) else _stored(group, name) for name in names)
     return [value.name_full if isinstance(value, bpy.types.ID) else value for value in values]

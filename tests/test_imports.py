@@ -130,3 +130,10 @@ def test_nothing_touches_the_module_search_path(path: Path):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "sys":
             assert node.attr not in {"path", "meta_path", "path_hooks"}
         assert not (isinstance(node, ast.ImportFrom) and node.module == "site")
+
+
+@pytest.mark.parametrize("path", EVERYTHING, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_nothing_uses_the_network(path: Path):
+    network = {"asyncio", "ftplib", "http", "requests", "smtplib", "socket", "socketserver", "ssl", "urllib", "xmlrpc"}
+    found = {name.partition(".")[0] for level, name in imported_names(ast.parse(path.read_text("utf-8"))) if not level}
+    assert not found & network, f"{path} imports {found & network}: the manifest asks for no such permission"

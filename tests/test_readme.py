@@ -126,7 +126,10 @@ def test_the_reference_of_recipes_has_every_key():
     from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, SamplingSettings, Size
 
     folder = ROOT / "engine" / "files"
-    trees = [ast.parse((folder / name).read_text(encoding="utf-8")) for name in ("recipe.py", "recipe_scene.py")]
+    trees = [
+        ast.parse((folder / name).read_text(encoding="utf-8"))
+        for name in ("recipe.py", "recipe_scene.py", "recipe_surface.py")
+    ]
     reference = TEXT["docs/recipes.md"].partition("## Every key")[2]
     documented = {name.strip("[]").split(".")[-1] for name in re.findall(r"^\| `([^`]+)` \|", reference, re.MULTILINE)}
     known = {key for cls in (SamplingSettings, Domain, Balance, BodyClass, Size, Line) for key in keys_of(cls)} - {

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
-import json
 import math
 import os
 import signal
@@ -24,6 +23,7 @@ from ..errors import EshError, ProblemError
 from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
 from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
+from .batch_command import add_batch, batch
 
 if TYPE_CHECKING:
     from ..device.profile import Profile
@@ -65,6 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The words after the command's name; those of this process when None.
     """
+    command = ""
     try:
         _open_standard_streams()
         for stream in (sys.stdout, sys.stderr):
@@ -73,9 +74,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 stream.reconfigure(errors="replace")
         with _on_signals(ENDING, _end):
             options = _parser().parse_args(arguments)
-            return {"solve": _solve, "separate": _separate}[options.command](options)
+            command = options.command
+            return {"solve": _solve, "separate": _separate, "batch": batch}[command](options)
     except _Ended as end:
-        _complain(f"ended by {end.name}; nothing was written")
+        kept = (
+            "the scenes that are done stay, the same command goes on" if command == "batch" else "nothing was written"
+        )
+        _complain(f"ended by {end.name}; {kept}")
         return 128 + end.number
     except EshError as error:
         _complain(str(error))
@@ -84,7 +89,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain("there is not enough memory; lower the counts, or use smaller density images")
         return BAD_INPUT
     except KeyboardInterrupt as interruption:
-        _complain(f"stopped by Ctrl-C{interruption}; nothing was written")
+        # Only a batch has parts that stay.
+        kept = "" if command == "batch" and str(interruption) else "; nothing was written"
+        _complain(f"stopped by Ctrl-C{interruption}{kept}")
         return INTERRUPTED
     except BrokenPipeError:
         # Whoever read the report has had enough of it.
@@ -119,6 +126,14 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         help=f"file for the placement: {formats}; may be given several times",
     )
+    solve.add_argument(
+        "--asset",
+        metavar="CLASS[/SIZE]=FILE",
+        type=_asset,
+        action="append",
+        default=[],
+        help="file of the object itself, for .usd and .glb; may be given several times",
+    )
     solve.add_argument("--report", metavar="R.json", type=Path, help="also write the report, as JSON")
     solve.add_argument("--plot", metavar="P.png", type=Path, help="draw a plan: each body as a disc of its size")
     solve.add_argument(
@@ -142,6 +157,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--profile", action="store_true", help="print how long each phase took")
     solve.add_argument("--quiet", action="store_true", help="show no progress bar and no report")
+    add_batch(commands, _whole)
     separate = commands.add_parser(
         "separate",
         help="split a colour image into inks",
@@ -176,6 +192,13 @@ def _positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"must be a number above 0; got {text!r}")
 
 
+def _asset(text: str) -> tuple[str, Path]:
+    name, equals, file = text.partition("=")
+    if not (name and equals and file):
+        raise argparse.ArgumentTypeError(f"must be CLASS=FILE or CLASS/SIZE=FILE; got {text!r}")
+    return name, Path(file)
+
+
 class _whole:
     """Type of an argument: a whole number of at least ``least`` and below 2**63."""
 
@@ -199,10 +222,21 @@ class _whole:
 def _solve(options: argparse.Namespace) -> int:
     _check_outputs(options)
     from ..files.recipe import parse_recipe, read_recipe, recipe_densities
+    from ..problem.problem import Domain
 
     recipe = parse_recipe(options.recipe)
     problem = read_recipe(recipe, seed=options.seed)
-    _check_not_inputs(options, [options.recipe, *recipe_densities(recipe)])
+    assets: dict[str, list[Path]] = {}
+    for name, path in options.asset:
+        assets.setdefault(name, []).append(path)
+    _check_not_inputs(options, [options.recipe, *recipe_densities(recipe), *(path for _, path in options.asset)])
+    for option in ("plot", "halftone"):
+        if getattr(options, option) is not None and not isinstance(problem.domain, Domain):
+            raise EshError(f"--{option} draws what lies in a rectangle; {options.recipe} has a surface")
+    if assets:
+        from ..files.bodies import check_assets
+
+        check_assets(problem, assets)
     from ..device.profile import Profile
     from ..problem.cover import cover_of
 
@@ -211,9 +245,11 @@ def _solve(options: argparse.Namespace) -> int:
         print(f"esh-scatter: {options.recipe}: {warning}", file=sys.stderr, flush=True)
     profile = Profile() if options.profile else None
     placement = _run(problem, options, profile)
-    writers = {path: placement_writer(path, placement) for path in options.output}
+    writers = {path: placement_writer(path, placement, assets=assets) for path in options.output}
     if options.report is not None:
-        writers[options.report] = lambda file: _write_report(file, placement)
+        from ..files.report_files import write_report
+
+        writers[options.report] = lambda file: write_report(file, placement)
     if options.plot is not None:
         from ..drawing.plan import draw_plan
 
@@ -448,29 +484,14 @@ def _progress_bar(body_count: int) -> Iterator[Any]:
         yield show
 
 
-def _write_report(file: BinaryIO, placement: Placement) -> None:
-    assert placement.report is not None
-    text = json.dumps(_strict(placement.report.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
-    file.write(text.encode("utf-8") + b"\n")
-
-
-def _strict(value: Any) -> Any:
-    """Return plain JSON values; what JSON has no number for (NaN, infinity) becomes null."""
-    if isinstance(value, dict):
-        return {str(key): _strict(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_strict(entry) for entry in value]
-    if hasattr(value, "item"):  # a NumPy scalar
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _check_outputs(options: argparse.Namespace) -> None:
     """Find out before the run, not after it, that something cannot be written."""
     endings = {"-o": tuple(WRITERS), "--report": (".json",), "--plot": (".png",), "--halftone": (".png", ".svg")}
     seen: dict[Path, Path] = {}
     for option, path in _outputs(options):
-        check_ending(path, endings[option], option)
+        ending = check_ending(path, endings[option], option)
+        if option == "-o":
+            WRITERS[ending].check()
         check_writable(path)
         target = path.resolve()
         if target in seen:

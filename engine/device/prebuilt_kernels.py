@@ -13,7 +13,7 @@ from pathlib import Path
 
 import warp as wp
 
-__all__ = ["FOLDER", "INDEX", "TIERS", "load_prebuilt", "stem_of"]
+__all__ = ["FOLDER", "INDEX", "TIERS", "are_prebuilt", "load_prebuilt", "stem_of"]
 
 FOLDER = Path(__file__).parent / "prebuilt"
 INDEX = "index.json"
@@ -28,6 +28,11 @@ TIERS: dict[str, frozenset[str]] = {
     # The first processor that macOS runs on with this instruction set.
     "apple-m1": frozenset({"neon", "fullfp16", "sha3"}),
 }
+
+
+def are_prebuilt() -> bool:
+    """Tell whether there are prebuilt kernels for this processor."""
+    return _compiler_flags() is not None
 
 
 @cache

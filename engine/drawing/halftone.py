@@ -74,7 +74,7 @@ def ink_coverage(placement: Placement, *, pixels_per_metre: float, chosen: np.nd
     inks = [_strokes(placement, c, chosen) for c in range(len(result))]
     for rows in _row_bands(shape, 1):
         for c, strokes in enumerate(inks):
-            result[c, rows] = _mask(strokes, _Samples(placement.problem.domain.size, shape, 1, rows))
+            result[c, rows] = _mask(strokes, _Samples(placement.problem.rectangle.size, shape, 1, rows))
     return result
 
 
@@ -105,7 +105,7 @@ def write_halftone_svg(
     In a periodic domain, bodies that reach over an edge are there once more on the other side.
     """
     colors = _checked_colors(colors, len(placement.problem.classes))
-    width, height = placement.problem.domain.size
+    width, height = placement.problem.rectangle.size
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.9g} {height:.9g}" style="isolation:isolate">',
         f'<rect width="{width:.9g}" height="{height:.9g}" fill="white"/>',
@@ -145,7 +145,7 @@ def _picture_shape(placement: Placement, pixels_per_metre: float, supersampling:
     scale = validation.check_positive(pixels_per_metre, "`pixels_per_metre`")
     if validation.check_count(supersampling, "`supersampling`") > MOST_SUPERSAMPLING:
         raise EshError(f"`supersampling` must be at most {MOST_SUPERSAMPLING}; got {supersampling}")
-    width, height = placement.problem.domain.size
+    width, height = placement.problem.rectangle.size
     columns, rows = (max(1.0, extent * scale) for extent in (width, height))
     # A single row of samples has to fit the memory, too.
     if columns * rows > MOST_PIXELS or columns * supersampling**2 > MOST_PIXELS:
@@ -171,7 +171,7 @@ def _bands(
     colors = _checked_colors(colors, len(placement.problem.classes))
     inks = [_strokes(placement, c, chosen) for c in range(len(colors))]
     for rows in _row_bands(shape, supersampling):
-        samples = _Samples(placement.problem.domain.size, shape, supersampling, rows)
+        samples = _Samples(placement.problem.rectangle.size, shape, supersampling, rows)
         masks = [_mask(strokes, samples) for strokes in inks]
         result = np.empty((rows.stop - rows.start, shape[1], 3))
         drawn: dict[tuple[float, ...], np.ndarray] = {}
@@ -261,7 +261,7 @@ def _strokes(placement: Placement, c: int, chosen: np.ndarray | None) -> _Stroke
     ends.append(placement.position[straight] + half)
     radii.append(0.5 * placement.width[straight])
     once = _Strokes(np.concatenate(starts), np.concatenate(ends), np.concatenate(radii))
-    domain = placement.problem.domain
+    domain = placement.problem.rectangle
     if not domain.periodic:
         return once
     seen = copies_within(once.low(), once.high(), domain.size)

@@ -44,7 +44,7 @@ def copies_within(low: np.ndarray, high: np.ndarray, size: tuple[float, float]) 
 
 def copies_of_bodies(placement: Placement) -> Copies:
     """As :func:`copies_within`, for the bodies of a placement; in an open domain, every body once."""
-    if not placement.problem.domain.periodic:
+    if not placement.problem.rectangle.periodic:
         return [(np.zeros(2), np.ones(len(placement.position), dtype=bool))]
     half = 0.5 * placement.length[:, None] * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)
     low = placement.position - np.abs(half)
@@ -57,5 +57,5 @@ def copies_of_bodies(placement: Placement) -> Copies:
     footprints = footprints_of_placement(placement)
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     radius = np.where(footprints.is_outline, np.maximum(circle * footprints.factor, placement.radius), placement.radius)
-    radius = np.minimum(radius, math.hypot(*placement.problem.domain.size))[:, None]
-    return copies_within(low - radius, high + radius, placement.problem.domain.size)
+    radius = np.minimum(radius, math.hypot(*placement.problem.rectangle.size))[:, None]
+    return copies_within(low - radius, high + radius, placement.problem.rectangle.size)

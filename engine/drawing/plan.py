@@ -96,7 +96,7 @@ def draw_plan(
         for color, k in zip(class_color, problem.classes, strict=True)
     ]
 
-    width, height = problem.domain.size
+    width, height = problem.rectangle.size
     scale = PLAN_PIXELS / max(width, height)
     plan_width, plan_height = max(1, round(width * scale)), max(1, round(height * scale))
     plan = _draw_bodies(placement, scale, (plan_width, plan_height), size_color, background)
@@ -120,7 +120,7 @@ def _draw_bodies(
     """Return the domain with its bodies and a margin around it, into which bodies at an open border may reach."""
     from PIL import Image, ImageDraw
 
-    domain = placement.problem.domain
+    domain = placement.problem.rectangle
     plan_width, plan_height = plan_size
     margin, fine = MARGIN * OVERSAMPLING, scale * OVERSAMPLING
     fine_width, fine_height = plan_width * OVERSAMPLING, plan_height * OVERSAMPLING
@@ -258,7 +258,7 @@ def _compose(
     left = (canvas_width - plan.width) // 2
     canvas.paste(plan, (left, top))
     draw = ImageDraw.Draw(canvas)
-    domain = placement.problem.domain
+    domain = placement.problem.rectangle
     title = f"{len(placement.position):,} bodies on {domain.size[0]:g} m by {domain.size[1]:g} m"
     if domain.periodic:
         title += ", periodic"

@@ -12,10 +12,12 @@ import numpy as np
 from ..errors import InputFileError, ProblemError
 from ..problem.fixed_bodies import FixedBodies
 from ..problem.validation import show
+from .body_formats import FORMATS
+from .placement_files import name_in_cell, one_of
 
 __all__ = ["read_fixed_bodies"]
 
-ACCEPTED = "fixed bodies are a .npz or .csv file, as placements are written"
+ACCEPTED = "fixed bodies are a .npz or .csv file, or one of the other formats that placements are written in"
 # Columns that hold numbers; a cell that is empty says nothing.
 NUMBERS = ("x", "y", "angle", "length", "area", "id", "class_index", "size_index", "variant", "scale")
 
@@ -27,7 +29,8 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         path: A ``.csv`` with a line of column names: ``x`` and ``y`` [m] are needed; ``class_name`` or ``class_index``, ``size_name``
             or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²], ``id``, ``variant`` and ``scale`` are read, others are
             not looked at. Or a ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what
-            :func:`~esh.write_placement` writes.
+            :func:`~esh.write_placement` writes. Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from
+            above.
         body_class: The class of all of them, whatever the file says.
         size: Their size, whatever the file says.
 
@@ -35,10 +38,10 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         InputFileError: A missing or damaged file, or one that holds something else.
     """
     path = Path(path)
-    readers = {".csv": _read_csv, ".npz": _read_npz}
+    readers = {".csv": _read_csv, ".npz": _read_npz} | dict.fromkeys(FORMATS, _read_bodies)
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise InputFileError(f"{path} must end in .npz or .csv; got the ending {path.suffix!r}")
+        raise InputFileError(f"{path} must end in {one_of(readers)}; got the ending {path.suffix!r}")
     if not path.is_file():
         raise InputFileError(f"{path} {'is not a file' if path.exists() else 'does not exist'}; {ACCEPTED}")
     try:
@@ -72,6 +75,16 @@ def _label(columns: dict[str, np.ndarray], what: str, chosen: str | None) -> str
     return 0
 
 
+def _read_bodies(path: Path) -> dict[str, np.ndarray]:
+    bodies = FORMATS[path.suffix.lower()].read(path)
+    columns = {key: getattr(bodies, key) for key in ("angle", "length", "area", "id", "class_index", "size_index")}
+    if bodies.named:
+        pairs = zip(bodies.class_index.tolist(), bodies.size_index.tolist(), strict=True)
+        columns["size_name"] = np.array([bodies.size_name[c][s] for c, s in pairs], dtype=np.str_)
+        columns["class_name"] = np.array([bodies.class_name[c] for c in bodies.class_index.tolist()], dtype=np.str_)
+    return columns | {"position": bodies.position[:, :2]}
+
+
 def _read_csv(path: Path) -> dict[str, np.ndarray]:
     with path.open(encoding="utf-8-sig", newline="") as file:
         rows = csv.reader(file)
@@ -85,7 +98,7 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
             raise InputFileError(f"{path} must have {len(names)} cells in every line; line {number} has {len(line)}")
     cells = dict(zip(names, zip(*lines, strict=True) if lines else [()] * len(names), strict=True))
     columns: dict[str, np.ndarray] = {
-        name: np.array(cells[name]) for name in ("class_name", "size_name") if name in cells
+        name: np.array(list(map(name_in_cell, cells[name]))) for name in ("class_name", "size_name") if name in cells
     }
     for name in NUMBERS:
         if name in cells:

@@ -17,17 +17,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
+from .body_formats import FORMATS, BodyFormat
 
 if TYPE_CHECKING:
     from ..problem.placement import Placement
+    from .bodies import AssetFiles, Bodies
 
 __all__ = [
     "WRITERS",
+    "Assets",
     "PlacementWriter",
     "check_ending",
     "check_writable",
+    "name_in_cell",
     "one_of",
     "placement_writer",
+    "write_bodies",
     "write_files",
     "write_placement",
 ]
@@ -38,39 +43,76 @@ Writer = Callable[[BinaryIO], None]
 
 
 @dataclass(frozen=True)
+class Assets:
+    """Files that hold the objects themselves, for formats that can refer to them or take them in.
+
+    Attributes:
+        files: By ``"class"`` or ``"class/size"``, one or several; see :func:`~.bodies.bodies_of`.
+        folder: Where the placement's file will lie.
+    """
+
+    files: AssetFiles
+    folder: Path
+
+
+@dataclass(frozen=True)
 class PlacementWriter:
     """How placements are written as files of one ending.
 
     Attributes:
         what: What such a file is, for help texts.
         write: Writes a placement to an open binary file; equal placements as equal bytes.
+        check: Finds out whether what it needs is installed, and raises an EshError if it is not.
     """
 
     what: str
-    write: Callable[[BinaryIO, Placement], None]
+    write: Callable[[BinaryIO, Placement, Assets], None]
+    check: Callable[[], None] = lambda: None
 
 
-def write_placement(path: str | Path, placement: Placement) -> None:
+def write_placement(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> None:
     """Write a placement; an older file is replaced only once the new one is complete.
 
     Args:
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
             ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
             ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where
-            bodies are fixed or were edited; readable without pickle; equal placements give equal bytes) or in ``.csv`` (one line per
-            body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front).
+            bodies are fixed or were edited; on a surface ``position`` has three columns, and ``normal``, ``tangent``, ``mesh``,
+            ``triangle`` and ``barycentric`` are there; readable without pickle; equal placements give equal bytes), in ``.csv`` (one
+            line per body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front),
+            or in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
         placement: What to write.
+        assets: For ``.usd…`` and ``.glb``: the files that hold the objects, by ``"class"`` or ``"class/size"``; a list, where several
+            formats are written. An object's footprint is around its origin and of its size's mean area, its long axis lies along x,
+            and it stands upright. Prisms stand in for objects without a file.
 
     Raises:
-        EshError: Another ending, or a file that cannot be written.
+        EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    write_files({Path(path): placement_writer(path, placement)})
+    write_files({Path(path): placement_writer(path, placement, assets=assets)})
 
 
-def placement_writer(path: str | Path, placement: Placement) -> Writer:
+def write_bodies(path: str | Path, bodies: Bodies) -> None:
+    """Write bodies in space, for other programs; an older file is replaced only once the new one is complete.
+
+    Args:
+        path: Ends in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson``.
+        bodies: What to write.
+
+    Raises:
+        EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
+    """
+    body_format = FORMATS[check_ending(path, FORMATS)]
+    body_format.check()
+    write_files({Path(path): lambda file: body_format.write(file, bodies, Path(path).parent)})
+
+
+def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
-    write = WRITERS[check_ending(path, WRITERS)].write
-    return lambda file: write(file, placement)
+    writer = WRITERS[check_ending(path, WRITERS)]
+    writer.check()
+    beside = Assets(assets or {}, Path(path).parent)
+    return lambda file: writer.write(file, placement, beside)
 
 
 def check_ending(path: str | Path, endings: Iterable[str], option: str = "") -> str:
@@ -139,6 +181,8 @@ def write_files(writers: Mapping[Path, Writer]) -> None:
             path = item.path
             item.take_place()
         complete = True
+    except EshError:
+        raise
     except (OSError, ValueError, MemoryError) as error:
         raise EshError(f"{path} cannot be written: {_reason(error)}") from None
     finally:
@@ -235,7 +279,7 @@ class _FirstErrorKept:
         self._try(self._file.flush, 0)
 
 
-def _write_npz(file: BinaryIO, placement: Placement) -> None:
+def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     import numpy as np
 
     # np.savez dates its members 1980-01-01, so equal arrays give equal bytes.
@@ -252,28 +296,34 @@ def _write_npz(file: BinaryIO, placement: Placement) -> None:
         scale=placement.scale,
         **({} if placement.bends is None else {"bends": np.asarray(placement.bends, dtype=np.float64)}),
         class_name=np.array(placement.class_name, dtype=np.str_),
+        **{name: getattr(placement, name) for name in ON_SURFACE if placement.normal is not None},
         # Where nothing is fixed and nothing was edited they say nothing that the order does not.
         **({"id": placement.id, "fixed": placement.fixed} if _is_marked(placement) else {}),
         **({"size_name": np.array(_size_names(placement), dtype=np.str_)} if _is_marked(placement) else {}),
     )
 
 
-def _write_csv(file: BinaryIO, placement: Placement) -> None:
+def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
     import numpy as np
 
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.writer(text, lineterminator="\n")
     marked = _is_marked(placement)
+    on_surface = placement.normal is not None
     rows.writerow(
         (
-            *("x", "y", "class_index", "size_index", "angle", "length", "class_name", "size_name"),
-            *("width", "area", "variant", "scale"),
+            *("x", "y", *(["z"] if on_surface else []), "class_index", "size_index", "angle", "length", "class_name"),
+            *("size_name", "width", "area", "variant", "scale"),
             *(("id", "fixed") if marked else ()),
+            *(SURFACE_COLUMNS if on_surface else ()),
         )
     )
     class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
     size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
     marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
+    for name in ON_SURFACE if on_surface else ():
+        values = getattr(placement, name)
+        marks += [values.tolist()] if values.ndim == 1 else values.T.tolist()
     columns = (
         *np.asarray(placement.position, dtype=np.float64).T.tolist(),
         placement.class_index.tolist(),
@@ -281,6 +331,7 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
         placement.angle.tolist(),
         placement.length.tolist(),
     )
+    at = 3 if on_surface else 2
     shape = zip(
         *(values.tolist() for values in (placement.width, placement.area, placement.variant, placement.scale)),
         *marks,
@@ -288,15 +339,32 @@ def _write_csv(file: BinaryIO, placement: Placement) -> None:
     )
     # Python writes the shortest digits that read back as the same number.
     rows.writerows(
-        (*row, class_name[row[2]], size_name[row[2]][row[3]], *rest)
+        (*row, class_name[row[at]], size_name[row[at]][row[at + 1]], *rest)
         for row, rest in zip(zip(*columns, strict=True), shape, strict=True)
     )
     text.detach()
 
 
+# What placements on surfaces have beside, in the order in which a table has it; and its columns.
+ON_SURFACE = ("normal", "tangent", "mesh", "triangle", "barycentric")
+SURFACE_COLUMNS = (
+    *(f"normal_{axis}" for axis in "xyz"),
+    *(f"tangent_{axis}" for axis in "xyz"),
+    "mesh",
+    "triangle",
+    *(f"weight_{corner}" for corner in range(3)),
+)
+
+
 def _as_text(name: str) -> str:
     """A name as a cell that no spreadsheet takes for a formula: those that begin like one get a quote in front."""
-    return f"'{name}" if name.lstrip().startswith(FORMULAS) else name
+    # One that begins so after quotes of its own gets another, so that reading takes away no quote of its own.
+    return f"'{name}" if name.lstrip("'").lstrip().startswith(FORMULAS) else name
+
+
+def name_in_cell(cell: str) -> str:
+    """The name that a cell of a table stands for, see :func:`_as_text`."""
+    return cell[1:] if cell[:1] == "'" and cell.lstrip("'").lstrip().startswith(FORMULAS) else cell
 
 
 def _is_marked(placement: Placement) -> bool:
@@ -312,10 +380,20 @@ def _size_names(placement: Placement) -> list[str]:
     return [names[c][s] for c, s in pairs]
 
 
+def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:
+    def write(file: BinaryIO, placement: Placement, assets: Assets) -> None:
+        from .bodies import bodies_of
+
+        body_format.write(file, bodies_of(placement, assets.files), assets.folder)
+
+    return PlacementWriter(body_format.what, write, body_format.check)
+
+
 # A new format is one entry here: the API, the command line, its help and its messages read this table.
 WRITERS: dict[str, PlacementWriter] = {
     ".npz": PlacementWriter("NumPy arrays", _write_npz),
     ".csv": PlacementWriter("a table of text", _write_csv),
+    **{ending: _exchange_writer(body_format) for ending, body_format in FORMATS.items()},
 }
 
 

@@ -5,7 +5,7 @@
     avoid_overlap = false          # default; true: footprints push each other apart
     [domain]
     size = [40.0, 30.0]            # metres, x and y
-    boundary = "open"              # default; or "periodic"
+    boundary = "open"              # default; or "mirror", or "periodic"
     inset = false                  # default; true: footprints lie inside as a whole
     [balance]
     class_separation = 0.5         # default
@@ -42,6 +42,14 @@ Instead of classes, a colour image may give them: one class per ink (see :mod:`~
     model = "CMYK"                 # default; CMY, CMY-RG-K, CMY-RB-K, CMY-RGB-K; or a list of inks and its non_overlap matrix
     area = 0.01                    # of a dot, m²; or [[image.size]] tables with name, area and share
 
+Instead of a rectangle, a surface:
+
+    [surface]
+    mesh = "rock.obj"              # OBJ, PLY, STL, GLB; or a list of files: meshes that touch are one surface
+    [[class]]
+    density = { attribute = "moss" }   # of the vertices; or { image = "moss.png" }, through the UV map; or
+                                       # { image = "moss.png", mapping = "triplanar", size = 2.0 }, metres
+
 What is there already, and what bodies keep off, both any number of times:
 
     include_fixed = false          # at the top; default: counts are of new bodies; true: they include fixed ones
@@ -75,10 +83,12 @@ from ..problem import validation
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.ink_models import DEFAULT_MODEL
 from ..problem.problem import Balance, BodyClass, Domain, Problem, SamplingSettings, Size
+from ..problem.surface import Surface
 from ..problem.validation import show
 from .image_files import read_color
 from .recipe_keys import WORDS, keys_of, read_group, read_settings
 from .recipe_scene import read_fixed, read_obstacles, scene_files
+from .recipe_surface import read_surface, surface_files
 from .recipe_table import RecipeTable, read_toml
 
 __all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "recipe_densities"]
@@ -118,11 +128,20 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     recipe = RecipeTable(parsed.path, "", "", parsed.entries)
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
-    recipe.check_keys("version", *keys_of(SamplingSettings), "domain", "balance", "class", "image", *SCENE)
+    recipe.check_keys("version", *keys_of(SamplingSettings), "domain", "surface", "balance", "class", "image", *SCENE)
     sampling = read_settings(recipe, SamplingSettings)
     if seed is not None:
         sampling["seed"] = validation.check_seed(seed)
-    domain = read_group(recipe.table("domain"), Domain)
+    domain: Domain | Surface
+    if "surface" in recipe.entries:
+        for other in ("domain", "image"):
+            if other in recipe.entries:
+                raise recipe.error(
+                    other, "cannot be combined with [surface]: bodies lie in a rectangle or on a surface"
+                )
+        domain = read_surface(recipe.table("surface"))
+    else:
+        domain = read_group(recipe.table("domain"), Domain)
     scene: dict[str, Any] = {"fixed": read_fixed(recipe), "obstacles": read_obstacles(recipe)}
     scene["include_fixed"] = recipe.take("include_fixed", validation.check_switch, False)
 
@@ -136,7 +155,9 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
         if "non_overlap" in balance:
             raise table.error("non_overlap", "cannot be combined with [image]: the ink model has its own")
         table = recipe.table("image")
-        problem = table.build(lambda: _read_image(table, domain, balance))
+        assert isinstance(domain, Domain)
+        rectangle = domain
+        problem = table.build(lambda: _read_image(table, rectangle, balance))
         return recipe.build(lambda: replace(problem, **sampling, **scene))
     classes = [_read_class(table) for table in recipe.tables("class")]
     recipe.check_unique("class", [body_class.name for body_class in classes])
@@ -186,6 +207,7 @@ def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
     image = recipe.get("image")
     names.append(image.get("file") if isinstance(image, dict) else None)
     names += scene_files(recipe)
+    names += surface_files(recipe)
     return [parsed.path.parent / name for name in names if isinstance(name, str)]
 
 

@@ -18,9 +18,11 @@ from ..problem.direction_field import direction_from_angle_image, direction_from
 from ..problem.footprint import Footprints
 from ..problem.problem import BodyClass, Line, Size
 from ..problem.settings import settings_of
+from ..problem.surface_density import SurfaceDensity
 from ..problem.validation import show
 from .image_files import read_array, read_color, read_density
 from .recipe_footprints import FOOTPRINT_KEYS, check_footprint, written_footprints
+from .recipe_surface import read_surface_density
 from .recipe_table import RecipeTable
 
 __all__ = ["WORDS", "NameArray", "keys_of", "plain_value", "read_group", "read_settings", "written_settings"]
@@ -114,7 +116,11 @@ def plain_value(value: Any) -> Any:
 # Densities
 
 
-def _read_density(table: RecipeTable) -> np.ndarray | float:
+def _read_density(table: RecipeTable) -> np.ndarray | float | SurfaceDensity:
+    if isinstance(table.entries.get("density"), dict):
+        if "invert" in table.entries:
+            raise table.error("invert", "stands inside the `density` where that is a table")
+        return read_surface_density(table.table("density"))
     density = table.take("density", _check_density)
     invert = table.take("invert", validation.check_switch, False)
     if isinstance(density, str):
@@ -124,7 +130,11 @@ def _read_density(table: RecipeTable) -> np.ndarray | float:
     return density
 
 
-def _write_density(density: np.ndarray, name_array: NameArray) -> dict[str, Any]:
+def _write_density(density: np.ndarray | SurfaceDensity, name_array: NameArray) -> dict[str, Any]:
+    if callable(density):
+        raise ProblemError(
+            "`density` must be a number or an image in a recipe that is written; it is a function of points"
+        )
     return {"density": float(density[0, 0]) if density.size == 1 else name_array("density", density)}
 
 

@@ -66,10 +66,11 @@ def recipe_text(
             its class; returns the name of its file.
         colors: Of the classes, in a halftone.
     """
+    domain = problem.rectangle
     include_fixed = {"include_fixed": True} if problem.include_fixed else {}
     tables: list[tuple[str, dict[str, Any]]] = [
         ("", {"version": 1, **written_settings(problem, SamplingSettings, _no_arrays), **include_fixed}),
-        ("[domain]", written_settings(problem.domain, Domain, _no_arrays)),
+        ("[domain]", written_settings(domain, Domain, _no_arrays)),
         ("[balance]", written_settings(problem.balance, Balance, _no_arrays)),
     ]
     for number, placed in enumerate(problem.classes):

@@ -12,7 +12,7 @@ from ..errors import ProblemError
 from . import validation
 from .validation import FOREIGN_ERRORS, show
 
-__all__ = ["MOST_CORNERS", "DrawnFootprints", "Footprint", "Footprints", "checked_footprints"]
+__all__ = ["MOST_CORNERS", "DrawnFootprints", "Footprint", "Footprints", "checked_footprints", "convex_hull"]
 
 MOST_CORNERS = 16
 # Edges shorter than this share of a polygon's extent are cut off: their directions would be those of rounding errors.
@@ -21,6 +21,8 @@ SHORTEST_EDGE = 1e-5
 NARROWEST = 1e-4
 # Points of the arc around a corner, where a rounded outline is measured as a polygon.
 ARC = 64
+# Directions whose farthest points say which others cannot be corners of a hull.
+DIRECTIONS = 16
 # Turns of a long body about its axis: its frame lies along it, or the other way round.
 ALONG_THE_AXIS = 1e-6
 # Beyond this an angle [rad] has no digits left that say where it points.
@@ -112,7 +114,7 @@ class Footprint:
             if rounding > 0.0:
                 return cls(given.mean(axis=0, keepdims=True), rounding)
             raise ProblemError(f"`points` of a polygon must not all be the same; got {show(given[0].tolist())} only")
-        hull = _convex_hull(given)
+        hull = convex_hull(given)
         width = _narrowest(hull) if len(hull) > 2 else 0.0
         if width < NARROWEST * extent:
             if not rounding > 0.0:
@@ -444,9 +446,9 @@ def _cross(a: np.ndarray, b: np.ndarray) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 
 
-def _convex_hull(points: np.ndarray) -> np.ndarray:
-    """Corners of the convex hull, counter-clockwise; none of them on the line between its neighbours."""
-    points = np.unique(points, axis=0)
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Corners of the convex hull of points ``[n, 2]``, counter-clockwise; none of them on the line between its neighbours."""
+    points = np.unique(_outer(points), axis=0)
     if len(points) < 3:
         return points
 
@@ -459,6 +461,23 @@ def _convex_hull(points: np.ndarray) -> np.ndarray:
         return hull[:-1]
 
     return np.array(chain(points) + chain(points[::-1]))
+
+
+def _outer(points: np.ndarray) -> np.ndarray:
+    """Points without those well inside the polygon of the farthest ones in some directions, which are no corners of the hull."""
+    if len(points) <= 4 * DIRECTIONS:
+        return points
+    angle = np.arange(DIRECTIONS) * (2.0 * math.pi / DIRECTIONS)
+    normal = np.stack([np.cos(angle), np.sin(angle)])
+    corner = points[np.argmax(points @ normal, axis=0)]
+    edge = np.roll(corner, -1, axis=0) - corner
+    reach = np.ptp(points, axis=0).max()
+    inside = np.ones(len(points), bool)
+    for start, way in zip(corner, edge, strict=True):
+        if way.any():
+            left = way[0] * (points[:, 1] - start[1]) - way[1] * (points[:, 0] - start[0])
+            inside &= left > 1e-9 * reach * math.hypot(*way)
+    return points[~inside]
 
 
 def _narrowest(hull: np.ndarray) -> float:

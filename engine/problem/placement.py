@@ -27,7 +27,7 @@ class Placement:
 
     Attributes:
         problem: What was asked for.
-        position: Body positions [m], shape ``[n, 2]``, float64, inside the domain.
+        position: Body positions [m], shape ``[n, 2]``, float64, inside the domain; ``[n, 3]`` on a surface.
         class_index: Index into ``problem.classes``, shape ``[n]``, int32.
         size_index: Index into the class's sizes, shape ``[n]``, int32.
         angle: How the body's outline is turned [rad], counter-clockwise, -pi to pi, shape ``[n]``, float64. Of a line without one it
@@ -41,6 +41,13 @@ class Placement:
         fixed: Whether a body was fixed, shape ``[n]``, bool; of every size those come last.
         variant: Which of the outlines of its size every body has, shape ``[n]``, int32; 0 where there are none.
         scale: Factor on that outline, shape ``[n]``, float64; 1 where there is none.
+        normal: On a surface, where it looks to at every body, of length 1, shape ``[n, 3]``, float64; None in a rectangle, as what
+            follows.
+        tangent: Direction along the surface, at a right angle to the normal, of length 1, shape ``[n, 3]``: that of a line's axis; of
+            a dot the one nearest to x, or to y where the surface looks along x.
+        mesh: Mesh of the surface that every body is on, shape ``[n]``, int32.
+        triangle: Triangle of that mesh, shape ``[n]``, int32.
+        barycentric: Weights of that triangle's corners, shape ``[n, 3]``, float64.
     """
 
     problem: Problem
@@ -56,6 +63,11 @@ class Placement:
     fixed: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     variant: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     scale: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    normal: np.ndarray | None = None
+    tangent: np.ndarray | None = None
+    mesh: np.ndarray | None = None
+    triangle: np.ndarray | None = None
+    barycentric: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.position)

@@ -18,6 +18,8 @@ from .density_correction import correct_density
 from .image_filters import unsharp_mask
 from .obstacles import Obstacle, clearance, mask_shape
 from .packing import packable_share
+from .surface import PointsOnSurface, Surface
+from .surface_density import density_at
 from .validation import MOST_BODIES, show
 
 if TYPE_CHECKING:
@@ -65,10 +67,51 @@ class PreparedClass:
         """Number of bodies in all sizes."""
         return sum(size.count or 0 for size in self.sizes)
 
+    @property
+    def varies_on_surface(self) -> bool:
+        """Whether the density is a function of points of a surface."""
+        return self.asked is not None and callable(self.asked.density)
+
+    def density_on(self, points: PointsOnSurface) -> np.ndarray:
+        """The density that bodies follow at points of a surface, shape ``[n]``, float64."""
+        if self.asked is None or not callable(self.asked.density):
+            return np.full(len(points.triangle), float(self.density_image[0, 0]))
+        return density_on(self.asked, points)
+
+
+def density_on(body_class: BodyClass, points: PointsOnSurface) -> np.ndarray:
+    """Return the density of a class, corrected, at points of a surface, shape ``[n]``, float64; see :class:`PreparedClass`."""
+    key = f'`density` of class "{body_class.name}"'
+    assert callable(body_class.density)
+    values = density_at(body_class.density, points, key)
+    if (body_class.density_correction or body_class.count == "cover") and values.max(initial=0.0) > 1.0:
+        raise ProblemError(f"{key} must be a covered share between 0 and 1; its largest value is {values.max():g}")
+    return correct_density(values[None], key)[0] if body_class.density_correction else values
+
+
+def prepare_on_surface(body_class: BodyClass, surface: Surface) -> PreparedClass:
+    """Return a class as it is placed on a surface.
+
+    Raises:
+        ProblemError: An image, a density that is 0 everywhere or returns something else, or a share without a body.
+    """
+    image, notes = prepare_density(body_class)
+    key = f'`density` of class "{body_class.name}"'
+    if image.size > 1:
+        raise ProblemError(
+            f"{key} must be a number or a function of points on a surface, such as SurfaceImage(image); got an image"
+        )
+    mean = float(image[0, 0])
+    if callable(body_class.density):
+        mean = float(density_on(body_class, surface.sample()).mean())
+    if mean <= 0.0:
+        raise ProblemError(f"{key} must be above 0 somewhere on the surface; it is 0 everywhere")
+    return PreparedClass(body_class.name, count_sizes(body_class, mean * surface.area), image, notes, body_class)
+
 
 def prepare(
     body_class: BodyClass,
-    domain_area: float,
+    domain: Domain | Surface | float,
     density: PreparedDensity | None = None,
     *,
     apart: bool = False,
@@ -78,7 +121,7 @@ def prepare(
 
     Args:
         body_class: What is asked.
-        domain_area: Area of the domain [m²].
+        domain: The domain, or its area [m²].
         density: Its density where it has been prepared already.
         apart: Whether bodies may not overlap: a count of ``"cover"`` then means no more of the ground than they can cover so.
         share: What such a count means of that.
@@ -86,10 +129,17 @@ def prepare(
     Raises:
         ProblemError: A sharpening that leaves nothing, a density that covers less than half a body, or a share without a body.
     """
+    if isinstance(domain, Surface):
+        return prepare_on_surface(body_class, domain)
+    if callable(body_class.density):
+        raise ProblemError(
+            f'`density` of class "{body_class.name}" is a function of points, which needs a Surface as `domain`; got a Domain'
+        )
     image, notes = density or prepare_density(body_class)
+    area = domain if isinstance(domain, float) else domain.area
     if apart and body_class.count == "cover":
         image = np.minimum(image, np.float32(packable_share(body_class.sizes)))
-    sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * domain_area)
+    sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * area)
     return PreparedClass(body_class.name, sizes, image, notes, body_class, share=share)
 
 
@@ -123,7 +173,8 @@ def prepare_density(body_class: BodyClass) -> PreparedDensity:
         ProblemError: The sharpening leaves nothing.
     """
     where = f'class "{body_class.name}"'
-    image = np.asarray(body_class.density)
+    # A function of points says what it is where it is asked.
+    image = np.ones((1, 1), np.float32) if callable(body_class.density) else np.asarray(body_class.density)
     notes: tuple[str, ...] = ()
     if body_class.unsharp is not None:
         image, notes = _sharpened(image, body_class, where)

@@ -14,6 +14,7 @@ import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from .obstacles import Obstacle
 from .packing import packable_share, scale_to_fit
 from .prepared_class import PreparedClass, cut_out, prepare, prepare_density
 from .settings import Choice, Settings, as_given, described, setting, settle
+from .surface import Surface
+from .surface_density import SurfaceDensity, check_density
 from .validation import Boundary, show
 
 __all__ = [
@@ -61,6 +64,7 @@ class Domain(Settings):
             "What is beyond the edges",
             choices=(
                 Choice("open", "Open", "bodies stay inside, nothing lies beyond", "OPEN"),
+                Choice("mirror", "Mirror", "the edges are mirrors: bodies neither crowd nor shun them", "MIRROR"),
                 Choice("periodic", "Periodic", "opposite edges are joined, so the result can be tiled", "PERIODIC"),
             ),
             check=validation.check_boundary,
@@ -92,6 +96,11 @@ class Domain(Settings):
     def periodic(self) -> bool:
         """Whether opposite edges are joined."""
         return self.boundary == "periodic"
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the edges are mirrors."""
+        return self.boundary == "mirror"
 
 
 @described
@@ -299,8 +308,9 @@ class Size(Settings):
         default=None,
         metadata=setting(
             "How many to place. This count is always reached exactly",
-            more="None where the class has the count and this size a share",
-            low=1,
+            more="None where the class has the count and this size a share; 0 only where bodies of this size are fixed",
+            low=0,
+            soft_low=1,
             soft_high=100_000,
             check=validation.check_size_count,
         ),
@@ -495,13 +505,15 @@ class BodyClass(ClassSettings):
     sizes: Sequence[Size] = field(
         metadata=setting("At least one :class:`Size`", check=lambda value, key: validation.as_tuple(value, Size, key))
     )
-    density: np.ndarray | float = field(
+    density: np.ndarray | float | SurfaceDensity = field(
         default=1.0,
         metadata=setting(
             "Where many bodies of this class stand, and where few; only its proportions matter",
             more="An image of shape ``[height, width]``, values >= 0, any scale, any real or boolean dtype; or a number > 0 for a "
-            "uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy",
-            check=validation.check_density,
+            "uniform density. Where it is zero, no body of the class is placed. Kept as a float32 copy. On a surface a number, or a "
+            "function of :class:`PointsOnSurface`, such as :class:`SurfaceAttribute`, :class:`SurfaceImage` or "
+            ":class:`SurfaceTriplanar`",
+            check=check_density,
         ),
     )
     count: int | str | None = field(
@@ -555,6 +567,10 @@ class BodyClass(ClassSettings):
 
     def _check_covered_share(self, where: str) -> None:
         """Where the density is a covered share, it must not be above 1; what is sharpened is cut off there."""
+        if callable(self.density):
+            if self.unsharp is not None:
+                raise ProblemError(f"`unsharp` of {where} needs a density that is an image; it is a function of points")
+            return
         largest = float(np.max(self.density))
         if (self.density_correction or self.count == "cover") and largest > 1.0 and self.unsharp is None:
             why = "`density_correction`" if self.density_correction else '`count = "cover"`'
@@ -589,7 +605,7 @@ class Problem(SamplingSettings):
     """Everything that :func:`~esh.engine.solve.solve` needs to know.
 
     Args:
-        domain: Where.
+        domain: Where: a rectangle, or a :class:`~.surface.Surface`, on which there are no fixed bodies, obstacles or lines yet.
         classes: What; at least one :class:`BodyClass`. Kept as :class:`PreparedClass`: with the density that bodies follow, and
             with a whole count for every size.
         balance: How the aims are weighed.
@@ -607,7 +623,7 @@ class Problem(SamplingSettings):
             obstacles that leave a class no place.
     """
 
-    domain: Domain
+    domain: Domain | Surface
     classes: tuple[PreparedClass, ...]
     balance: Balance
     fixed: FixedTable
@@ -616,7 +632,7 @@ class Problem(SamplingSettings):
 
     def __init__(
         self,
-        domain: Domain,
+        domain: Domain | Surface,
         classes: Sequence[BodyClass | PreparedClass],
         balance: Balance | None = None,
         seed: int = 0,
@@ -627,8 +643,8 @@ class Problem(SamplingSettings):
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
         balance = Balance() if balance is None else balance
-        if not isinstance(domain, Domain):
-            raise ProblemError(f"`domain` must be a Domain; got {show(domain)}")
+        if not isinstance(domain, Domain | Surface):
+            raise ProblemError(f"`domain` must be a Domain or a Surface; got {show(domain)}")
         if not isinstance(balance, Balance):
             raise ProblemError(f"`balance` must be a Balance; got {show(balance)}")
         classes = validation.as_tuple(classes, (BodyClass, PreparedClass), "`classes`")
@@ -641,14 +657,19 @@ class Problem(SamplingSettings):
         share = _share_of_cover(classes) if avoid_overlap else 1.0
         # A class of another problem may have been cut and counted before.
         bases = tuple(
-            (c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain.area, apart=avoid_overlap, share=share)
+            (c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain, apart=avoid_overlap, share=share)
             for c in classes
         )
-        prepared = _sharing_images(tuple(cut_out(c, domain, obstacles) for c in bases) if obstacles else bases)
+        prepared = bases
+        if isinstance(domain, Surface):
+            self._check_surface(bases, fixed, obstacles)
+        elif obstacles:
+            prepared = tuple(cut_out(c, domain, obstacles) for c in bases)
+        prepared = _sharing_images(prepared)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
         settle(self, include_fixed=include_fixed, obstacles=obstacles)
         super().__post_init__()
-        settle(self, fixed=fixed_table(fixed, prepared, domain))
+        settle(self, fixed=fixed_table(fixed, prepared, cast(Domain, domain)))
         counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]
         settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))
         if self.body_count == len(self.fixed.id):
@@ -680,6 +701,38 @@ class Problem(SamplingSettings):
                 )
             sizes.append(size if total == count else with_count(size, total))
         return body_class if sizes == list(body_class.sizes) else replace(body_class, sizes=tuple(sizes))
+
+    @staticmethod
+    def _check_surface(classes: Sequence[PreparedClass], fixed: object, obstacles: Sequence[Obstacle]) -> None:
+        """Refuse what is not known on surfaces."""
+        if obstacles:
+            raise ProblemError(
+                "`obstacles` must lie in a rectangle; on a surface set densities to 0 where nothing is to be"
+            )
+        if fixed != () and fixed != []:
+            raise ProblemError("`fixed` bodies must lie in a rectangle; on a surface there are none")
+        for c in classes:
+            for size in c.sizes:
+                if size.line is not None:
+                    raise ProblemError(
+                        f'`line` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface bodies are dots'
+                    )
+                if size.footprint is not None:
+                    raise ProblemError(
+                        f'`footprint` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface footprints are '
+                        "discs"
+                    )
+
+    @property
+    def rectangle(self) -> Domain:
+        """The domain, of a problem that lies in a rectangle.
+
+        Raises:
+            ProblemError: It lies on a surface.
+        """
+        if not isinstance(self.domain, Domain):
+            raise ProblemError("`domain` must be a rectangle for this; it is a surface")
+        return self.domain
 
     def _check_balance(self) -> None:
         matrix = self.balance.non_overlap
@@ -754,7 +807,7 @@ class Problem(SamplingSettings):
 
     def _check_extents(self) -> None:
         side, most, which = max(self.domain.size), validation.MOST_EXTENT, "longer side of the domain"
-        if self.domain.periodic:
+        if isinstance(self.domain, Domain) and self.domain.periodic:
             side, most, which = min(self.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
         for c in self.classes:
             for size in c.sizes:
@@ -772,7 +825,7 @@ class Problem(SamplingSettings):
 
     def _check_footprints(self) -> None:
         """Refuse what contact can do nothing about: bodies wider than the walls are apart."""
-        if not self.domain.inset:
+        if not isinstance(self.domain, Domain) or not self.domain.inset:
             return
         if not self.avoid_overlap:
             raise ProblemError(

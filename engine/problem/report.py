@@ -51,6 +51,8 @@ class Report:
         deepest_pair: The two bodies, None where nothing overlaps.
         deepest_place: The middle between them [m].
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
+        closest: Smallest distance between two bodies' centres [m], in the plane of the domain; None with fewer than two bodies.
+        usual: Median of every body's distance to its nearest neighbour [m].
     """
 
     steps: int
@@ -63,6 +65,8 @@ class Report:
     covered: float
     classes: tuple[ClassReport, ...]
     notes: tuple[str, ...] = ()
+    closest: float | None = None
+    usual: float | None = None
     deepest_overlap: float = 0.0
     deepest_pair: tuple[int, int] | None = None
     deepest_place: tuple[float, float] | None = None

@@ -23,23 +23,48 @@ class Standing(Settings):
     align_to_normal: float = field(
         default=1.0,
         metadata=setting(
-            "0: objects stand upright. 1: objects are perpendicular to the ground", unit="share", low=0.0, high=1.0
+            "0: objects stand upright. 1: objects are perpendicular to the ground",
+            label="Align to Ground",
+            unit="share",
+            low=0.0,
+            high=1.0,
         ),
     )
     random_turn: float = field(
         default=2.0 * math.pi,
         metadata=setting(
-            "How far each object is turned about its own axis at random. 360° allows any direction, 0 none",
+            "How far each object is turned about its own axis at random, half of it to either side. 360° allows any direction, 0 none",
+            more="Long bodies lie along their direction instead",
             unit="rad",
             low=0.0,
             high=LARGEST_ANGLE,
             soft_high=2.0 * math.pi,
         ),
     )
+    tilt: float = field(
+        default=0.0,
+        metadata=setting(
+            "How far each object leans over at random, at most, in any direction",
+            unit="rad",
+            low=0.0,
+            high=math.pi,
+            soft_high=0.25 * math.pi,
+        ),
+    )
+    offset: float = field(
+        default=0.0,
+        metadata=setting(
+            "How far objects are moved away from the ground, along its normal. Below 0 they sink into it",
+            unit="m",
+            soft_low=-1.0,
+            soft_high=1.0,
+        ),
+    )
     scale_jitter: float = field(
         default=0.0,
         metadata=setting(
             "Largest random change of scale. With 0.2, each object is up to 20% smaller or larger",
+            label="Random Scale",
             unit="share",
             low=0.0,
             high=0.99,

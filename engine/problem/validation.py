@@ -17,11 +17,11 @@ import numpy as np
 
 from ..errors import ProblemError
 
-Boundary = Literal["open", "periodic"]
+Boundary = Literal["open", "mirror", "periodic"]
 # What the `__array__`, `__iter__` or `__repr__` of somebody else's object may raise.
 FOREIGN_ERRORS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 Kind = TypeVar("Kind")
-BOUNDARIES: tuple[str, ...] = ("open", "periodic")
+BOUNDARIES: tuple[Boundary, ...] = ("open", "mirror", "periodic")
 DISTRIBUTIONS: tuple[str, ...] = ("linear", "uniform")
 
 # Beyond these, squares and ratios of lengths leave the range of float32.
@@ -72,7 +72,7 @@ def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
     """Return the boundary; raise ProblemError unless it is one of ``BOUNDARIES``."""
     if not isinstance(value, str) or value not in BOUNDARIES:
         raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
-    return "periodic" if value == "periodic" else "open"
+    return BOUNDARIES[BOUNDARIES.index(value)]  # type: ignore[arg-type]
 
 
 def check_period(size: tuple[float, float], boundary: Boundary, key: str = "`domain.size`") -> None:

@@ -10,13 +10,15 @@ from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
+from ..problem.surface import Surface
 from ..space.support import images_for_kernels
 from ..space.survey import survey
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .overlaps import overlaps_of
-from .spacing import smallest_distance
+from .spacing import measure_spacing
+from .surface_measurement import measure_on_surface
 
 __all__ = ["measure"]
 
@@ -32,7 +34,9 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
     problem, domain = placement.problem, placement.problem.domain
-    class_index, size_index, area = placement.class_index, placement.size_index, placement.area
+    class_index, area = placement.class_index, placement.area
+    if isinstance(domain, Surface):
+        return _report_on_surface(placement, launcher)
     has_lines = bool((placement.width > 0.0).any())
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
@@ -54,32 +58,67 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
         )
+    spacing = measure_spacing(bodies, _number_density(bodies, problem))
     return Report(
         steps=0,
         converged=False,
         seconds=0.0,
         device=str(launcher.device.alias),
         coverage_error=whole,
-        smallest_spacing=smallest_distance(bodies, _number_density(bodies, problem)),
+        smallest_spacing=spacing and spacing.smallest,
+        closest=spacing and spacing.closest,
+        usual=spacing and spacing.usual,
         overlaps=overlaps.count,
         deepest_overlap=overlaps.deepest,
         deepest_pair=overlaps.pair,
         deepest_place=overlaps.place,
         covered=covered,
-        classes=tuple(
-            ClassReport(
-                c.name,
-                errors[i],
-                tuple(
-                    SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
-                    for number, (s, placed) in enumerate(
-                        zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
-                    )
-                ),
-            )
-            for i, c in enumerate(problem.classes)
-        ),
+        classes=_class_reports(placement, errors),
         notes=tuple(notes),
+    )
+
+
+def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
+    """What :func:`measure` returns, for a placement on a surface."""
+    found = measure_on_surface(placement, launcher)
+    notes = [note for c in placement.problem.classes for note in c.notes]
+    if placement.problem.avoid_overlap and found.overlaps:
+        notes.append(f"{found.overlaps} pairs of footprints still overlap")
+    if found.covered > 1.0:
+        notes.append(
+            f"the footprints add up to {found.covered:.0%} of the space where they may be: they cannot fit without overlap; "
+            "lower the counts or the areas"
+        )
+    return Report(
+        steps=0,
+        converged=False,
+        seconds=0.0,
+        device=str(launcher.device.alias),
+        coverage_error=found.whole,
+        smallest_spacing=found.smallest,
+        closest=found.closest,
+        usual=found.usual,
+        overlaps=found.overlaps,
+        covered=found.covered,
+        classes=_class_reports(placement, found.errors),
+        notes=tuple(notes),
+    )
+
+
+def _class_reports(placement: Placement, errors: list[float]) -> tuple[ClassReport, ...]:
+    problem, class_index, size_index = placement.problem, placement.class_index, placement.size_index
+    return tuple(
+        ClassReport(
+            c.name,
+            errors[i],
+            tuple(
+                SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
+                for number, (s, placed) in enumerate(
+                    zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
+                )
+            ),
+        )
+        for i, c in enumerate(problem.classes)
     )
 
 

@@ -58,7 +58,7 @@ def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
         placement.angle,
         placement.length,
         placement.width,
-        placement.problem.domain,
+        placement.problem.rectangle,
         launcher,
         smaller=smaller,
         fixed=placement.fixed,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -15,13 +16,27 @@ from ..space.space import space_for_kernels
 from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
 
-__all__ = ["smallest_distance", "smallest_spacing"]
+__all__ = ["Spacing", "measure_spacing", "smallest_spacing"]
 
 # A hexagonal lattice of number density 1 has this distance of neighbours.
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
 # A body without a neighbour in sight is told by a distance of more spacings; then cells grow by a factor until there is one.
 MOST_SPACINGS = 1e3
 WIDER = 4.0
+
+
+class Spacing(NamedTuple):
+    """How far nearest neighbours are apart. A neighbour beyond the reach of the search counts as none.
+
+    Attributes:
+        smallest: Smallest distance over the hexagonal spacing of the local number density; 1 for a perfect hexagonal lattice.
+        closest: Smallest distance [m].
+        usual: Median of all bodies' distances to their nearest neighbours [m].
+    """
+
+    smallest: float
+    closest: float
+    usual: float
 
 
 def smallest_spacing(
@@ -40,11 +55,16 @@ def smallest_spacing(
     """
     bodies = measured_bodies(launcher, domain, position)
     density = wp.array(number_density * bodies.unit**2, dtype=float, device=launcher.device)
-    return smallest_distance(bodies, density)
+    spacing = measure_spacing(bodies, density)
+    return spacing and spacing.smallest
 
 
-def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float | None:
-    """See :func:`smallest_spacing`: the same for bodies on a device, with a number density per square unit."""
+def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing | None:
+    """Measure how far nearest neighbours are apart, of bodies on a device, with a number density per square unit.
+
+    Returns:
+        None for fewer than two bodies, or where no two are neighbours.
+    """
     if bodies.count < 2:
         return None
     n = bodies.count
@@ -70,9 +90,13 @@ def smallest_distance(bodies: MeasuredBodies, number_density: wp.array) -> float
             [nearest],
             grain=GRAIN_OF_NEIGHBOURS,
         )
-        smallest = float(nearest.numpy().min()) / HEXAGONAL_SPACING
+        own = nearest.numpy()
+        smallest = float(own.min()) / HEXAGONAL_SPACING
         if smallest < MOST_SPACINGS:
-            return smallest
+            break
         if max(counts) == 1:
             return None
         side *= WIDER
+    found = own < MOST_SPACINGS * HEXAGONAL_SPACING
+    distance = own[found] / np.sqrt(number_density.numpy()[found]) * bodies.unit
+    return Spacing(smallest, float(distance.min()), float(np.median(distance)))

@@ -64,7 +64,7 @@ class Contact:
         self._near = Neighbourhood(
             launcher,
             model.size,
-            model.problem.domain.periodic,
+            model.problem.rectangle.periodic,
             self._radii(longest) / model.unit,
             half / model.unit,
             mass,

@@ -9,12 +9,15 @@ half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..field.field import Field
+from ..field.mirrored_field import COPIES, MirroredField
 from ..space.space import space_for_kernels
 from ..space.support import images_for_kernels
 from ..space.survey import typical_spacing
@@ -27,7 +30,7 @@ from .model import Model
 from .state import State
 from .targets import group_targets
 
-__all__ = ["STEP_LIMIT", "Descent"]
+__all__ = ["SMALLEST_DENSITY", "STEP_LIMIT", "Descent", "bodies_for_kernels"]
 
 # No body moves further in a step than this share of the local spacing: two neighbours that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
@@ -49,7 +52,7 @@ class Descent:
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
-        field: The forces.
+        field: The forces; those of a mirrored domain are of one of twice its extent.
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
         contact: What keeps footprints apart, or None.
@@ -63,23 +66,15 @@ class Descent:
         self.launcher = launcher
         problem = model.problem
         device = launcher.device
-        self._space = space_for_kernels(model.size, problem.domain.periodic)
+        self._space = space_for_kernels(model.size, problem.rectangle.periodic)
         self.rules = LineRules(model, launcher)
-        self.bodies = _bodies_for_kernels(model, device)
+        self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        self.field = Field(
-            launcher,
-            size=model.size,
-            periodic=problem.domain.periodic,
-            interaction=model.interaction,
-            targets=group_targets(model),
-            spacing=typical_spacing(problem) / model.unit,
-            charge=model.charge.charge,
-            charge_group=model.body.group[model.charge.body],
-            fewest_nodes=fewest_nodes,
-        )
+        self._evaluate, self.field = self._make_field(fewest_nodes)
         self._prepare_steps()
-        self.images = images_for_kernels(launcher, model.supports, model.size)
+        # Dots look for the way back into the support only where they start.
+        back = pose is None or bool(model.kinds)
+        self.images = images_for_kernels(launcher, model.supports, model.size, to_support=back)
         self.state = self._first_state(pose)
         n = model.body_count
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
@@ -104,6 +99,25 @@ class Descent:
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+
+    def _make_field(self, fewest_nodes: int | None) -> tuple[Callable[[wp.array, wp.array], None], Field]:
+        """What evaluates the forces, and the field that it has."""
+        model = self.model
+        domain = model.problem.rectangle
+        described: dict[str, Any] = {
+            "size": model.size,
+            "interaction": model.interaction,
+            "targets": group_targets(model),
+            "spacing": typical_spacing(model.problem) / model.unit,
+            "charge": model.charge.charge,
+            "charge_group": model.body.group[model.charge.body],
+            "fewest_nodes": fewest_nodes,
+        }
+        if domain.mirrored:
+            mirrored = MirroredField(self.launcher, **described)
+            return mirrored.evaluate, mirrored.field
+        field = Field(self.launcher, periodic=domain.periodic, **described)
+        return field.evaluate, field
 
     def residual(self) -> float:
         """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
@@ -159,10 +173,11 @@ class Descent:
             [self.step_length],
         )
         count = np.zeros((1, len(field.images)))
+        copies = COPIES if self.model.problem.rectangle.mirrored else 1
         for index, c in enumerate(self.model.problem.classes):
             # Where all bodies of a class are fixed, nothing may follow its density.
             if index in field.image_of_class:
-                count[0, field.image_of_class[index]] += c.body_count
+                count[0, field.image_of_class[index]] += copies * c.body_count
         number = mix_images(self.launcher, field.deposited, count, layout.node_count)
         self.step_limit = self.launcher.empty(layout.node_count, float)
         self.launcher.launch(
@@ -179,7 +194,7 @@ class Descent:
 
     def take_step(self) -> None:
         """Launch a whole step."""
-        self.field.evaluate(self.charge_position, self.field_at_charge)
+        self._evaluate(self.charge_position, self.field_at_charge)
         with self.launcher.phase("update"):
             self.propose()
             self.decide()
@@ -252,7 +267,8 @@ class Descent:
         )
 
 
-def _bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
+def bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
+    """The bodies as kernels take them."""
     table, charge = model.body, model.charge
     bodies = kernels_descent.Bodies()
     bodies.support = wp.array(table.support, dtype=wp.int32, device=device)

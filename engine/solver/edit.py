@@ -313,19 +313,19 @@ def _asked(model: Model, class_index: int, order: int) -> np.ndarray:
 
 def _cells_of(position: np.ndarray, cells: int, problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     column, row = (
-        np.clip((position[:, a] * (cells / problem.domain.size[a])).astype(np.int32), 0, cells - 1) for a in (0, 1)
+        np.clip((position[:, a] * (cells / problem.rectangle.size[a])).astype(np.int32), 0, cells - 1) for a in (0, 1)
     )
     return column, row
 
 
 def _in_support(model: Model, position: np.ndarray) -> np.ndarray:
     """Bodies that are not fixed, brought to where they may be."""
-    position = np.clip(position, 0.0, model.problem.domain.size)
+    position = np.clip(position, 0.0, model.problem.rectangle.size)
     for k, support in enumerate(model.supports):
         if (support > 0.0).all():
             continue
         own = np.flatnonzero((model.body.support == k) & ~model.fixed)
-        outside = own[sample_density(support, position[own], model.problem.domain.size) <= 0.0]
+        outside = own[sample_density(support, position[own], model.problem.rectangle.size) <= 0.0]
         if len(outside):
-            position[outside] = move_into_support(support, position[outside], model.problem.domain.size)
+            position[outside] = move_into_support(support, position[outside], model.problem.rectangle.size)
     return position

@@ -62,7 +62,7 @@ def _within(angle: np.ndarray, period: float) -> np.ndarray:
 def position_in_metres(model: Model, state: State) -> np.ndarray:
     """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
     position = np.multiply(state.pose.numpy()[:, :2], model.unit, dtype=np.float64)
-    domain = model.problem.domain
+    domain = model.problem.rectangle
     if domain.periodic:
         # The far edge, where rounding may have put them, is the near one.
         position[position >= domain.size] = 0.0
@@ -97,5 +97,5 @@ def _settled(model: Model, position: np.ndarray) -> np.ndarray:
         if (support > 0.0).all():
             continue
         own = (model.body.support == k) & ~model.fixed
-        position[own] = move_into_support(support, position[own], problem.domain.size)
+        position[own] = move_into_support(support, position[own], problem.rectangle.size)
     return position

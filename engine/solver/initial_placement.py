@@ -21,7 +21,7 @@ from . import kernels_start
 from .model import Model
 from .targets import vacancy
 
-__all__ = ["first_pose", "initial_placement"]
+__all__ = ["body_starts", "first_pose", "initial_placement"]
 
 # Cells per body, and the finest curve (2^12 cells a side): cells smaller than a spacing are what makes the start even.
 CELLS_PER_BODY = 8
@@ -42,20 +42,8 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
         Poses (x, y, 0, 0), ``wp.vec4``, shape ``[body_count]``. Every body stands inside the domain, where its density is above zero.
     """
     device = launcher.device
-    problem, group = model.problem, model.body.group
-    # Fixed bodies take no part in it.
-    count = np.bincount(group[~model.fixed], minlength=model.groups.count)
-    rng = np.random.default_rng(problem.seed)
-    seed = int(rng.integers(1 << 31))
-    shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
-    of_bodies = [
-        wp.array(model.body.support, dtype=wp.int32, device=device),
-        wp.array(group, dtype=wp.int32, device=device),
-        wp.array(_ranks(group, count, ~model.fixed), dtype=wp.int32, device=device),
-        wp.array(model.body.identity, dtype=wp.int32, device=device),
-        wp.array(np.maximum(count, 1), dtype=wp.int32, device=device),
-        wp.array(shift, dtype=wp.float64, device=device),
-    ]
+    problem = model.problem
+    count, of_bodies, seed = body_starts(model, device)
     domain = wp.vec2(*model.size)
     pose = launcher.empty(model.body_count, wp.vec4)
     pyramids: dict[tuple[int, int], wp.array] = {}
@@ -81,6 +69,30 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
         values[model.fixed, :2] = problem.fixed.position / model.unit
         pose = wp.array(values, dtype=wp.vec4, device=device)
     return pose
+
+
+def body_starts(model: Model, device: wp.Device) -> tuple[np.ndarray, list[wp.array], int]:
+    """What is random about a start.
+
+    Returns:
+        Bodies of every group; on the device: every body's support, group, number in that group and identity, bodies of every group,
+        and at which fraction of a step along the curve each group starts; and the seed of the kernels.
+    """
+    group = model.body.group
+    # Fixed bodies take no part in it.
+    count = np.bincount(group[~model.fixed], minlength=model.groups.count)
+    rng = np.random.default_rng(model.problem.seed)
+    seed = int(rng.integers(1 << 31))
+    shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
+    of_bodies = [
+        wp.array(model.body.support, dtype=wp.int32, device=device),
+        wp.array(group, dtype=wp.int32, device=device),
+        wp.array(_ranks(group, count, ~model.fixed), dtype=wp.int32, device=device),
+        wp.array(model.body.identity, dtype=wp.int32, device=device),
+        wp.array(np.maximum(count, 1), dtype=wp.int32, device=device),
+        wp.array(shift, dtype=wp.float64, device=device),
+    ]
+    return count, of_bodies, seed
 
 
 def initial_placement(problem: Problem) -> np.ndarray:

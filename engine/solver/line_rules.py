@@ -43,7 +43,7 @@ class LineRules:
         rules = [kind.line for kind in model.kinds]
         self.kind_count = len(rules)
         made: dict[tuple[object, ...], np.ndarray] = {}
-        self._directions = [_directions_of(kind, problem.domain, made) for kind in model.kinds]
+        self._directions = [_directions_of(kind, problem.rectangle, made) for kind in model.kinds]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
 
         def numbers_of(values: list[float]) -> wp.array:
@@ -73,7 +73,7 @@ class LineRules:
         """
         result = np.zeros((len(position), 2))
         model = self._model
-        size = model.problem.domain.size
+        size = model.problem.rectangle.size
         rng = np.random.default_rng([model.problem.seed, 3])
         for kind in range(self.kind_count):
             own = np.flatnonzero(model.body.kind == kind)
@@ -94,7 +94,7 @@ class LineRules:
         kinds = model.body.kind[model.fixed]
         for kind in range(self.kind_count):
             own = kinds == kind
-            asked = _at(self._lengths[kind], table.position[own], model.problem.domain.size)
+            asked = _at(self._lengths[kind], table.position[own], model.problem.rectangle.size)
             length = np.where(np.isnan(table.length[own]), asked, table.length[own])
             result[own] = np.stack([table.angle[own], length / model.unit], axis=1)
         return result

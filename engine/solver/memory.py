@@ -13,8 +13,10 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..field.field_meshes import charge_mesh, split_of, target_mesh
+from ..field.mirrored_field import COPIES
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
+from ..problem.surface import Surface
 from ..problem.validation import MOST_BODIES, show
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout
@@ -42,6 +44,9 @@ BYTES_PER_PIXEL_MEANWHILE = 24
 BYTES_PER_CELL = 8 + 4 + 4
 # The start's pyramid: shares, and their sums in float64 on all levels.
 BYTES_PER_CURVE_CELL = 4 + 8 * 4 / 3
+# On a surface: tiles, nodes and their lists, and the report's finite elements; measured with 100,000 bodies on 20,000 triangles.
+BYTES_PER_CHARGE_ON_SURFACE = 3800
+BYTES_PER_TRIANGLE = 1200
 # What bodies alone take beyond this is refused without a look at anything else [bytes].
 MOST_FORETOLD = 10**14
 
@@ -54,6 +59,9 @@ def required_memory(problem: Problem) -> int:
     of_bodies = BYTES_FIXED + problem.charge_count * _bytes_per_charge(problem)
     if of_bodies > MOST_FORETOLD or problem.charge_count > MOST_BODIES:
         return of_bodies
+    if isinstance(problem.domain, Surface):
+        triangles = len(problem.domain.triangle)
+        return of_bodies + BYTES_PER_CHARGE_ON_SURFACE * problem.charge_count + BYTES_PER_TRIANGLE * triangles
     return of_bodies + _required_for_images(problem) + _required_for_meshes(problem)
 
 
@@ -73,9 +81,12 @@ def _required_for_meshes(problem: Problem) -> int:
     """What the meshes of the field and the grid of the report take."""
     groups = _group_count(problem)
     classes = len(problem.classes)
-    unit = math.sqrt(problem.domain.area / problem.charge_count)
-    size = problem.domain.size[0] / unit, problem.domain.size[1] / unit
-    spacing, periodic, charges = typical_spacing(problem) / unit, problem.domain.periodic, problem.charge_count
+    unit = math.sqrt(problem.rectangle.area / problem.charge_count)
+    size = problem.rectangle.size[0] / unit, problem.rectangle.size[1] / unit
+    spacing, periodic, charges = typical_spacing(problem) / unit, problem.rectangle.periodic, problem.charge_count
+    if problem.rectangle.mirrored:
+        # The mesh lies over the images beyond the borders as well.
+        size, periodic, charges = (2.0 * size[0], 2.0 * size[1]), True, COPIES * charges
     coarse = charge_mesh(size, periodic, spacing, charge_count=charges, group_count=groups, on_gpu=False)
     fine = target_mesh(size, periodic, spacing, charge_count=charges, split=split_of(coarse), on_gpu=False)
     of_coarse = (
@@ -85,11 +96,11 @@ def _required_for_meshes(problem: Problem) -> int:
     rows = min(classes, groups)
     of_fine = 4 * (classes + rows) * fine.node_count + rows * _halves(fine)
     kept_of_fine = 4 * rows * fine.node_count
-    longer = max(problem.domain.size)
-    cells = comparison_cells(problem.domain, problem.body_count)
-    shape = [max(1.0, cells * length / longer) for length in problem.domain.size]
+    longer = max(problem.rectangle.size)
+    cells = comparison_cells(problem.rectangle, problem.body_count)
+    shape = [max(1.0, cells * length / longer) for length in problem.rectangle.size]
     # A blur of a spacing widens the grid by a few of them, that of single bodies doubles it.
-    padding = 1.0 if problem.domain.periodic else 1.35 if problem.body_count > 500 else 4.0
+    padding = 1.0 if problem.rectangle.periodic else 1.35 if problem.body_count > 500 else 4.0
     of_report = shape[0] * shape[1] * (BYTES_PER_CELL + 8.0 * padding)
     order = math.log2(math.sqrt(8.0 * max(c.body_count for c in problem.classes)) + 1.0)
     curve = 4.0 ** min(max(math.ceil(order), 3), 12) * BYTES_PER_CURVE_CELL
@@ -113,6 +124,7 @@ def _group_count(problem: Problem) -> int:
 
 def _bytes_per_charge(problem: Problem) -> int:
     per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
+    per_charge *= COPIES if problem.rectangle.mirrored else 1
     # Lines have several charges each, dots one.
     per_body = BYTES_PER_BODY
     if problem.avoid_overlap:

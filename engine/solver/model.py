@@ -16,6 +16,7 @@ from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Line, Problem
+from ..problem.surface import Surface
 from .body_flags import BodyFlags
 from .supports import supports_of
 
@@ -87,8 +88,9 @@ class Model:
         kinds: The kinds of lines among them.
         fixed: Whether each body is a fixed one of the problem, shape ``[n]``, bool.
         supports: Images that are above zero where bodies may be.
-        unit: Metres per unit of length of the solver; charges have a mean number density of about 1 in it.
-        size: Extent of the domain in units.
+        unit: Metres per unit of length of the solver; charges have a mean number density of about 1 in it, on a surface the mean over
+            all bodies of the density that each sees.
+        size: Extent of the rectangle in units; 0 on a surface.
     """
 
     def __init__(self, problem: Problem, flags: np.ndarray | None = None, *, unit: float | None = None) -> None:
@@ -122,8 +124,13 @@ class Model:
         )
         self.charge: BodyCharges = charges_of(problem)
         self.interaction = _within_range(self.groups.matrix, self.charge.charge)
-        self.unit = unit or math.sqrt(problem.domain.area / len(self.charge.charge))
-        self.size = (problem.domain.size[0] / self.unit, problem.domain.size[1] / self.unit)
+        domain = problem.domain
+        self.size = (0.0, 0.0)
+        if isinstance(domain, Surface):
+            self.unit = _typical_spacing(problem, domain)
+        else:
+            self.unit = unit or math.sqrt(domain.area / len(self.charge.charge))
+            self.size = (domain.size[0] / self.unit, domain.size[1] / self.unit)
 
     def carry(self, old: Model, carried: CarriedOver) -> None:
         """Give bodies that were in another model before the identities and flags that they had there."""
@@ -181,6 +188,17 @@ class Model:
                 else kind.line.width
             )
         return width
+
+
+def _typical_spacing(problem: Problem, surface: Surface) -> float:
+    """Spacing [m] of charges at the number density that the average body sees on a surface."""
+    points = surface.sample()
+    number = np.zeros(len(points.triangle))
+    for body_class in problem.classes:
+        density = body_class.density_on(points)
+        number += body_class.body_count * density / density.mean()
+    crowding = float((number**2).mean() / number.mean() ** 2)
+    return math.sqrt(surface.area / (crowding * problem.charge_count))
 
 
 def _carried_outlines(old: BodyFootprints, new: BodyFootprints, source: np.ndarray) -> BodyFootprints:

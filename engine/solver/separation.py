@@ -191,7 +191,7 @@ class Separation:
         self._bodies, self._images = bodies, images
         self._model = model
         self._count = n = model.body_count
-        domain = model.problem.domain
+        domain = model.problem.rectangle
         self._space = space_for_kernels(model.size, domain.periodic)
         self._inset = int(domain.inset)
         unit = model.unit
@@ -633,7 +633,7 @@ class Separation:
         lines, order = self._is_line[self._order], self._order
         size = np.array(self._model.size, np.float32)
         position = place[:, :2].copy()
-        if self._model.problem.domain.periodic:
+        if self._model.problem.rectangle.periodic:
             position -= np.floor(position / size) * size
             position[position >= size] = 0.0
         pose[order, :2] = position

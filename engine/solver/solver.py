@@ -14,7 +14,8 @@ from ..device.launcher import Launcher, resolve_device
 from ..device.profile import Profile
 from ..errors import ProblemError
 from ..problem.placement import Placement
-from ..problem.problem import Problem
+from ..problem.problem import Domain, Problem
+from ..problem.surface import Surface
 from .descent import Descent
 from .edit import CarriedOver, carry_lines, carry_over
 from .final_placement import placement_of, position_in_metres
@@ -22,6 +23,9 @@ from .memory import check_memory
 from .model import Model
 from .spread import spread
 from .state import State
+from .surface_descent import SurfaceDescent
+from .surface_placement import placement_on_surface, points_of
+from .surface_state import SurfaceState
 
 __all__ = ["Edit", "Progress", "Solver"]
 
@@ -111,7 +115,7 @@ class Solver:
         problem: Problem,
         *,
         device: str = "auto",
-        state: State | None = None,
+        state: State | SurfaceState | None = None,
         profile: Profile | None = None,
         flags: np.ndarray | None = None,
     ) -> None:
@@ -120,7 +124,10 @@ class Solver:
             check_memory(problem)
             with self.launcher.phase("set-up"):
                 self.model = Model(problem, flags)
-                self.descent = Descent(self.model, self.launcher)
+                on_surface = isinstance(problem.domain, Surface)
+                self.descent: Descent | SurfaceDescent = (SurfaceDescent if on_surface else Descent)(
+                    self.model, self.launcher
+                )
                 self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
                 if state is not None:
                     self.start_from(state)
@@ -147,13 +154,15 @@ class Solver:
             ProblemError: Another domain, or a problem that does not fit into memory.
         """
         before, domain = self.model, self.model.problem.domain
+        if not isinstance(self.descent, Descent) or not isinstance(problem.domain, Domain):
+            raise ProblemError("`domain` must be a rectangle for an edit; it is a surface")
         if problem.domain != domain:
             raise ProblemError(f"`domain` must stay what it was in an edit, {domain}; got {problem.domain}")
         check_memory(problem)
         with self.launcher.phase("set-up"):
             ratio = problem.charge_count / before.charge_count
             model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
-            old = self.state
+            old = self.descent.state
             pose = old.pose.numpy().astype(np.float64)
             position = position_in_metres(before, old)
             carried = carry_over(before, position, model, self._next_identity, self._spread)
@@ -180,13 +189,18 @@ class Solver:
         return Edit(np.setdiff1d(model.body.identity, before.body.identity), gone, steps)
 
     @property
-    def state(self) -> State:
+    def state(self) -> State | SurfaceState:
         """Where the bodies are now; it changes with every step, so copy it to keep it."""
         return self.descent.state
 
-    def start_from(self, state: State) -> None:
+    def start_from(self, state: State | SurfaceState) -> None:
         """Go on from another state of the same problem."""
-        self.state.assign(state)
+        if isinstance(self.descent, SurfaceDescent):
+            assert isinstance(state, SurfaceState)
+            self.descent.state.assign(state)
+        else:
+            assert isinstance(state, State)
+            self.descent.state.assign(state)
         self.descent.place_charges()
 
     def step(self, count: int = 1) -> float:
@@ -236,10 +250,15 @@ class Solver:
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
         """
+        if isinstance(self.descent, SurfaceDescent):
+            if self.descent.contact is None:
+                return True
+            with self.launcher.phase("contact"):
+                return self.descent.separate(go_on)
         contact = self.descent.contact
         if contact is None or not self.model.problem.avoid_overlap:
             return True
-        state = self.state
+        state = self.descent.state
         with self.launcher.phase("contact"):
             parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again)
             self.descent.place_charges()
@@ -260,7 +279,10 @@ class Solver:
         Raises:
             ProblemError: A position is no finite number.
         """
-        placement = placement_of(self.model, self.state)
+        if isinstance(self.descent, SurfaceDescent):
+            placement = placement_on_surface(self.model, self.descent.facets, self.descent.state)
+        else:
+            placement = placement_of(self.model, self.descent.state)
         if not np.isfinite(placement.position).all():
             raise ProblemError(OVERFLOW)
         return placement
@@ -282,10 +304,12 @@ class Solver:
         self._spreads += 1
         problem = self.model.problem
         seed = int(np.random.default_rng([problem.seed, 4, self._spreads]).integers(1 << 31))
-        return spread(self.launcher, problem.domain, densities, counts, seed)
+        return spread(self.launcher, problem.rectangle, densities, counts, seed)
 
     def _position(self) -> np.ndarray:
-        return position_in_metres(self.model, self.state)
+        if isinstance(self.descent, SurfaceDescent):
+            return points_of(self.descent.facets, self.descent.state).position
+        return position_in_metres(self.model, self.descent.state)
 
 
 def _charges_per_body(model: Model) -> np.ndarray:

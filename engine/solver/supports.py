@@ -55,12 +55,15 @@ def supports_of(
     for c, body_class in enumerate(problem.classes):
         image = body_class.density_image
         shape = (image.shape[0], image.shape[1])
-        pixel = np.array(problem.domain.size) / shape[::-1]
+        pixel = np.array(problem.rectangle.size) / shape[::-1]
         # A pixel belongs to the support with its corners.
         corner = 0.5 * float(np.hypot(*pixel))
         own = class_index == c
         free = clearance(
-            problem.obstacles, problem.domain, shape, (float(radius[own].max()) + corner) * SAFELY + float(pixel.max())
+            problem.obstacles,
+            problem.rectangle,
+            shape,
+            (float(radius[own].max()) + corner) * SAFELY + float(pixel.max()),
         )
         for s, size in enumerate(body_class.sizes):
             bodies = np.flatnonzero(own & (size_index == s))

@@ -87,7 +87,7 @@ def _water_level(asked: np.ndarray, there: np.ndarray, total: float) -> float:
 
 def _on_cells(model: Model, image: np.ndarray, own: np.ndarray, bodies: int) -> tuple[np.ndarray, np.ndarray]:
     """Charge of fixed bodies, blurred, and share of the density in cells about a spacing of the group wide, row 0 at the top."""
-    domain = model.problem.domain
+    domain = model.problem.rectangle
     spacing = math.sqrt(domain.area / bodies)
     rows, columns = (int(np.clip(round(length / spacing), FEWEST_CELLS, MOST_CELLS)) for length in domain.size[::-1])
     table = model.problem.fixed

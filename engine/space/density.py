@@ -113,10 +113,14 @@ def move_into_support(image: np.ndarray, position: np.ndarray, size: tuple[float
     pixel = np.array([size[0] / width, size[1] / height])
     for body in np.flatnonzero(sample_density(image, result, size) <= 0.0):
         column, row = np.clip(np.floor(result[body] / pixel).astype(int), 0, (width - 1, height - 1))
-        top, left = max(height - 2 - row, 0), max(column - 1, 0)
-        near = np.argwhere(image[top : height + 1 - row, left : column + 2] > 0.0) + (top, left)
-        if not len(near):
-            near = np.argwhere(image > 0.0)
+        row = height - 1 - row
+        # Ever more pixels around it; where there are some at last, a nearer one may still lie beside them.
+        reach, near = 1, np.zeros((0, 2), int)
+        while not len(near) and reach < 2 * max(height, width):
+            found = reach
+            reach *= 2
+            top, left = max(row - found, 0), max(column - found, 0)
+            near = np.argwhere(image[top : row + found + 1, left : column + found + 1] > 0.0) + (top, left)
         low = np.stack([near[:, 1], height - 1 - near[:, 0]], axis=1) * pixel
         inside = np.clip(result[body], low + 1e-3 * pixel, low + (1.0 - 1e-3) * pixel)
         result[body] = inside[np.argmin(((inside - result[body]) ** 2).sum(axis=1))]

@@ -17,7 +17,7 @@ SURVEY_CELLS = 256
 
 def survey(problem: Problem) -> np.ndarray:
     """Asked number of bodies in every cell of a coarse grid over the domain, shape ``[rows, columns]``, float64."""
-    size = problem.domain.size
+    size = problem.rectangle.size
     rows, columns = (max(1, round(SURVEY_CELLS * length / max(size))) for length in size[::-1])
     share = {id(c.density_image): c.density_image for c in problem.classes}
     share = {key: box_integrals(image, (rows, columns)) for key, image in share.items()}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..problem.footprint import convex_hull
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
 
@@ -29,6 +30,7 @@ class Outline:
         width: Shorter side [m].
         angle: Direction of the longer side [rad], counter-clockwise from x.
         center: Middle of that rectangle, from the object's origin [m].
+        corners: Corners of its convex hull, from the object's origin [m], counter-clockwise, shape ``[k, 2]``.
     """
 
     area: float
@@ -36,6 +38,7 @@ class Outline:
     width: float
     angle: float
     center: tuple[float, float]
+    corners: tuple[tuple[float, float], ...] = ()
 
     @property
     def is_long(self) -> bool:
@@ -81,4 +84,5 @@ def outline(mesh: TriangleMesh) -> Outline:
         float(extent[1, best]),
         float(angle[best]),
         (float(center[0]), float(center[1])),
+        tuple(map(tuple, convex_hull(mesh.position[np.unique(mesh.triangle), :2]).tolist())),
     )

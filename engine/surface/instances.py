@@ -26,13 +26,16 @@ class Instances:
     source: np.ndarray
 
 
-def body_rotations(normal: np.ndarray, align: float, turn: np.ndarray) -> np.ndarray:
+def body_rotations(
+    normal: np.ndarray, align: float, turn: np.ndarray, tilt: tuple[np.ndarray, np.ndarray] | None = None
+) -> np.ndarray:
     """Return quaternions (w, x, y, z) that lean bodies from upright towards a normal and turn them about their own axis.
 
     Args:
         normal: Unit vectors, shape ``[n, 3]``.
         align: 0 leaves bodies upright, 1 sets them along the normal; in between, that share of the angle.
         turn: Turn about the body's own axis [rad], shape ``[n]``.
+        tilt: How far every body leans over, seen from its place [rad], and in which direction [rad]; shape ``[n]`` each.
 
     Returns:
         Shape ``[n, 4]``, of the arguments' type.
@@ -43,8 +46,16 @@ def body_rotations(normal: np.ndarray, align: float, turn: np.ndarray) -> np.nda
     along = np.sin(half) / np.maximum(sine, 1e-12)
     w, x, y = np.cos(half), -normal[:, 1] * along, normal[:, 0] * along
     c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
-    # The product with (c, 0, 0, s): first the turn, then the lean.
-    return np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=1)
+    if tilt is None:
+        # The product with (c, 0, 0, s): first the turn, then the lean.
+        return np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=1)
+    angle, direction = tilt
+    tilt_w, tilt_sine = np.cos(0.5 * angle), np.sin(0.5 * angle)
+    # About the horizontal axis that stands at right angles to the direction of the tilt.
+    p, q = -np.sin(direction) * tilt_sine, np.cos(direction) * tilt_sine
+    leaning = (w * tilt_w - x * p - y * q, w * p + x * tilt_w, w * q + y * tilt_w, x * q - y * p)
+    a, b, d, e = leaning
+    return np.stack([a * c - e * s, b * c + d * s, d * c - b * s, e * c + a * s], axis=1)
 
 
 def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:

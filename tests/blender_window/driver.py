@@ -1,4 +1,4 @@
-"""Runs inside a windowed Blender: install the zip, fill in the sidebar, press Scatter, take a screenshot, say what happened.
+"""Runs inside a windowed Blender: install the zip, press Scatter Selection, tune and change it, say what happened.
 
 Arguments after ``--``: the zip, the folder for the answers.
 """
@@ -48,27 +48,33 @@ def fill_in():
     with window_context():
         region = next(region for region in bpy.context.area.regions if region.type == "UI")
         region.active_panel_category = "ESH Scatter"
+        for item in list(bpy.data.objects):
+            bpy.data.objects.remove(item)
         bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)
-        bpy.context.object.name = "Ground"
-        bpy.ops.esh.scatter_add()
-        scatter = bpy.context.scene.esh_scatter.active
-        for name, add, count in (
-            ("Pine", bpy.ops.mesh.primitive_cone_add, 120),
-            ("Beech", bpy.ops.mesh.primitive_ico_sphere_add, 80),
+        ground = bpy.context.object
+        ground.name = "Ground"
+        made = [ground]
+        for name, add, scale in (
+            ("Pine", bpy.ops.mesh.primitive_cone_add, (0.4, 0.4, 0.9)),
+            ("Beech", bpy.ops.mesh.primitive_ico_sphere_add, (0.4, 0.4, 0.6)),
+            ("Log", bpy.ops.mesh.primitive_cube_add, (0.8, 0.1, 0.1)),
+            ("Mushroom", bpy.ops.mesh.primitive_torus_add, (0.15, 0.15, 0.3)),
+            ("Pebble", bpy.ops.mesh.primitive_uv_sphere_add, (0.1, 0.1, 0.06)),
         ):
-            add(location=(30.0, 0.0, 0.0), scale=(0.4, 0.4, 0.4))
+            add(location=(30.0, 0.0, 0.0))
             bpy.context.object.name = name
-            bpy.ops.esh.class_add()
-            made = scatter.active_class
-            made.name = name
-            made.sizes[0].source_object, made.sizes[0].count = bpy.context.object, count
-        bpy.ops.object.select_all(action="DESELECT")
+            bpy.context.object.scale = scale
+            made.append(bpy.context.object)
+        for item in bpy.context.scene.objects:
+            item.select_set(item in made)
+        bpy.context.view_layer.objects.active = ground
+        bpy.ops.ed.undo_push(message="Filled in")
 
 
 def press():
     with window_context():
         take_screenshot("before.png")
-        answer["pressed"] = sorted(bpy.ops.esh.scatter("INVOKE_DEFAULT"))
+        answer["pressed"] = sorted(bpy.ops.esh.scatter_selection("INVOKE_DEFAULT"))
     answer["deadline"] = time.time() + LONGEST_RUN
 
 
@@ -76,16 +82,53 @@ def finished():
     scatter = bpy.context.scene.esh_scatter.active
     if scatter.result is None and time.time() < answer["deadline"]:
         return False
+    answer["asked"] = {one.name: one.count for one in scatter.classes}
     answer["points"] = len(scatter.result.data.vertices) if scatter.result else 0
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    answer["instances"] = sum(1 for one in depsgraph.object_instances if one.is_instance)
+    answer["instances"] = count_instances()
     answer["report"] = scatter.report
     return True
+
+
+def count_instances():
+    return sum(1 for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance)
 
 
 def look():
     with window_context():
         take_screenshot("after.png")
+
+
+def tune():
+    """What the panel of the last operation (F9) does when a value in it is changed."""
+    with window_context():
+        last = bpy.context.window_manager.operators[-1]
+        answer["last"] = last.bl_idname
+        last.properties.most = 100
+        answer["tuned"] = sorted(bpy.ops.ed.undo_redo())
+        scatters = bpy.context.scene.esh_scatter.scatters
+        answer["scatters_after_tuning"] = len(scatters)
+        answer["instances_after_tuning"] = count_instances()
+        answer["asked_after_tuning"] = sum(one.count for one in scatters[0].classes)
+
+
+def change():
+    """What needs no solving, and what does."""
+    scatter = bpy.context.scene.esh_scatter.active
+    classes = scatter.classes
+    before = count_instances()
+    classes["Mushroom"].show_viewport = False
+    answer["hidden_at_once"] = before - count_instances() == classes["Mushroom"].count
+    classes["Pine"].tilt = 0.5
+    answer["outdated_by_tilt"] = scatter.outdated
+    classes["Log"].sizes[0].count += 5
+    classes["Pebble"].mute = True
+    classes["Beech"].density_kind = "IMAGE"
+    answer["changes"] = scatter.changes()
+
+
+def look_again():
+    with window_context():
+        take_screenshot("changed.png")
 
 
 def end():
@@ -99,7 +142,18 @@ def write():
 
 
 # Each with the seconds to wait afterwards, so that the window is drawn; one that returns False is asked again.
-STEPS = [(install, 2.0), (open_sidebar, 2.0), (fill_in, 3.0), (press, 0.5), (finished, 3.0), (look, 0.5), (end, 1.0)]
+STEPS = [
+    (install, 2.0),
+    (open_sidebar, 2.0),
+    (fill_in, 3.0),
+    (press, 0.5),
+    (finished, 3.0),
+    (look, 0.5),
+    (tune, 1.0),
+    (change, 2.0),
+    (look_again, 0.5),
+    (end, 1.0),
+]
 answer = {"blender": bpy.app.version_string}
 
 

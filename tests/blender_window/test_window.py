@@ -30,14 +30,21 @@ def test_the_button_scatters_in_a_window(tmp_path: Path):
     answer = json.loads(answer_file.read_text(encoding="utf-8"))
     assert "error" not in answer, answer["error"]
     assert answer["pressed"] == ["RUNNING_MODAL"]
-    assert answer["points"] == answer["instances"] == 200
+    assert answer["points"] == answer["instances"] == sum(answer["asked"].values())
+    assert list(answer["asked"]) == ["Beech", "Log", "Mushroom", "Pebble", "Pine"]
     placed = [size["placed"] for entry in answer["report"]["classes"] for size in entry["sizes"]]
-    assert placed == [120, 80]
+    assert placed == list(answer["asked"].values()) and answer["report"]["overlaps"] == 0
+    # The panel of the last operation makes the same scatter anew with another value.
+    assert (answer["last"], answer["tuned"]) == ("ESH_OT_scatter_selection", ["FINISHED"])
+    assert answer["scatters_after_tuning"] == 1
+    assert answer["instances_after_tuning"] == answer["asked_after_tuning"] <= 102
+    assert answer["hidden_at_once"] and not answer["outdated_by_tilt"]
+    assert sorted(answer["changes"]) == ["count of Log", "without Beech", "without Pebble"]
     before, after = (image.open(tmp_path / name).convert("RGB") for name in ("before.png", "after.png"))
     # A black window has no colours; a window in which nothing happened looks the same twice.
     assert len(after.getcolors(10**7)) > 100
     assert before.tobytes() != after.tobytes()
     kept = os.environ.get("BLENDER_SCREENSHOTS")
     if kept:
-        shutil.copy(tmp_path / "before.png", kept)
-        shutil.copy(tmp_path / "after.png", kept)
+        for name in ("before.png", "after.png", "changed.png"):
+            shutil.copy(tmp_path / name, kept)

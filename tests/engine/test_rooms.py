@@ -16,12 +16,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "transforms": {"device"},
     "space": {"device", "problem", "transforms"},
     "surface": {"device", "problem"},
+    "cascade": {"device", "problem", "space", "surface"},
     "field": {"device", "problem", "space", "transforms"},
-    "solver": {"device", "field", "problem", "space", "transforms"},
+    "solver": {"cascade", "device", "field", "problem", "space", "surface", "transforms"},
     "quality": {"device", "field", "problem", "space", "transforms"},
     "files": {"problem"},
     "drawing": {"files", "problem"},
-    "cli": {"device", "drawing", "files", "problem", "solve", "solver"},
+    "scenes": {"device", "files", "problem", "solve"},
+    "cli": {"device", "drawing", "files", "problem", "scenes", "solve", "solver"},
 }
 FOR_ALL = {"errors", "native_output", "version"}
 # Files beside the rooms, and what they may import. What is asked of the engine as a whole is in one file.

@@ -88,6 +88,25 @@ def test_the_report_is_kept_and_running_again_replaces_the_result(scatter):
     assert positions(scatter.result) == first
 
 
+def test_renaming_a_scatter_renames_its_result(scatter):
+    bpy.ops.esh.scatter()
+    result = scatter.result
+    scatter.name = "Forest"
+    assert result.name == "Forest" and result["esh_scatter_name"] == "Forest" and not scatter.outdated
+    bpy.ops.esh.scatter()
+    assert scatter.result == result
+
+
+def test_incomplete_classes_are_skipped_with_a_sentence(scatter, capfd):
+    scatter.classes[1].density_kind = "IMAGE"
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert len(scatter.result.data.vertices) == 30
+    assert "Beech is left out: choose its density image" in capfd.readouterr().out
+    assert not scatter.outdated
+    scatter.classes[1].density_kind = "UNIFORM"
+    assert scatter.changes() == ["Beech is new"]
+
+
 def test_two_scatters_keep_apart(scatter):
     bpy.ops.esh.scatter()
     first = scatter.result
@@ -105,9 +124,12 @@ def test_two_scatters_keep_apart(scatter):
 
 def test_a_deleted_result_is_made_anew(scatter):
     bpy.ops.esh.scatter()
+    name, mesh, group = scatter.result.name, scatter.result.data.name, scatter.result.modifiers[0].node_group.name
     bpy.context.scene.collection.objects.unlink(scatter.result)
     assert bpy.ops.esh.scatter() == {"FINISHED"}
-    assert bpy.context.scene.objects.get(scatter.result.name) == scatter.result
+    assert scatter.result.name == name == scatter.name, "and it is not the second of its name"
+    assert (scatter.result.data.name, scatter.result.modifiers[0].node_group.name) == (mesh, group)
+    assert bpy.context.scene.objects.get(name) == scatter.result
 
 
 def test_undo_brings_back_what_was_there(scatter):
@@ -179,7 +201,9 @@ class Window:
         )
         monkeypatch.setattr(running.bpy, "context", self.context)
         running.start(self.context, job, scene.esh_scatter.active)
-        operator = SimpleNamespace(report=lambda kind, text: self.reports.append((*kind, text)))
+        operator = SimpleNamespace(
+            report=lambda kind, text: self.reports.append((*kind, text)), _undo=lambda _context: None
+        )
         for name in ("_stopped", "_write", "_finish"):
             setattr(operator, name, getattr(operators.ESH_OT_scatter, name).__get__(operator))
         self.operator = operator

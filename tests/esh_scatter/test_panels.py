@@ -2,18 +2,22 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.problem import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
-from esh.esh_scatter import panels, properties, registration, running  # noqa: E402
+from esh.esh_scatter import operators, panels, properties, registration, running  # noqa: E402
 from esh.esh_scatter.described_properties import shown_settings  # noqa: E402
+from esh.esh_scatter.result import write_result  # noqa: E402
 
 
 class Layout:
     """Stands in for a UILayout: remembers what is drawn, and fails where Blender would."""
+
+    width = 300
 
     def __init__(self, drawn: list) -> None:
         self.__dict__["drawn"] = drawn
@@ -52,7 +56,12 @@ class Layout:
         self.prop(index_data, index)
         for number, item in enumerate(getattr(data, items)):
             row = getattr(bpy.types, list_class).draw_item
-            row(None, bpy.context, self, data, item, 0, index_data, index, number)
+            row(None, shown_context(Layout.width), self, data, item, 0, index_data, index, number)
+
+    def menu(self, identifier, *, text="", icon="NONE"):
+        self._check_icon(icon)
+        menu = getattr(bpy.types, identifier)
+        menu.draw(SimpleNamespace(layout=self), shown_context())
 
     def operator(self, identifier, *, text="", icon="NONE", **_options):
         group, name = identifier.split(".")
@@ -79,24 +88,31 @@ def empty_file():
     registration.unregister()
 
 
-def draw_all() -> list[str]:
-    """Draw every panel that shows now, and return what it shows."""
-    # Without a window Blender knows no scale of its interface.
+def shown_context(width: int = 300) -> SimpleNamespace:
+    """Return what drawing asks of a context; without a window Blender knows no scale of its interface."""
     preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
-    context = SimpleNamespace(scene=bpy.context.scene, preferences=preferences, region=SimpleNamespace(width=300))
+    return SimpleNamespace(scene=bpy.context.scene, preferences=preferences, region=SimpleNamespace(width=width))
+
+
+def draw_all(width: int = 300) -> list[str]:
+    """Draw every panel that shows now, and return what it shows."""
+    Layout.width = width
+    context = shown_context(width)
     drawn: list[str] = []
     for cls in panels.CLASSES:
         if not hasattr(cls, "poll") or cls.poll(context):
             panel = SimpleNamespace(layout=Layout(drawn))
             panel._column = lambda panel=panel: panels._SubPanel._column(panel)
-            if hasattr(cls, "draw_header_preset"):
-                cls.draw_header_preset(panel, context)
+            if hasattr(cls, "draw_header"):
+                cls.draw_header(panel, context)
             cls.draw(panel, context)
     return drawn
 
 
 def new_object(name: str) -> bpy.types.Object:
-    item = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (20, 0, 0), (20, 20, 0), (0, 20, 0)], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
     bpy.context.scene.collection.objects.link(item)
     return item
 
@@ -105,14 +121,14 @@ def report(**changes) -> dict:
     sizes = [{"name": "Large", "area": 1.0, "asked": 1234, "placed": 1234}]
     made = {
         "steps": 150, "converged": True, "seconds": 1.25, "device": "cpu", "coverage_error": 0.0123,
-        "smallest_spacing": 0.7, "overlaps": 0, "covered": 0.5,
+        "smallest_spacing": 0.7, "overlaps": 0, "covered": 0.5, "closest": 0.342, "usual": 0.71,
         "classes": [{"name": "Pine", "coverage_error": 0.02, "sizes": sizes}], "notes": [],
     }  # fmt: skip
     return made | changes
 
 
 def test_a_new_file_says_what_to_click():
-    assert "esh.scatter_add" in draw_all()
+    assert {"esh.scatter_selection", "esh.scatter_add"} <= set(draw_all())
     assert "esh.scatter" not in draw_all()
 
 
@@ -150,7 +166,6 @@ def test_directions_ranges_and_sharpening_draw_their_own_fields():
         "unsharp_radius",
         "area_largest",
         "area",
-        "may_overlap",
     }
     shown = extra & set(draw_all())
     assert not shown and {"shape", "avoid_overlap", "density_correction", "use_unsharp"} <= set(draw_all())
@@ -165,8 +180,9 @@ def test_directions_ranges_and_sharpening_draw_their_own_fields():
         setattr(group, name, value)
         assert extra & set(draw_all()) == fields, (name, value)
         setattr(group, name, before)
+    assert "esh.class_overlap" not in draw_all()
     scatter.add_class()
-    assert "may_overlap" in draw_all(), "with two classes there is something to overlap"
+    assert "esh.class_overlap" in draw_all(), "with two classes there is something to overlap"
 
 
 def test_the_button_says_why_nothing_can_be_done():
@@ -176,15 +192,93 @@ def test_the_button_says_why_nothing_can_be_done():
     assert "Choose a target: the mesh to scatter on" in words
 
 
-def test_the_report_shows_counts_notes_and_that_it_is_out_of_date():
+def new_result(target) -> bpy.types.Object:
+    """A result of one point."""
+    one = {"instance_index": ("INT", np.zeros(1)), "rotation": ("QUATERNION", np.ones((1, 4)))}
+    one["scale"] = ("FLOAT_VECTOR", np.ones((1, 3)))
+    return write_result(bpy.context.scene, None, target, "Result", [], np.zeros((1, 3)), one)
+
+
+def ready_scatter():
+    """A scatter with one class to which nothing is missing, and its result."""
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
-    scatter.add_class()
-    scatter.remember(new_object("Result"), report(overlaps=1500, converged=False, notes=["The `area` cannot fit"]))
-    words = " ".join(draw_all())
-    assert "1,234 1,234" in words and "1,500" in words and "not converged" in words
-    assert "The area cannot fit" in words and "Settings have changed" not in words
+    scatter.add_class().name = "Pine"
+    scatter.classes[0].sizes[0].source_object = new_object("Tree")
+    scatter.remember(new_result(scatter.target), report())
+    return scatter
+
+
+def test_the_status_is_one_line_under_the_button():
+    scatter = ready_scatter()
+    drawn = draw_all(400)
+    button = drawn.index("esh.scatter")
+    assert drawn[button + 1] == "1,234 placed · no overlap · very even · 1.2 s"
+    assert button < drawn.index("classes"), "the button comes before the classes"
+    narrow = draw_all(220)
+    lines = narrow[narrow.index("esh.scatter") + 1 :][:2]
+    assert " ".join(lines) == "1,234 placed · no overlap · very even · 1.2 s", "no part of it is torn in two"
+    scatter.classes[0].sizes[0].count += 1
     scatter.seed += 1
-    assert "Settings have changed" in " ".join(draw_all())
+    drawn = draw_all(500)
+    assert drawn[drawn.index("esh.scatter") + 1] == "Changed: seed, count of Pine"
+    scatter.classes[0].density_kind = "IMAGE"
+    other = scatter.add_class()
+    other.sizes[0].source_object = new_object("Bush")
+    assert "Pine is left out: choose its density image" in draw_all(500)
+    other.mute = True
+    drawn = draw_all(500)
+    assert drawn[drawn.index("esh.scatter") + 1] == 'Class "Pine": choose its density image'
+
+
+def test_a_deleted_result_leaves_no_report():
+    scatter = ready_scatter()
+    assert "Closest" in draw_all()
+    bpy.context.scene.collection.objects.unlink(scatter.result)
+    drawn = draw_all()
+    assert "The result is no longer there" in drawn and "Closest" not in drawn
+
+
+def test_the_report_shows_counts_metres_and_every_note_once():
+    scatter = ready_scatter()
+    scatter.add_class().name = "Beech"
+    entries = [
+        {"name": "Pine", "coverage_error": 0.02, "sizes": [{"name": "Large", "area": 1.0, "asked": 1234, "placed": 1234}]},
+        {"name": "Beech", "coverage_error": 0.3, "sizes": [
+            {"name": "Large", "area": 1.0, "asked": 20, "placed": 12}, {"name": "Small", "area": 1.0, "asked": 8, "placed": 8},
+        ]},
+    ]  # fmt: skip
+    told = report(overlaps=1, classes=entries, coverage_error=0.2, converged=False, notes=["`area`: too large"])
+    scatter.remember(scatter.result, told)
+    drawn = draw_all(400)
+    words = " ".join(drawn)
+    assert "Pine 1,234 very even" in words and "Beech 20 uneven" in words and "12 of 20" in words
+    assert "0.34 m" in words and "0.71 m to the nearest" in words and "lattice" not in words
+    assert words.count("Area: too large") == 1 and "1 overlap ·" in words
+    assert "uneven: Beech" in words and "More steps would make it more even" in words and "not converged" not in words
+    scatter.remember(scatter.result, report(converged=False))
+    assert "More steps" not in " ".join(draw_all(400)), "nothing is wrong that more steps would mend"
+
+
+def test_classes_have_their_current_names_in_the_report():
+    scatter = ready_scatter()
+    scatter.classes[0].name = "Fir"
+    drawn = draw_all()
+    assert "Fir" in drawn and "Pine" not in drawn
+
+
+def test_every_operator_is_in_the_object_menu():
+    drawn: list[str] = []
+    Layout(drawn).menu("ESH_MT_object")
+    by_hand = {"esh.class_overlap", "esh.scatter_choose", "esh.class_move", "esh.size_move"}
+    assert {cls.bl_idname for cls in operators.CLASSES} - by_hand == set(drawn)
+    assert all("INTERNAL" not in getattr(cls, "bl_options", ()) for cls in operators.CLASSES), "F3 would not find them"
+
+
+def test_rows_show_what_is_placed_where_there_is_room():
+    scatter = ready_scatter()
+    scatter.classes[0].count_kind, scatter.classes[0].distance = "DISTANCE", 1.5
+    assert {"Tree", "1.5 m apart", "mute", "show_viewport", "show_render"} <= set(draw_all(400))
+    assert "Tree" not in draw_all(250) and "1.5 m apart" in draw_all(250)
 
 
 def test_removed_data_never_stops_the_drawing():
@@ -214,6 +308,8 @@ def test_a_run_shows_its_progress_and_a_stop_button():
 def test_every_setting_of_the_sidebar_is_drawn():
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     body_class = scatter.add_class()
+    body_class.add_size()
+    body_class.size_index = 0
     scatter.add_class()
     scatter.class_index = 0
     drawn = set()
@@ -234,5 +330,5 @@ def test_every_setting_of_the_sidebar_is_drawn():
                 setattr(group, told.identifier, value)
                 drawn |= set(draw_all())
                 setattr(group, told.identifier, before)
-    # Which result there is, the button says; the map is a choice of the image's.
-    assert names - drawn == {"result", "uv_map"}
+    # Which result there is, the button says; the map is a choice of the image's; what may overlap has buttons.
+    assert names - drawn == {"result", "uv_map", "may_overlap"} and "esh.class_overlap" in drawn

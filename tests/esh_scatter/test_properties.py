@@ -79,6 +79,7 @@ def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
     scene = bpy.context.scene
     assert scatter.obstacle(scene) is None
     pine = scatter.classes[0]
+    scatter.classes[1].mute = True
     for kind, word in (("IMAGE", "image"), ("VERTEX_GROUP", "vertex group"), ("ATTRIBUTE", "attribute")):
         pine.density_kind = kind
         assert word in scatter.obstacle(scene) and '"Pine"' in scatter.obstacle(scene)
@@ -98,12 +99,18 @@ def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
     pine.direction_image = bpy.data.images["where"]
     assert scatter.obstacle(scene) is None
     pine.may_overlap = " Beech, , Oak"
-    assert 'there is no class "Oak"' in scatter.obstacle(scene)
-    pine.may_overlap = " Beech, "
-    assert scatter.obstacle(scene) is None
+    assert scatter.obstacle(scene) is None and scatter.non_overlap() is None, (
+        "a class that is muted or gone is no obstacle"
+    )
+    scatter.classes[1].mute = False
     assert scatter.non_overlap() == [[1.0, 0.0], [0.0, 1.0]]
+    pine.mute = scatter.classes[1].mute = True
+    assert "All classes are muted" in scatter.obstacle(scene)
+    pine.mute = False
     pine.sizes[0].source_kind = "COLLECTION"
     assert "choose a collection" in scatter.obstacle(scene)
+    pine.sizes[0].source_collection = bpy.data.collections.new("Bushes")
+    assert '"Bushes" is empty' in scatter.obstacle(scene)
     pine.sizes[0].source_kind, pine.sizes[0].source_object = "OBJECT", scatter.target
     assert "target" in scatter.obstacle(scene)
     pine.sizes.clear()
@@ -115,7 +122,11 @@ def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
 def test_renamed_data_is_followed_and_deleted_data_leaves_an_empty_field(scatter):
     scatter.target.name = "Meadow"
     assert scatter.target.name == "Meadow" and scatter.obstacle(bpy.context.scene) is None
-    bpy.data.objects.remove(scatter.classes[0].sizes[0].source_object)
+    tree = scatter.classes[0].sizes[0].source_object
+    bpy.context.scene.collection.objects.unlink(tree)
+    assert scatter.classes[0].sizes[0].source == tree, "it stays in the file"
+    assert '"Tree" was deleted' in scatter.obstacle(bpy.context.scene)
+    bpy.data.objects.remove(tree)
     assert scatter.classes[0].sizes[0].source is None
     assert "choose an object" in scatter.obstacle(bpy.context.scene)
     bpy.data.objects.remove(scatter.target)
@@ -134,7 +145,6 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
     size = scatter.classes[0].sizes[0]
     changes = [
         (scatter, "seed", 5), (scatter, "class_separation", 0.25), (scatter, "size_emphasis", 3.0),
-        (scatter, "align_to_normal", 0.5), (scatter, "random_turn", 1.0), (scatter, "scale_jitter", 0.2),
         (scatter, "max_steps", 20), (scatter, "device", "CPU"), (scatter, "target", new_object("Other")),
         (scatter.classes[0], "density_kind", "IMAGE"), (scatter.classes[0], "invert", True),
         (size, "count", 7), (size, "area", 3.0), (size, "area_kind", "VALUE"), (size, "source_object", new_object("Bush")),
@@ -153,6 +163,7 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
         assert not scatter.outdated, name
     scatter.classes[0].name = "Fir"
     scatter.classes[0].color = (1, 0, 0)
+    scatter.classes[0].show_viewport = False
     assert not scatter.outdated, "neither a name nor a colour moves anything"
     scatter.target.location.x += 1
     bpy.context.view_layer.update()
@@ -200,6 +211,8 @@ def test_arguments_are_those_of_the_api(scatter):
     small = pine.add_size()
     small.count, small.area_kind, small.area = 9, "VALUE", 0.25
     small.source_kind, small.source_collection = "COLLECTION", bpy.data.collections.new("Bushes")
+    small.source_collection.objects.link(new_object("Bush"))
+    scatter.target.data.uv_layers.new(name="layout")
     scatter.device = "CUDA"
     (target, classes), named = scatter.arguments(bpy.context.scene)
     assert target == scatter.target and [c.name for c in classes] == ["Pine", "Beech"]
@@ -209,3 +222,78 @@ def test_arguments_are_those_of_the_api(scatter):
     assert classes[0].sizes[1].source == bpy.data.collections["Bushes"]
     assert named["device"] == "cuda:0" and named["result"] is None and named["name"] == scatter.name
     assert json.dumps({key: value for key, value in named.items() if key != "result"})
+
+
+def test_an_object_that_never_was_in_a_scene_is_not_deleted(scatter):
+    """The dots of inks, and what is linked from a library, show only where they are placed."""
+    dot = bpy.data.objects.new("Dot", bpy.data.objects["Tree"].data)
+    for body_class in scatter.classes:
+        body_class.sizes[0].source_object = dot
+    assert scatter.obstacle(bpy.context.scene) is None
+
+
+def test_muted_and_incomplete_classes_do_not_block_the_others(scatter):
+    pine, beech = scatter.classes
+    pine.sizes[0].source_object = None
+    assert [c.name for c in scatter.arguments(bpy.context.scene)[0][1]] == ["Beech"]
+    assert scatter.left_out() == ["Pine is left out: choose an object to place"]
+    pine.mute = True
+    assert scatter.left_out() == [] and scatter.obstacle(bpy.context.scene) is None
+    beech.mute = True
+    assert scatter.obstacle(bpy.context.scene) is not None
+
+
+def test_what_has_changed_is_said_in_the_words_of_the_sidebar(scatter):
+    pine, beech = scatter.classes
+    scatter.remember(new_object("Result"), {"steps": 3})
+    assert scatter.changes() == []
+    scatter.seed, pine.sizes[0].count, pine.density_kind = 4, 7, "VERTEX_GROUP"
+    scatter.target.vertex_groups.new(name="trees")
+    pine.vertex_group = "trees"
+    assert scatter.changes() == ["seed", "density of Pine", "vertex group of Pine", "count of Pine"]
+    scatter.remember(scatter.result, {"steps": 3})
+    beech.add_size().source_object = bpy.data.objects["Tree"]
+    assert scatter.changes() == ["sizes of Beech"]
+    beech.mute = True
+    assert scatter.changes() == ["without Beech"]
+    scatter.remove_class(1)
+    assert scatter.changes() == ["a class was removed"]
+    scatter.add_class().sizes[0].source_object = bpy.data.objects["Tree"]
+    assert scatter.changes() == ["Class is new", "a class was removed"]
+    scatter.remember(scatter.result, {"steps": 3})
+    scatter.classes.move(0, 1)
+    assert scatter.changes() == ["the order of the classes"]
+    scatter.classes.move(0, 1)
+    scatter.target.location.x += 1
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["shape or place of the target"]
+    scatter.ran_with = "written by another version"
+    assert scatter.changes() == ["settings"]
+
+
+def test_renaming_and_removing_a_class_is_followed_by_what_may_overlap(scatter):
+    pine, beech = scatter.classes
+    pine.may_overlap = "Beech"
+    beech.name = "Oak"
+    assert pine.names_that_may_overlap == {"Oak"} and scatter.non_overlap() == [[1.0, 0.0], [0.0, 1.0]]
+    pine.name = "Fir"
+    assert pine.overlaps_with(beech) and beech.overlaps_with(pine)
+    scatter.remove_class(1)
+    assert scatter.classes[0].may_overlap == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value", "told"),
+    [
+        ("PER_AREA", "per_area", 0.25, "0.25 per m²"),
+        ("DISTANCE", "distance", 1.5, "1.5 m apart"),
+        ("SHARE", "cover_share", 0.5, "50% cover"),
+    ],
+)
+def test_counts_can_be_said_in_other_ways(scatter, kind, name, value, told):
+    pine = scatter.classes[0]
+    pine.count_kind = kind
+    setattr(pine, name, value)
+    assert pine.amount == told
+    amount = pine.as_argument().count
+    assert getattr(amount, {"cover_share": "cover"}.get(name, name)) == pytest.approx(value)

@@ -7,9 +7,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import lists, operators, panels, properties, registration  # noqa: E402
+from esh.esh_scatter import exchange_operators, lists, menus, operators, panels, properties, registration  # noqa: E402
 
-MODULES = (properties, lists, operators, panels)
+MODULES = (properties, lists, operators, menus, panels, exchange_operators)
 PREFIX = "ESH_"
 
 
@@ -25,6 +25,10 @@ def everything_registered() -> set[str]:
     found |= {name for name in dir(bpy.types) if name.startswith(PREFIX)}
     found |= {f"{name}.esh" for name in ("Scene", "Object", "Mesh") if hasattr(getattr(bpy.types, name), "esh_scatter")}
     found |= {f"esh.{name}" for name in dir(bpy.ops.esh)}
+    for menu in (bpy.types.TOPBAR_MT_file_export, bpy.types.TOPBAR_MT_file_import):
+        drawn = getattr(menu.draw, "_draw_funcs", [])
+        found |= {f"{menu.__name__}.{f.__name__}" for f in drawn if "esh_scatter" in f.__module__}
+    found |= {"menu" for draw in bpy.types.VIEW3D_MT_object._dyn_ui_initialize() if "esh_scatter" in draw.__module__}
     for name in dir(bpy.app.handlers):
         handlers = getattr(bpy.app.handlers, name)
         if isinstance(handlers, list):
@@ -38,17 +42,19 @@ def test_unregistering_removes_everything_however_often_it_is_done():
         registration.register()
         registered = everything_registered()
         assert {cls.__name__ for module in MODULES for cls in module.CLASSES} <= registered
-        assert {"Scene.esh", "esh.scatter"} <= registered
+        assert {"Scene.esh", "esh.scatter", "menu"} <= registered
+        assert {"TOPBAR_MT_file_export._draw_export", "TOPBAR_MT_file_import._draw_import"} <= registered
         handlers = {name.partition(":")[2] for name in registered if ":" in name}
         assert handlers == {"bring_up_to_date"}, "no other handler may be installed while nothing runs"
         registration.unregister()
         assert everything_registered() == set()
+        registration.unregister()  # on leaving, Python and Blender both ask for it
 
 
 def test_every_class_is_listed_once_and_named_as_blender_wants():
     listed = [cls for module in MODULES for cls in module.CLASSES]
     assert len(listed) == len(set(listed))
-    for module, infix in zip(MODULES, ("_PG_", "_UL_", "_OT_", "_PT_"), strict=True):
+    for module, infix in zip(MODULES, ("_PG_", "_UL_", "_OT_", "_MT_", "_PT_", "_OT_"), strict=True):
         assert module.CLASSES
         defined = {
             c

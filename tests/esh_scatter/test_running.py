@@ -33,3 +33,28 @@ def test_a_stopped_run_is_waited_for_and_then_let_go(monkeypatch):
     del run, solver
     gc.collect()
     assert held() is None
+
+
+def test_compiling_is_said_only_where_it_can_be(monkeypatch):
+    from types import SimpleNamespace
+
+    from esh.engine.device import prebuilt_kernels
+
+    monkeypatch.setattr(running, "_ran_on", set())
+    monkeypatch.setattr(prebuilt_kernels, "are_prebuilt", lambda: False)
+    session = object.__new__(running.Session)
+    session.device, session.run, session._shown = "cpu", SimpleNamespace(progress=None, seconds=0.5), ""
+    monkeypatch.setattr(running, "_set_status", lambda _text: None)
+    monkeypatch.setattr(running, "redraw_sidebars", lambda: None)
+    assert session.text == "Preparing"
+    session.run.seconds = 9.0
+    assert session.text == "Compiling (first run only)"
+    monkeypatch.setattr(prebuilt_kernels, "are_prebuilt", lambda: True)
+    assert session.text == "Preparing", "the extension's zip has what the processor needs"
+    session.device = "cuda:0"
+    assert session.text == "Compiling (first run only)"
+    session.run.progress = SimpleNamespace(step=1, steps=5)
+    session.show()
+    assert session.text == "Step 1 of 5"
+    session.run.progress = None
+    assert session.text == "Preparing", "it did so in this process"

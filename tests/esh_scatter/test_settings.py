@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.problem.problem import BodyClass, ClassSettings, Size, Unsharp  # noqa: E402
-from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
+from esh.engine.problem.scatter_settings import ScatterSettings, Standing  # noqa: E402
 from esh.engine.problem.settings import Choice, Settings, setting, settings_of  # noqa: E402
 from esh.esh_scatter import properties, registration  # noqa: E402
 from esh.esh_scatter.described_properties import shown_settings, values_from, with_properties  # noqa: E402
@@ -48,6 +48,8 @@ def shown_of(scatter):
     """The group, and the property that stands for a setting there."""
     for shown in shown_settings(ScatterSettings, properties.BY_HAND):
         yield scatter, ScatterSettings, shown
+    for shown in shown_settings(Standing):
+        yield scatter.classes[0], Standing, shown
     for shown in shown_settings(ClassSettings):
         yield scatter.classes[0], ClassSettings, shown
     for shown in shown_settings(Size, set(settings_of(Size)) - {"distribution"}):
@@ -92,10 +94,12 @@ def test_settings_can_be_kept_and_handed_in_as_one():
 
 def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scripts(scatter):
     defaults, given = esh.ScatterSettings(), scatter.arguments(bpy.context.scene)[1]
-    assert settings_of(ScatterSettings).keys() <= given.keys()
-    for name in settings_of(ScatterSettings):
+    assert settings_of(ScatterSettings).keys() <= given.keys() | settings_of(Standing).keys()
+    for name in settings_of(ScatterSettings).keys() - settings_of(Standing).keys():
         assert given[name] == pytest.approx(getattr(defaults, name)), name
     own = scatter.classes[0].as_argument()
+    for name in settings_of(Standing):
+        assert getattr(own.standing, name) == pytest.approx(getattr(defaults, name)), name
     assert (own.density_correction, own.unsharp) == (False, None)
     for group, cls, shown in shown_of(scatter):
         if shown.switch:
@@ -108,12 +112,19 @@ def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scri
     assert esh.ScatterJob(*positional, **{**named, "device": "cpu"}).settings.max_steps == 101
 
 
-BY_HAND = {ScatterSettings: properties.BY_HAND, ClassSettings: (), Size: set(settings_of(Size)) - {"distribution"}}
+BY_HAND = {
+    ScatterSettings: properties.BY_HAND,
+    ClassSettings: (),
+    Standing: (),
+    Size: set(settings_of(Size)) - {"distribution"},
+}
 
 
-def test_every_setting_makes_a_result_outdated(scatter):
+def test_every_setting_that_needs_solving_makes_a_result_outdated(scatter):
     scatter.remember(new_object("Result"), {"steps": 3})
-    for group, _, shown in shown_of(scatter):
+    for group, cls, shown in shown_of(scatter):
+        if cls is Standing:
+            continue
         before = getattr(group, shown.name)
         setattr(group, shown.name, changed(group, shown.name))
         assert scatter.outdated, shown.name

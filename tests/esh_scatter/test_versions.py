@@ -10,6 +10,8 @@ from esh.esh_scatter import properties, registration, versions  # noqa: E402
 
 # Made in Blender 4.5 by the last version without a number: two scatters, of which the second was changed after its run.
 OLD = Path(__file__).parent / "files" / "settings_of_version_0.blend"
+# The same, saved by version 1 with other values of how objects stand.
+OLD_1 = OLD.with_name("settings_of_version_1.blend")
 
 
 @pytest.fixture(autouse=True)
@@ -38,6 +40,25 @@ def check(settings):
 def test_an_old_file_is_brought_up_to_date_when_it_is_opened():
     bpy.ops.wm.open_mainfile(filepath=str(OLD))
     check(bpy.context.scene.esh_scatter)
+
+
+def test_standing_and_numbers_of_classes_come_from_the_scatter_of_version_1():
+    bpy.ops.wm.open_mainfile(filepath=str(OLD_1))
+    check(bpy.context.scene.esh_scatter)
+    first, second = bpy.context.scene.esh_scatter.scatters
+    for body_class in first.classes:
+        assert (body_class.align_to_normal, body_class.random_turn, body_class.scale_jitter) == (0.25, 1.0, 0.125)
+        assert (body_class.tilt, body_class.offset) == (0.0, 0.0)
+    assert second.classes[0].align_to_normal == 1.0
+    assert len({body_class.uid for body_class in first.classes} - {0}) == 2
+    assert second.changes() == ["settings"]
+
+
+def test_a_result_of_an_older_version_is_out_of_date_when_its_objects_are_to_stand_otherwise():
+    bpy.ops.wm.open_mainfile(filepath=str(OLD_1))
+    first = bpy.context.scene.esh_scatter.scatters[0]
+    first.classes[0].tilt = 0.1
+    assert first.outdated and first.changes() == ["settings"]
 
 
 def test_an_old_file_that_is_open_is_brought_up_to_date_when_the_extension_is_enabled():

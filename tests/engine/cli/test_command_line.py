@@ -147,8 +147,8 @@ def test_what_cannot_fit_is_said_before_the_run(folder, capfd):
 
 MISTAKES = {
     "no output": ([], "required: -o"),
-    "ending": (["-o", "a.txt"], "-o a.txt must end in .npz or .csv; got the ending '.txt'"),
-    "no ending": (["-o", "npz"], "must end in .npz or .csv"),
+    "ending": (["-o", "a.txt"], "-o a.txt must end in .npz, .csv, .usd"),
+    "no ending": (["-o", "npz"], "must end in .npz, .csv, .usd"),
     "twice": (["-o", "a.npz", "-o", "./a.npz"], "is the same file as a.npz"),
     "report's ending": (["-o", "a.npz", "--report", "r.txt"], "--report r.txt must end in .json"),
     "plot's ending": (["-o", "a.npz", "--plot", "p.jpg"], "--plot p.jpg must end in .png"),
@@ -167,7 +167,7 @@ MISTAKES = {
     ),
     "only an ending": (["-o", ".npz"], "-o .npz must have a name before its ending, for example plan.npz"),
     "only a plot's ending": (["-o", "a.npz", "--plot", ".PNG"], "--plot .PNG must have a name before its ending"),
-    "only a hidden name": (["-o", ".hidden"], "-o .hidden must end in .npz or .csv"),
+    "only a hidden name": (["-o", ".hidden"], "-o .hidden must end in .npz, .csv, .usd"),
     "halftone's ending": (["-o", "a.npz", "--halftone", "h.pdf"], "--halftone h.pdf must end in .png or .svg"),
     "halftone over a recipe's density": (["-o", "a.npz", "--halftone", "pine.png"], "would overwrite pine.png"),
     "halftone over the plot": (["-o", "a.npz", "--plot", "p.png", "--halftone", "p.png"], "is the same file as p.png"),
@@ -355,21 +355,50 @@ def test_no_command_is_one_sentence():
     assert finished.stderr.count("\n") == 1 and "COMMAND" in finished.stderr
 
 
+def test_one_run_writes_for_several_programs(folder, capfd):
+    outputs = ["a.npz", "a.glb", "a.ply", "a.geojson"]
+    assert solve(*(word for name in outputs for word in ("-o", name))) == 0
+    position = np.load("a.npz")["position"]
+    for name in outputs[1:]:
+        bodies = esh.load_placement(name)
+        np.testing.assert_allclose(bodies.position[:, :2], position, atol=1e-6)
+        assert bodies.class_name == ("pine", "beech")
+
+
+def test_assets_are_checked_before_the_run(folder, capfd):
+    (folder / "pine.glb").write_bytes(b"")
+    for words, complaint in (
+        (["--asset", "pine"], "must be CLASS=FILE or CLASS/SIZE=FILE; got 'pine'"),
+        (["--asset", "oak=pine.glb"], "an asset must be for a class or a size (pine/large, pine/small, beech/only)"),
+        (["--asset", "pine/large=absent.glb"], "absent.glb cannot be read: there is no such file"),
+        (["--asset", "pine=pine.glb", "-o", "pine.glb"], "would overwrite pine.glb, which this run reads"),
+    ):
+        try:
+            status = solve("-o", "a.glb", *words)
+        except SystemExit as left:
+            status = left.code
+        assert status == 2
+        message = capfd.readouterr().err
+        assert complaint in message and message.count("\n") == 1
+    assert not (folder / "a.glb").exists()
+
+
 def test_a_new_format_is_known_to_arguments_and_help(folder, capfd, monkeypatch):
     from esh.engine.files.placement_files import WRITERS, PlacementWriter
 
     counts = PlacementWriter(
-        "the number of bodies", lambda file, placement: file.write(b"%d" % len(placement.position))
+        "the number of bodies", lambda file, placement, assets: file.write(b"%d" % len(placement.position))
     )
     monkeypatch.setitem(WRITERS, ".count", counts)
     assert solve("-o", "a.count", "--max-steps", 1, "--quiet") == 0
     assert Path("a.count").read_bytes() == b"72"
     assert solve("-o", "a.txt") == 2
-    assert "-o a.txt must end in .npz, .csv or .count; got the ending '.txt'" in capfd.readouterr().err
+    assert "or .count; got the ending '.txt'" in capfd.readouterr().err
     monkeypatch.setenv("COLUMNS", "1000")
     with pytest.raises(SystemExit):
         command_line.main(["solve", "--help"])
-    assert ".npz (NumPy arrays), .csv (a table of text) or .count (the number of bodies);" in capfd.readouterr().out
+    told = capfd.readouterr().out
+    assert ".npz (NumPy arrays), .csv (a table of text)," in told and " or .count (the number of bodies);" in told
 
 
 def test_a_recipe_is_parsed_once_in_a_run(folder, monkeypatch):

@@ -170,7 +170,11 @@ MISTAKES = {
     "size nan": ("[40.0, 30]", "[nan, 30]", "`domain.size` must be a number in metres above 0, and finite; got nan"),
     "one length": ("[40.0, 30]", "40.0", "`domain.size` must be two lengths in metres, x and y; got 40"),
     "three lengths": ("[40.0, 30]", "[1, 2, 3]", "`domain.size` must be two lengths in metres"),
-    "boundary": ('"periodic"', '"mirrored"', '`domain.boundary` must be "open" or "periodic"; got "mirrored"'),
+    "boundary": (
+        '"periodic"',
+        '"mirrored"',
+        '`domain.boundary` must be "open" or "mirror" or "periodic"; got "mirrored"',
+    ),
     "domain twice": ("[domain]", "[[domain]]", "`domain` must be one table, under a line [domain]"),
     "alpha": ("0.25", "1.5", "`balance.class_separation` must be a number between 0"),
     "alpha text": ("0.25", '"half"', 'got "half"'),

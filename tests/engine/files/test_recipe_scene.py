@@ -173,7 +173,7 @@ def test_a_problem_is_written_with_them_and_solves_to_the_same_bytes(tmp_path):
             '[[fixed]]\nfile = "a.csv"\n',
             "`fixed.2..file` cannot be used: .*a.csv does not exist; fixed bodies are a .npz or",
         ),
-        ('[[fixed]]\nfile = "a.txt"\n', "must end in .npz or .csv; got the ending '.txt'"),
+        ('[[fixed]]\nfile = "a.txt"\n', "must end in .csv, .npz, .usd, .* or .geojson; got the ending '.txt'"),
         ("[[fixed]]\nposition = [1, 2]\n", "`fixed.2..position` must be a list of positions, each x and y in metres"),
         (
             "[[fixed]]\nposition = [[1, 2]]\nangle = true\n",

@@ -143,7 +143,7 @@ def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
     assert list(settings_of(ScatterSettings)) == [name for part in parts for name in settings_of(part)]
     for values, message in (
         ({"class_separation": 2}, "`class_separation` must be a number between 0"),
-        ({"random_turn": math.inf}, "`random_turn` must be a number of 0 or more, and finite; got inf"),
+        ({"random_turn": math.inf}, "`random_turn` must be a number between 0 and 10000; got inf"),
         ({"max_steps": 0}, "`max_steps` must be a whole number of 1 or more"),
         (
             {"class_separation": 0.9, "non_overlap": [[1, 0, 1], [0, 1, 1], [1, 1, 1]]},
@@ -157,7 +157,21 @@ def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
 
 
 TABLES = {
-    "Top level": (SamplingSettings, {"version", "[domain]", "[balance]", "[[class]]", "[image]"}, {}),
+    "Top level": (
+        SamplingSettings,
+        {
+            "version",
+            "[domain]",
+            "[balance]",
+            "[surface]",
+            "[[class]]",
+            "[image]",
+            "[[fixed]]",
+            "include_fixed",
+            "[[obstacle]]",
+        },
+        {},
+    ),
     "`[domain]`": (Domain, set(), {}),
     "`[balance]`": (Balance, set(), {}),
     "`[[class]]`": (BodyClass, {"color"}, {"sizes": "[[class.size]]"}),

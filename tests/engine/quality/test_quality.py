@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.problem.problem import Domain
 from esh.engine.quality.coverage import coverage_error
-from esh.engine.quality.spacing import smallest_spacing
+from esh.engine.quality.measured_bodies import measured_bodies
+from esh.engine.quality.spacing import measure_spacing, smallest_spacing
 
 UNIFORM = np.ones((1, 1))
 
@@ -88,6 +90,18 @@ def test_spacing_of_a_hexagonal_lattice_is_one(launcher):
     density = np.full(len(position), len(position) / domain.area)
     assert smallest_spacing(position, density, domain, launcher) == pytest.approx(1.0, abs=1e-4)
     assert smallest_spacing(position[:1], density[:1], domain, launcher) is None
+
+
+def test_distances_are_those_of_neighbours_in_metres(launcher):
+    """A lattice of 2.5 m in which one body is close to another."""
+    x, y = np.meshgrid(np.arange(12) + 0.5, np.arange(8) + 0.5)
+    position = 2.5 * np.stack([x.ravel(), y.ravel()], axis=1)
+    position[40] = position[41] - [0.75, 0.0]
+    bodies = measured_bodies(launcher, Domain((30.0, 20.0)), position)
+    density = wp.array(np.full(96, 96 / 600.0 * bodies.unit**2), dtype=float, device=launcher.device)
+    spacing = measure_spacing(bodies, density)
+    assert spacing.closest == pytest.approx(0.75, rel=1e-5) and spacing.usual == pytest.approx(2.5, rel=1e-5)
+    assert measure_spacing(measured_bodies(launcher, Domain((30.0, 20.0)), position[:1]), density[:1]) is None
 
 
 def error_by_hand(position: np.ndarray, domain: Domain, cells: int = 256) -> float:

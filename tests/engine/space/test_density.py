@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from esh.engine.space.density import box_integrals, sample_density, spline_deposit
+from esh.engine.space.density import box_integrals, move_into_support, sample_density, spline_deposit
 
 IMAGE = np.random.default_rng(0).random((6, 4)).astype(np.float32)
 
@@ -70,3 +70,17 @@ def test_the_devices_deposit_equals_the_hosts(periodic):
     mixed = mix_images(launcher, deposited, weight, layout.node_count).numpy().reshape(2, *layout.shape)
     np.testing.assert_allclose(mixed, np.tensordot(weight, expected, axes=1), rtol=1e-4, atol=1e-9)
     launcher.close()
+
+
+def test_bodies_far_from_all_support_find_it_whatever_the_resolution():
+    """The nearest pixel within a quarter of a circle's error, without a look at all pixels for each body."""
+    image = np.zeros((512, 512), np.float32)
+    image[100, 400] = image[300, 20] = 1.0
+    position = np.random.default_rng(0).random((200, 2)) * [2.0, 1.0]
+    moved = move_into_support(image, position, (2.0, 1.0))
+    pixel = np.array([2.0, 1.0]) / 512
+    full = (np.array([[400, 511 - 100], [20, 511 - 300]]) + 0.5) * pixel
+    away = np.linalg.norm(moved[:, None] - full, axis=2)
+    assert (np.abs(moved[:, None] - full) <= 0.5 * pixel).all(axis=2).any(axis=1).all()
+    nearest = np.abs((position[:, None] - full) / pixel).max(axis=2).argmin(axis=1)
+    assert (away.argmin(axis=1) == nearest).mean() > 0.8

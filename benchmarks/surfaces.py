@@ -1,0 +1,160 @@
+"""How even bodies on surfaces are, and how long it takes, as Markdown tables; measured by SciPy on the meshes themselves.
+
+python benchmarks/surfaces.py
+python benchmarks/surfaces.py --only torus rock
+python benchmarks/surfaces.py --times 100000 1000000
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import esh
+import numpy as np
+import surface_meshes as meshes
+from surface_metric import SurfaceMetric, spacing
+
+COUNT = 4096
+KS = (0.5, 1.0, 2.0, 4.0)
+Density = Callable[[np.ndarray], np.ndarray]
+
+
+def uniform(place: np.ndarray) -> np.ndarray:
+    return np.ones(len(place))
+
+
+def suzanne() -> tuple[np.ndarray, np.ndarray] | None:
+    """Blender's monkey, smoothed twice; None without Blender as a Python module."""
+    try:
+        import bpy
+    except ImportError:
+        return None
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_monkey_add(size=2)
+    thing = bpy.context.object
+    thing.modifiers.new("smooth", "SUBSURF").levels = 2
+    mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    mesh.calc_loop_triangles()
+    vertices = np.array([vertex.co[:] for vertex in mesh.vertices])
+    return vertices, np.array([triangle.vertices[:] for triangle in mesh.loop_triangles])
+
+
+def placed(parts: list, classes: list, device: str, **settings: object) -> esh.Placement:
+    surface = esh.Surface([esh.SurfaceMesh(*part) for part in parts])
+    return esh.solve(esh.Problem(surface, classes, **settings), device=device)
+
+
+def row(name: str, errors: np.ndarray, spacings: tuple[float, float] | None, placement: esh.Placement) -> None:
+    assert placement.report is not None
+    shown = " / ".join(f"{error:.4f}" for error in errors)
+    apart = "-" if spacings is None else f"{spacings[0]:.2f} / {spacings[1]:.2f}"
+    print(f"| {name} | {shown} | {apart} | {placement.report.steps} | {placement.report.seconds:.1f} |", flush=True)
+
+
+def one_class(name: str, parts: list, whole: tuple, density: Density, device: str) -> None:
+    """A class of one size, on a mesh or on several that are measured as one."""
+    varied = 1.0 if density is uniform else lambda points: density(points.position)
+    placement = placed(parts, [esh.BodyClass("a", [esh.Size("s", 1e-6, COUNT)], varied)], device)
+    metric = SurfaceMetric(*whole, COUNT)
+    mean = (metric.areas @ density(metric.vertices[metric.faces].mean(axis=1))) / metric.area
+    number = COUNT / metric.area * density(placement.position) / mean
+    apart = spacing(placement.position, placement.normal, number)
+    row(name, metric.coverage(placement.position, density, KS), None if density is meshes.checker else apart, placement)
+
+
+def two_classes(device: str) -> None:
+    classes = [esh.BodyClass(name, [esh.Size("s", 1e-6, COUNT // 2)]) for name in "ab"]
+    placement = placed([meshes.torus()], classes, device, balance=esh.Balance(0.5))
+    metric = SurfaceMetric(*meshes.torus(), COUNT)
+    apart = spacing(placement.position, placement.normal, COUNT / metric.area)
+    row("torus, two classes: union", metric.coverage(placement.position, uniform, KS), apart, placement)
+    own = placement.position[placement.class_index == 0]
+    row("torus, two classes: class", metric.coverage(own, uniform, KS), None, placement)
+
+
+def rare_classes(device: str) -> None:
+    classes = [esh.BodyClass(str(count), [esh.Size("s", 1e-6, count)]) for count in (4000, 400, 40)]
+    placement = placed([meshes.rock()], classes, device)
+    own = placement.class_index == 2
+    metric = SurfaceMetric(*meshes.rock(), 400)
+    apart = spacing(placement.position[own], placement.normal[own], 40 / metric.area)
+    row("rock, 4,000 / 400 / 40: the 40", metric.coverage(placement.position[own], uniform, KS), apart, placement)
+
+
+def discs(device: str) -> None:
+    area, count = 4.0 * np.pi, np.array([800, 400, 200])
+    size = np.array([1.0, 2.0, 5.0])
+    size *= 0.6 * area / (size * count).sum()
+    sizes = [esh.Size(str(k), float(size[k]), int(count[k])) for k in range(3)]
+    placement = placed([meshes.sphere()], [esh.BodyClass("a", sizes)], device, avoid_overlap=True)
+    direction = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True)
+    apart = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)) + 9.0 * np.eye(len(direction))
+    nearest = (apart / (placement.radius[:, None] + placement.radius)).min()
+    print(f"\nSphere, discs of three sizes, 60 % cover: the nearest two are {nearest:.4f} of touching apart.")
+
+
+def times(counts: list[int], device: str) -> None:
+    print("\n| bodies on a sphere | set-up [s] | step [ms] | steps | with report [s] |\n|---|---|---|---|---|")
+    for count in counts:
+        problem = esh.Problem(
+            esh.Surface(esh.SurfaceMesh(*meshes.sphere(5))), [esh.BodyClass("a", [esh.Size("s", 1e-6, count)])]
+        )
+        with esh.Solver(problem, device=device) as solver:
+            solver.step(2)
+        start = time.perf_counter()
+        with esh.Solver(problem, device=device) as solver:
+            set_up = time.perf_counter() - start
+            solver.step(1)
+            start = time.perf_counter()
+            solver.step(20)
+            per_step = (time.perf_counter() - start) / 20
+        report = esh.solve(problem, device=device).report
+        print(
+            f"| {count:,} | {set_up:.2f} | {1e3 * per_step:.1f} | {report.steps} | {report.seconds:.1f} |", flush=True
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--only", nargs="*", help="words, one of which the names of the cases hold")
+    parser.add_argument("--times", nargs="*", type=int, help="measure times for so many bodies instead")
+    options = parser.parse_args()
+    if options.times is not None:
+        times(options.times or [100_000], options.device)
+        return
+    monkey = suzanne()
+    single: list[tuple[str, Callable[[], tuple], str]] = [
+        ("square", meshes.square, "uniform"),
+        ("square", meshes.square, "checker"),
+        ("sphere", meshes.sphere, "uniform"),
+        ("torus", meshes.torus, "uniform"),
+        ("rock", meshes.rock, "uniform"),
+        ("rock", meshes.rock, "gradient"),
+        ("thin box", lambda: meshes.thin_box(COUNT), "uniform"),
+        *([("Suzanne", lambda: monkey, "uniform")] if monkey is not None else []),
+    ]
+
+    def chosen(name: str) -> bool:
+        return not options.only or any(word in name for word in options.only)
+
+    ks = " / ".join(f"{k:g}" for k in KS)
+    print(f"| case, {COUNT:,} bodies | coverage error, k = {ks} | spacing, smallest / mean | steps | seconds |")
+    print("|---|---|---|---|---|")
+    for name, make, kind in single:
+        mesh = make() if chosen(f"{name}, {kind}") else None
+        if mesh is not None:
+            density = {"uniform": uniform, "checker": meshes.checker, "gradient": meshes.gradient(mesh[0])}[kind]
+            one_class(f"{name}, {kind}", [mesh], mesh, density, options.device)
+    if chosen("two meshes"):
+        parts = [meshes.square(64, (0.0, 0.5)), meshes.square(37, (0.5, 1.0))]
+        one_class("two meshes, other triangles", parts, meshes.square(), uniform, options.device)
+    for name, run in (("two classes", two_classes), ("rare classes", rare_classes), ("discs", discs)):
+        if chosen(name):
+            run(options.device)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,393 @@
+"""The electrostatic field of charges and target densities on a surface, by multilevel summation over octaves.
+
+The kernel K = -log r is a sum of Gaussians, one for every octave of their widths: -log r = sum over l of ln 2 exp(-r² / 2 s_l²), with
+s_l = 2^(l + 1/2), up to a constant and a ripple of 1e-3. Each is multiplied by how much two places see of each other, (1 + n·m) / 2 of
+their normals n and m, which is positive semidefinite as well: 1 on one sheet, 1/2 across a right angle, 0 through a thin wall.
+
+Octaves below l = 0 are summed over pairs of neighbours. Those from l = 0 on go from the charges to *nodes*, points of the surface that
+keep a distance, by weights that are exact for linear functions; from these to half as dense nodes for the next octave, and so on; and
+all the way back. There is no mesh whose quality would matter, and the work is in proportion to the number of charges (Hardy and
+others, Multilevel summation, 2015).
+
+Units: the solver's length unit is the spacing that the average body sees, its charge unit the mean charge.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..space.cell_sort import CellSort
+from ..surface import kernels_facets
+from ..surface.facets import Facets
+from . import kernels_cascade
+from .kernels_points import Points
+from .points import Lists, chosen, empty_points, grid_of, lists_of, nearest_of, running_sum, thinned
+
+__all__ = ["Cascade"]
+
+# Distance of nodes over the level's length, and how much farther a home may be.
+NODE_DISTANCE = 0.7
+HOME_REACH = 1.5
+# A turn of the surface counts as so many of the level's lengths when a home is looked for.
+HOME_TURN = 2.0
+# Width of the weights over the level's length, and where they end; a home is nearer than the second.
+WIDTH = 0.8
+WEIGHT_REACH = math.sqrt(kernels_cascade.REACH_SQUARED)
+HOME_DISTANCE = 0.8
+# A Gaussian of a level ends at this many of its widths.
+OCTAVE_REACH = 3.5
+# The near part: where it ends over the width of its widest Gaussian, octaves, and entries of its table.
+NEAR_REACH = 3.6
+NEAR_OCTAVES = 13
+TABLE_SIZE = 2048
+# Nodes whose normals are farther apart see nothing of each other.
+LEAST_COSINE = -0.95
+# The target of the near part is blurred by this share of the spacing, as it is in the plane: bodies cannot resolve more, and
+# would crowd along its edges.
+BLUR = 0.37
+# Distance of what the near part of the target's force is summed over where there is far more of it.
+SOURCE_DISTANCE = 0.3
+MANY_SOURCES = 4.0
+# Fewer nodes need no coarser ones.
+FEWEST_NODES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """Nodes of an octave: which of them see each other how, and what is shared out among the next, coarser ones."""
+
+    octave: Lists
+    octave_value: wp.array
+    charge: wp.array
+    potential: wp.array
+    up: Lists | None = None
+    up_value: wp.array | None = None
+    down: Lists | None = None
+    down_value: wp.array | None = None
+
+
+class Cascade:
+    """Evaluates the force per unit charge, -grad of sum_h M[g, h] K * (rho_h - u_h), at every charge of group g.
+
+    Args:
+        launcher: Where to run.
+        facets: The surface.
+        on_device: The same as kernels take it.
+        share: Share of every image that lies on every tile, shape ``[column_count, tile_count]``; rows add up to 1.
+        attraction: Charge of every image that every group sees, shape ``[group_count, column_count]``.
+        interaction: M, shape ``[group_count, group_count]``.
+        charge: Charge of every particle, shape ``[n]``.
+        charge_group: Its group, shape ``[n]``.
+
+    Attributes:
+        home: Node that is the home of charges on a tile, ``wp.int32``, shape ``[tile_count]``; -1 where no image asks for any.
+        node_count: Number of nodes of the first level.
+        node_share: Share of every image at every node, shape ``[column_count, node_count]``.
+        node_area: Area that every node stands for, shape ``[node_count]``.
+    """
+
+    def __init__(
+        self,
+        launcher: Launcher,
+        facets: Facets,
+        on_device: kernels_facets.Facets,
+        *,
+        share: np.ndarray,
+        attraction: np.ndarray,
+        interaction: np.ndarray,
+        charge: np.ndarray,
+        charge_group: np.ndarray,
+    ) -> None:
+        self.launcher = launcher
+        device = launcher.device
+        self._facets = on_device
+        self.group_count = len(interaction)
+        self._column_count = len(share)
+        self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
+        self._attraction = wp.array(attraction.ravel(), dtype=float, device=device)
+        self._charge = wp.array(charge, dtype=float, device=device)
+        self._group = wp.array(charge_group, dtype=wp.int32, device=device)
+        self._make_table()
+
+        tiles = empty_points(launcher, facets.tile_count)
+        launcher.launch(
+            kernels_facets.place_tiles,
+            facets.tile_count,
+            [facets.count, on_device],
+            [tiles.position, tiles.normal, tiles.label],
+        )
+        full = np.flatnonzero(share.max(axis=0) > 0.0)
+        sources = chosen(launcher, tiles, full)
+        self._corner_count = facets.corner_count
+        self._find_near_target(facets, tiles, full, share[:, full])
+
+        width, length = WIDTH, 1.0
+        self._nodes = nodes = chosen(launcher, sources, thinned(launcher, sources, NODE_DISTANCE * length))
+        self.node_count = len(nodes.position)
+        home = nearest_of(launcher, sources, nodes, HOME_REACH * length, HOME_TURN * length)
+        of_tile = np.full(facets.tile_count, -1, np.int32)
+        of_tile[full] = home.numpy()
+        self.home = wp.array(of_tile, dtype=wp.int32, device=device)
+        self._near = lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length)
+        self._pair = lists_of(launcher, nodes, nodes, self._cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE)
+        columns = np.concatenate([share[:, full], facets.tile_area[None, full]])
+        on_nodes = self._shared_out(sources, home, columns)
+        self.node_share, self.node_area = on_nodes[:-1], on_nodes[-1]
+        target = attraction @ self.node_share
+        self._target = wp.array(target.T.ravel(), dtype=float, device=device)
+        self._make_levels(nodes, float(np.ptp(facets.corner.reshape(-1, 3), axis=0).max()) * math.sqrt(3.0))
+
+        n = len(charge)
+        self._sort = CellSort(launcher, n, self.node_count)
+        self._sorted = empty_points(launcher, n)
+        self._row = launcher.empty(n, kernels_cascade.Row)
+        self._node_charge = launcher.zeros(self.node_count * self.group_count, float)
+
+    def evaluate(self, charges: Points, facet: wp.array, weight: wp.array, home: wp.array, field: wp.array) -> None:
+        """Write the force per unit charge at every charge.
+
+        Args:
+            charges: Where they are.
+            facet: Facet of each.
+            weight: Weights of that facet's second and third corner.
+            home: Their homes: see :attr:`home`.
+            field: Receives the result, ``wp.vec3``, shape ``[n]``.
+        """
+        launch, n, nodes, near = self.launcher.launch, len(self._charge), self._nodes, self._near
+        with self.launcher.phase("sort"):
+            self._sort.sort(kernels_cascade.find_homes, [home])
+        order, charge_start = self._sort.order, self._sort.cell_start
+        with self.launcher.phase("deposit"):
+            launch(
+                kernels_cascade.fit_rows,
+                n,
+                [order, charges, self._charge, self._group, home, nodes, near.start, near.entry, WIDTH],
+                [self._sorted, self._row],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            launch(
+                kernels_cascade.deposit,
+                self.node_count,
+                [self._sorted, self._row, charge_start, nodes, near.start, near.entry, WIDTH, self.group_count],
+                [self._node_charge],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+        with self.launcher.phase("cascade"):
+            self._cascade()
+        with self.launcher.phase("near field, interpolation"):
+            launch(
+                kernels_cascade.evaluate,
+                n,
+                [
+                    order,
+                    home,
+                    self._sorted,
+                    self._row,
+                    charge_start,
+                    nodes,
+                    near.start,
+                    near.entry,
+                    WIDTH,
+                    self._levels[0].potential,
+                    self.group_count,
+                    self._pair.start,
+                    self._pair.entry,
+                    self._cutoff,
+                    self._table,
+                    self._table_scale,
+                    self._interaction,
+                    facet,
+                    weight,
+                    self._facets,
+                    self._near_target,
+                    self._corner_count,
+                    self._column_count,
+                    self._attraction,
+                ],
+                [field],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+
+    def _cascade(self) -> None:
+        """From the charges at the nodes to the potential there."""
+        levels, groups = self._levels, self.group_count
+        self.launcher.launch(
+            kernels_cascade.mix_groups,
+            self.node_count * groups,
+            [self._interaction, groups, self._target, self._node_charge],
+            [levels[0].charge],
+        )
+
+        def multiply(lists: Lists | None, value: wp.array, column: wp.array, add: int, result: wp.array) -> None:
+            assert lists is not None
+            self.launcher.launch(
+                kernels_cascade.multiply,
+                len(result),
+                [lists.start, lists.entry, value, column, groups, add],
+                [result],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+
+        for fine, coarse in itertools.pairwise(levels):
+            multiply(fine.down, fine.down_value, fine.charge, 0, coarse.charge)
+        for number in reversed(range(len(levels))):
+            level = levels[number]
+            multiply(level.octave, level.octave_value, level.charge, 0, level.potential)
+            if level.up is not None:
+                multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
+
+    def _make_table(self) -> None:
+        """The near part: distance times force, for squares of distances up to where it ends."""
+        self._cutoff = NEAR_REACH / math.sqrt(2.0)
+        squares = 4.0 ** (0.5 - np.arange(1, NEAR_OCTAVES + 1))
+        blurred = squares + BLUR**2
+        self._target_cutoff = NEAR_REACH * math.sqrt(blurred[0])
+
+        def tabulated(cutoff: float, squares: np.ndarray, heights: np.ndarray) -> np.ndarray:
+            ratio = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None] / squares
+            return (math.log(2.0) * heights * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
+
+        force = tabulated(self._cutoff, squares, np.ones(NEAR_OCTAVES))
+        # All of the octaves that are left out together.
+        force[0] = 1.0
+        of_target = tabulated(self._target_cutoff, blurred, squares / blurred)
+        self._table = wp.array(force, dtype=float, device=self.launcher.device)
+        self._target_table = wp.array(of_target, dtype=float, device=self.launcher.device)
+        self._table_scale = TABLE_SIZE / self._cutoff**2
+
+    def _find_near_target(self, facets: Facets, tiles: Points, full: np.ndarray, share: np.ndarray) -> None:
+        launcher, count, device = self.launcher, self._corner_count, self.launcher.device
+        position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
+        launcher.launch(kernels_facets.place_corners, count, [facets.count, self._facets], [position, tile])
+        sources = empty_points(launcher, 4 * len(full))
+        launcher.launch(
+            kernels_facets.place_quarters,
+            4 * len(full),
+            [wp.array(full.astype(np.int32), dtype=wp.int32, device=device), facets.count, self._facets],
+            [sources.position, sources.normal, sources.label],
+        )
+        # On a mesh that is finer than bodies can tell, many quarters count as one.
+        charge = np.repeat(0.25 * share, 4, axis=1)
+        if 4 * len(full) * SOURCE_DISTANCE**2 > MANY_SOURCES * facets.area.sum():
+            few = thinned(launcher, sources, SOURCE_DISTANCE)
+            representatives = chosen(launcher, sources, few)
+            nearest = nearest_of(launcher, sources, representatives, 2.0 * SOURCE_DISTANCE, SOURCE_DISTANCE).numpy()
+            charge = np.stack([np.bincount(nearest, column, len(few)) for column in charge])
+            place, number = sources.position.numpy().astype(np.float64), np.bincount(nearest, minlength=len(few))
+            middle = np.stack([np.bincount(nearest, place[:, axis], len(few)) / number for axis in range(3)], axis=1)
+            representatives.position.assign(middle.astype(np.float32))
+            sources = representatives
+        self._near_target = launcher.empty(self._column_count * count, wp.vec3)
+        launcher.launch(
+            kernels_cascade.near_target,
+            count,
+            [
+                position,
+                tile,
+                tiles,
+                sources,
+                wp.array(charge.ravel(), dtype=float, device=device),
+                charge.shape[1],
+                self._column_count,
+                grid_of(launcher, sources.position, self._target_cutoff),
+                self._target_cutoff,
+                self._target_table,
+                TABLE_SIZE / self._target_cutoff**2,
+                count,
+            ],
+            [self._near_target],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+
+    def _shared_out(self, points: Points, home: wp.array, columns: np.ndarray) -> np.ndarray:
+        """Share numbers at points out among the nodes, as charges are, column by column."""
+        launcher, device = self.launcher, self.launcher.device
+        count = len(points.position)
+        sort = CellSort(launcher, count, self.node_count)
+        sort.sort(kernels_cascade.find_homes, [home])
+        rows, in_order = launcher.empty(count, kernels_cascade.Row), empty_points(launcher, count)
+        group, near = launcher.zeros(count, wp.int32), self._near
+        result = np.empty((len(columns), self.node_count))
+        for column, values in enumerate(columns):
+            number = wp.array(values, dtype=float, device=device)
+            launcher.launch(
+                kernels_cascade.fit_rows,
+                count,
+                [sort.order, points, number, group, home, self._nodes, near.start, near.entry, WIDTH],
+                [in_order, rows],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            received = launcher.empty(self.node_count, float)
+            launcher.launch(
+                kernels_cascade.deposit,
+                self.node_count,
+                [in_order, rows, sort.cell_start, self._nodes, near.start, near.entry, WIDTH, 1],
+                [received],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            result[column] = received.numpy()
+        return result
+
+    def _make_levels(self, nodes: Points, diagonal: float) -> None:
+        """Make nodes for one octave after the other, until one is as wide as the surface."""
+        launcher, self._levels = self.launcher, []
+        length, width, level = 1.0, WIDTH, 0
+        while True:
+            octave = 2.0 ** (level + 0.5)
+            # What the weights on both ways blur is left out of the Gaussian.
+            rest = math.sqrt(octave**2 - 2.0 * width**2)
+            near = lists_of(launcher, nodes, nodes, min(OCTAVE_REACH * rest, 2.0 * diagonal), LEAST_COSINE)
+            value = launcher.empty(len(near.entry), float)
+            count = len(nodes.position)
+            height = math.log(2.0) * (octave / rest) ** 2
+            launcher.launch(kernels_cascade.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
+            charge, potential = (launcher.empty(count * self.group_count, float) for _ in range(2))
+            if octave > diagonal or count < FEWEST_NODES:
+                self._levels.append(_Level(near, value, charge, potential))
+                return
+            coarse = chosen(launcher, nodes, thinned(launcher, nodes, 2.0 * NODE_DISTANCE * length))
+            wider = math.sqrt(3.0) * width
+            up, up_value, down, down_value = self._between(nodes, coarse, 2.0 * length, wider)
+            self._levels.append(_Level(near, value, charge, potential, up, up_value, down, down_value))
+            nodes, length, width, level = coarse, 2.0 * length, 2.0 * width, level + 1
+
+    def _between(self, fine: Points, coarse: Points, length: float, width: float) -> tuple:
+        """What finer nodes share out among coarser ones, as lists by both."""
+        launcher = self.launcher
+        count, coarse_count = len(fine.position), len(coarse.position)
+        near = lists_of(launcher, coarse, coarse, WEIGHT_REACH * width + HOME_DISTANCE * length)
+        home = nearest_of(launcher, fine, coarse, HOME_REACH * length, HOME_TURN * length)
+        sort = CellSort(launcher, count, coarse_count)
+        sort.sort(kernels_cascade.find_homes, [home])
+        row = launcher.empty(count, kernels_cascade.Row)
+        launcher.launch(
+            kernels_cascade.fit_rows_in_place,
+            count,
+            [fine, home, coarse, near.start, near.entry, width],
+            [row],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        result = []
+        for to_nodes, number in ((0, count), (1, coarse_count)):
+            where = [home, sort.order, sort.cell_start, coarse, near.start, near.entry, width]
+            found = launcher.empty(number, wp.int32)
+            launcher.launch(
+                kernels_cascade.count_shares, number, [to_nodes, fine, *where], [found], grain=GRAIN_OF_NEIGHBOURS
+            )
+            start, total = running_sum(launcher, found)
+            entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
+            launcher.launch(
+                kernels_cascade.list_shares,
+                number,
+                [to_nodes, fine, row, *where, start],
+                [entry, value],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            result += [Lists(start, entry), value]
+        return tuple(result)

@@ -1,0 +1,745 @@
+"""Kernels of the octave cascade: between charges and nodes, between the levels of nodes, and between near charges."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..surface.kernels_facets import Facets, interpolated
+from .kernels_points import PointGrid, Points, cell_at, same_cell, slot_of
+
+wp.set_module_options({"enable_backward": False})
+
+LN2 = wp.constant(0.6931471805599453)
+# A weight reaches as far as this many squared widths.
+REACH_SQUARED = wp.constant(10.0)
+# Nodes of the other side of a sheet count, but hardly: alone they are better than nothing.
+LEAST_FACTOR = wp.constant(1.0e-4)
+# What keeps the fit of a slope from following rounding, as a share of the weights.
+RIDGE = wp.constant(1.0e-3)
+
+
+@wp.struct
+class Row:
+    """How a charge is shared out, and a potential read at it.
+
+    The first row of the inverse of its moments, turned into space; the other entries of the inverse; and the charge.
+    """
+
+    value: wp.vec4
+    slope: wp.vec3
+    charge: wp.float32
+
+
+@wp.func
+def side_factor(one: wp.vec3, other: wp.vec3):
+    """How much two places of a surface see of each other: 1 on one sheet, 1/2 across a right angle, 0 through a thin wall."""
+    return 0.5 + 0.5 * wp.dot(one, other)
+
+
+@wp.func
+def across(normal: wp.vec3):
+    """A direction at a right angle to a normal."""
+    away = wp.vec3(-normal[2], 0.0, normal[0])
+    if wp.abs(normal[0]) < 0.6:
+        away = wp.vec3(0.0, -normal[2], normal[1])
+    return wp.normalize(away)
+
+
+@wp.func
+def node_weight(way: wp.vec3, one: wp.vec3, other: wp.vec3, inverse_reach: float):
+    """Weight of a node that is ``way`` off; ``inverse_reach`` is 1 over the squared distance at which it ends."""
+    u = wp.max(1.0 - wp.dot(way, way) * inverse_reach, 0.0)
+    return u * u * u * wp.max(side_factor(one, other), LEAST_FACTOR)
+
+
+# Native code because these loops are most of a step's time. A CPU takes eight neighbours at once, a GPU one.
+LANES = 8
+_LANES = f"""
+#if defined(__CUDA_ARCH__)
+    typedef float V;
+    typedef int I;
+    const int lanes = 1;
+    const I lane = 0;
+    auto get = [](const float* from, I at) -> V {{ return from[at]; }};
+    auto numbers = [](const int* from, int at, int end) -> I {{ return from[at]; }};
+    auto sum = [](V v) -> float {{ return v; }};
+    auto most = [](V a, V b) -> V {{ return fmaxf(a, b); }};
+    auto whole = [](V v) -> I {{ return (int)v; }};
+    auto real = [](I v) -> V {{ return (float)v; }};
+#else
+    typedef float V __attribute__((ext_vector_type({LANES})));
+    typedef int I __attribute__((ext_vector_type({LANES})));
+    const int lanes = {LANES};
+    const I lane = {{{", ".join(map(str, range(LANES)))}}};
+    auto get = [](const float* from, I at) -> V
+    {{
+        V v;
+        for (int l = 0; l < {LANES}; ++l) v[l] = from[at[l]];
+        return v;
+    }};
+    auto numbers = [](const int* from, int at, int end) -> I
+    {{
+        I v;
+        for (int l = 0; l < {LANES}; ++l) v[l] = from[at + l < end ? at + l : end - 1];
+        return v;
+    }};
+    auto sum = [](V v) -> float
+    {{
+        float total = 0.0f;
+        for (int l = 0; l < {LANES}; ++l) total += v[l];
+        return total;
+    }};
+    auto most = [](V a, V b) -> V {{ return a > b ? a : b; }};
+    auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
+    auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
+#endif
+"""
+# The weight of a node: see node_weight, which says the same for one.
+_WEIGHT = f"""
+            const V dx = get(xyz, 3 * j) - position[0];
+            const V dy = get(xyz, 3 * j + 1) - position[1];
+            const V dz = get(xyz, 3 * j + 2) - position[2];
+            const V cosine = get(nodes_up, 3 * j) * normal[0] + get(nodes_up, 3 * j + 1) * normal[1]
+                + get(nodes_up, 3 * j + 2) * normal[2];
+            const V u = most(1.0f - (dx * dx + dy * dy + dz * dz) * inverse_reach, (V)0.0f);
+            V w = u * u * u * most(0.5f + 0.5f * cosine, (V){LEAST_FACTOR}f);
+            w = k + lane < end ? w : (V)0.0f;
+"""
+Moments = wp.types.vector(6, wp.float32)
+
+
+@wp.func_native(f"""{_LANES}
+    const float* xyz = (const float*)node_position.data;
+    const float* nodes_up = (const float*)node_normal.data;
+    V m00 = (V)0.0f, m01 = (V)0.0f, m02 = (V)0.0f, m11 = (V)0.0f, m12 = (V)0.0f, m22 = (V)0.0f;
+    for (int k = begin; k < end; k += lanes)
+    {{
+        const I j = numbers(near.data, k, end);
+        {_WEIGHT}
+        const V a = (dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width;
+        const V b = (dx * beside[0] + dy * beside[1] + dz * beside[2]) * inverse_width;
+        m00 += w;
+        m01 += w * a;
+        m02 += w * b;
+        m11 += w * a * a;
+        m12 += w * a * b;
+        m22 += w * b * b;
+    }}
+    wp::vec_t<6, float> result;
+    result[0] = sum(m00);
+    result[1] = sum(m01);
+    result[2] = sum(m02);
+    result[3] = sum(m11);
+    result[4] = sum(m12);
+    result[5] = sum(m22);
+    return result;
+""")
+def moments_of(
+    position: wp.vec3,
+    normal: wp.vec3,
+    along: wp.vec3,
+    beside: wp.vec3,
+    begin: int,
+    end: int,
+    near: wp.array(dtype=wp.int32),
+    node_position: wp.array(dtype=wp.vec3),
+    node_normal: wp.array(dtype=wp.vec3),
+    inverse_reach: float,
+    inverse_width: float,
+) -> Moments: ...
+
+
+@wp.func_native(f"""{_LANES}
+    const float* xyz = (const float*)node_position.data;
+    const float* nodes_up = (const float*)node_normal.data;
+    V s0 = (V)0.0f, s1 = (V)0.0f, s2 = (V)0.0f;
+    for (int k = begin; k < end; k += lanes)
+    {{
+        const I j = numbers(near.data, k, end);
+        {_WEIGHT}
+        const V f = w * get(potential.data, j * group_count + group);
+        s0 += f;
+        s1 += f * ((dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width);
+        s2 += f * ((dx * beside[0] + dy * beside[1] + dz * beside[2]) * inverse_width);
+    }}
+    return wp::vec3(sum(s0), sum(s1), sum(s2));
+""")
+def potential_of(
+    position: wp.vec3,
+    normal: wp.vec3,
+    along: wp.vec3,
+    beside: wp.vec3,
+    begin: int,
+    end: int,
+    near: wp.array(dtype=wp.int32),
+    node_position: wp.array(dtype=wp.vec3),
+    node_normal: wp.array(dtype=wp.vec3),
+    potential: wp.array(dtype=float),
+    group_count: int,
+    group: int,
+    inverse_reach: float,
+    inverse_width: float,
+) -> wp.vec3: ...
+
+
+# Goes through the charges whose homes are in a list: a CPU collects them first, since a home has about one.
+_EACH_CHARGE = """
+#if defined(__CUDA_ARCH__)
+    for (int k = begin; k < end; ++k)
+        for (int t = charge_start.data[homes.data[k]]; t < charge_start.data[homes.data[k] + 1]; ++t) look(t, t, t + 1);
+#else
+    int found[128];
+    int count = 0;
+    for (int k = begin; k < end; ++k)
+    {
+        const int h = homes.data[k];
+        const int stop = charge_start.data[h + 1];
+        for (int t = charge_start.data[h]; t < stop; ++t)
+        {
+            found[count++] = t;
+            if (count == 128)
+            {
+                for (int at = 0; at < count; at += lanes) look(numbers(found, at, count), at, count);
+                count = 0;
+            }
+        }
+    }
+    for (int at = 0; at < count; at += lanes) look(numbers(found, at, count), at, count);
+#endif
+"""
+
+
+@wp.func_native(f"""{_LANES}
+    const float* xyz = (const float*)charge_position.data;
+    const float* nodes_up = (const float*)charge_normal.data;
+    const float* rows = (const float*)row.data;
+    float* to = node_charge.data + node * group_count;
+    V alone = (V)0.0f;
+    auto look = [&](I j, int k, int end)
+    {{
+        {_WEIGHT}
+        // The way leads from the charge to the node.
+        const V value = get(rows, 8 * j + 3) - get(rows, 8 * j) * dx - get(rows, 8 * j + 1) * dy - get(rows, 8 * j + 2) * dz;
+        const V share = w * value * get(rows, 8 * j + 7);
+        if (group_count == 1)
+        {{
+            alone += share;
+            return;
+        }}
+#if defined(__CUDA_ARCH__)
+        to[charge_group.data[j]] += share;
+#else
+        for (int l = 0; l < lanes && k + l < end; ++l) to[charge_group.data[j[l]]] += share[l];
+#endif
+    }};
+    {_EACH_CHARGE}
+    if (group_count == 1) to[0] = sum(alone);
+""")
+def gather_at_node(
+    node: int,
+    position: wp.vec3,
+    normal: wp.vec3,
+    begin: int,
+    end: int,
+    homes: wp.array(dtype=wp.int32),
+    charge_start: wp.array(dtype=wp.int32),
+    charge_position: wp.array(dtype=wp.vec3),
+    charge_normal: wp.array(dtype=wp.vec3),
+    charge_group: wp.array(dtype=wp.int32),
+    row: wp.array(dtype=Row),
+    inverse_reach: float,
+    group_count: int,
+    node_charge: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(
+    f"""{_LANES}
+    const float* xyz = (const float*)charge_position.data;
+    const float* up = (const float*)charge_normal.data;
+    const float* rows = (const float*)row.data;
+    const float* factor = interaction.data + group * group_count;
+    const int last = table.shape[0] - 2;
+    V x = (V)0.0f, y = (V)0.0f, z = (V)0.0f;
+    auto look = [&](I j, int k, int end)
+    {{
+        const V dx = position[0] - get(xyz, 3 * j);
+        const V dy = position[1] - get(xyz, 3 * j + 1);
+        const V dz = position[2] - get(xyz, 3 * j + 2);
+        const V square = dx * dx + dy * dy + dz * dz;
+        const V cosine = get(up, 3 * j) * normal[0] + get(up, 3 * j + 1) * normal[1] + get(up, 3 * j + 2) * normal[2];
+        V amount = get(rows, 8 * j + 7) * (0.5f + 0.5f * cosine);
+        if (group_count > 1)
+        {{
+#if defined(__CUDA_ARCH__)
+            amount *= factor[charge_group.data[j]];
+#else
+            for (int l = 0; l < lanes; ++l) amount[l] *= factor[charge_group.data[j[l]]];
+#endif
+        }}
+        else amount *= factor[0];
+        const V at = square * table_scale;
+        I cell = whole(at);
+        cell = cell > last ? (I)last : cell;
+        const V low = get(table.data, cell);
+        const V force = low + (at - real(cell)) * (get(table.data, cell + 1) - low);
+        // A charge is at no distance from itself, and so its term vanishes.
+        V strength = amount * force / (square + 1e-12f);
+        strength = ((square < square_cutoff) & (k + lane < end)) ? strength : (V)0.0f;
+        x += strength * dx;
+        y += strength * dy;
+        z += strength * dz;
+    }};
+    {_EACH_CHARGE}
+    return wp::vec3(sum(x), sum(y), sum(z));
+"""
+)
+def sum_near(
+    position: wp.vec3,
+    normal: wp.vec3,
+    group: int,
+    begin: int,
+    end: int,
+    homes: wp.array(dtype=wp.int32),
+    charge_start: wp.array(dtype=wp.int32),
+    charge_position: wp.array(dtype=wp.vec3),
+    charge_normal: wp.array(dtype=wp.vec3),
+    charge_group: wp.array(dtype=wp.int32),
+    row: wp.array(dtype=Row),
+    square_cutoff: float,
+    table: wp.array(dtype=float),
+    table_scale: float,
+    interaction: wp.array(dtype=float),
+    group_count: int,
+) -> wp.vec3: ...
+
+
+@wp.func
+def fitted_row(
+    position: wp.vec3,
+    normal: wp.vec3,
+    home: int,
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+):
+    """The row of a charge: weights of the nodes near it are corrected so that they are exact for linear functions."""
+    along = across(normal)
+    beside = wp.cross(normal, along)
+    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
+    inverse_width = 1.0 / width
+    m = moments_of(
+        position,
+        normal,
+        along,
+        beside,
+        start[home],
+        start[home + 1],
+        near,
+        nodes.position,
+        nodes.normal,
+        inverse_reach,
+        inverse_width,
+    )
+    ridge = RIDGE * m[0]
+    m11 = m[3] + ridge
+    m22 = m[5] + ridge
+    c00 = m11 * m22 - m[4] * m[4]
+    c01 = m[2] * m[4] - m[1] * m22
+    c02 = m[1] * m[4] - m[2] * m11
+    scale = 1.0 / wp.max(m[0] * c00 + m[1] * c01 + m[2] * c02, 1.0e-30)
+    row = Row()
+    to_space = (scale * c01 * inverse_width) * along + (scale * c02 * inverse_width) * beside
+    row.value = wp.vec4(to_space[0], to_space[1], to_space[2], scale * c00)
+    row.slope = wp.vec3(
+        (m[0] * m22 - m[2] * m[2]) * scale, (m[1] * m[2] - m[0] * m[4]) * scale, (m[0] * m11 - m[1] * m[1]) * scale
+    )
+    return row
+
+
+@wp.func
+def share_of(row: Row, way: wp.vec3, weight: float):
+    """Share of a charge that a node gets."""
+    return weight * (row.value[3] + row.value[0] * way[0] + row.value[1] * way[1] + row.value[2] * way[2])
+
+
+@wp.kernel
+def find_homes(
+    first: int,
+    home: wp.array(dtype=wp.int32),
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    """Sort charges by the nodes that are their homes."""
+    i = first + wp.tid()
+    key[i] = home[i]
+    order[i] = i
+
+
+@wp.kernel
+def fit_rows(
+    first: int,
+    order: wp.array(dtype=wp.int32),
+    charges: Points,
+    charge: wp.array(dtype=float),
+    charge_group: wp.array(dtype=wp.int32),
+    home: wp.array(dtype=wp.int32),
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    # outputs
+    sorted_charges: Points,
+    row: wp.array(dtype=Row),
+):
+    """Copy charges into the order of their homes, and find their rows. The label of a sorted charge is its group."""
+    s = first + wp.tid()
+    i = order[s]
+    position = charges.position[i]
+    normal = charges.normal[i]
+    own = fitted_row(position, normal, home[i], nodes, start, near, width)
+    own.charge = charge[i]
+    row[s] = own
+    sorted_charges.position[s] = position
+    sorted_charges.normal[s] = normal
+    sorted_charges.label[s] = charge_group[i]
+
+
+@wp.kernel
+def deposit(
+    first: int,
+    sorted_charges: Points,
+    row: wp.array(dtype=Row),
+    charge_start: wp.array(dtype=wp.int32),
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    group_count: int,
+    # outputs
+    node_charge: wp.array(dtype=float),
+):
+    """Share charges out among the nodes; a node adds up what it gets, always in one order. Groups of a node lie side by side."""
+    j = first + wp.tid()
+    for g in range(group_count):
+        node_charge[j * group_count + g] = 0.0
+    gather_at_node(
+        j,
+        nodes.position[j],
+        nodes.normal[j],
+        start[j],
+        start[j + 1],
+        near,
+        charge_start,
+        sorted_charges.position,
+        sorted_charges.normal,
+        sorted_charges.label,
+        row,
+        1.0 / (REACH_SQUARED * width * width),
+        group_count,
+        node_charge,
+    )
+
+
+@wp.kernel
+def count_shares(
+    first: int,
+    to_nodes: int,
+    points: Points,
+    home: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+    home_start: wp.array(dtype=wp.int32),
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    # outputs
+    count: wp.array(dtype=wp.int32),
+):
+    """Count the coarser nodes that each finer one is shared out among; or, ``to_nodes``, the finer ones that a coarser one gets of."""
+    i = first + wp.tid()
+    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
+    found = int(0)
+    if to_nodes == 0:
+        for k in range(start[home[i]], start[home[i] + 1]):
+            way = nodes.position[near[k]] - points.position[i]
+            if wp.dot(way, way) * inverse_reach < 1.0:
+                found += 1
+    else:
+        for k in range(start[i], start[i + 1]):
+            for s in range(home_start[near[k]], home_start[near[k] + 1]):
+                way = nodes.position[i] - points.position[order[s]]
+                if wp.dot(way, way) * inverse_reach < 1.0:
+                    found += 1
+    count[i] = found
+
+
+@wp.kernel
+def list_shares(
+    first: int,
+    to_nodes: int,
+    points: Points,
+    row: wp.array(dtype=Row),
+    home: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+    home_start: wp.array(dtype=wp.int32),
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    entry_start: wp.array(dtype=wp.int32),
+    # outputs
+    entry: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=float),
+):
+    """List what :func:`count_shares` counts, and the shares. Rows are in the order of the points themselves."""
+    i = first + wp.tid()
+    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
+    at = entry_start[i]
+    if to_nodes == 0:
+        for k in range(start[home[i]], start[home[i] + 1]):
+            j = near[k]
+            way = nodes.position[j] - points.position[i]
+            if wp.dot(way, way) * inverse_reach < 1.0:
+                w = node_weight(way, points.normal[i], nodes.normal[j], inverse_reach)
+                entry[at] = j
+                value[at] = share_of(row[i], way, w)
+                at += 1
+    else:
+        for k in range(start[i], start[i + 1]):
+            for s in range(home_start[near[k]], home_start[near[k] + 1]):
+                j = order[s]
+                way = nodes.position[i] - points.position[j]
+                if wp.dot(way, way) * inverse_reach < 1.0:
+                    w = node_weight(way, nodes.normal[i], points.normal[j], inverse_reach)
+                    entry[at] = j
+                    value[at] = share_of(row[j], way, w)
+                    at += 1
+
+
+@wp.kernel
+def fit_rows_in_place(
+    first: int,
+    points: Points,
+    home: wp.array(dtype=wp.int32),
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    # outputs
+    row: wp.array(dtype=Row),
+):
+    i = first + wp.tid()
+    row[i] = fitted_row(points.position[i], points.normal[i], home[i], nodes, start, near, width)
+
+
+@wp.kernel
+def weigh_octave(
+    first: int,
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    height: float,
+    # outputs
+    value: wp.array(dtype=float),
+):
+    """An octave's Gaussian between nodes, for the lists of all of them."""
+    i = first + wp.tid()
+    scale = -0.5 / (width * width)
+    for k in range(start[i], start[i + 1]):
+        j = near[k]
+        way = nodes.position[j] - nodes.position[i]
+        value[k] = height * wp.exp(wp.dot(way, way) * scale) * side_factor(nodes.normal[i], nodes.normal[j])
+
+
+@wp.kernel
+def mix_groups(
+    first: int,
+    interaction: wp.array(dtype=float),
+    group_count: int,
+    target: wp.array(dtype=float),
+    node_charge: wp.array(dtype=float),
+    # outputs
+    mixed: wp.array(dtype=float),
+):
+    """What every group sees at a node: the charges less the target, weighed by the interaction; the target is weighed already."""
+    i = first + wp.tid()
+    base = (i / group_count) * group_count
+    g = i - base
+    total = -target[i]
+    for h in range(group_count):
+        total += interaction[g * group_count + h] * node_charge[base + h]
+    mixed[i] = total
+
+
+@wp.kernel
+def multiply(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    entry: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=float),
+    column: wp.array(dtype=float),
+    group_count: int,
+    add: int,
+    # outputs
+    result: wp.array(dtype=float),
+):
+    """A sparse matrix times columns of all groups; added to what is there where ``add``."""
+    i = first + wp.tid()
+    row = i / group_count
+    g = i - row * group_count
+    total = float(0.0)
+    if add != 0:
+        total = result[i]
+    for k in range(start[row], start[row + 1]):
+        total += value[k] * column[entry[k] * group_count + g]
+    result[i] = total
+
+
+@wp.func
+def near_force(square: float, table: wp.array(dtype=float), table_scale: float):
+    """Distance times force of the near part between two unit charges, by the square of their distance."""
+    at = square * table_scale
+    k = wp.min(int(at), table.shape[0] - 2)
+    return table[k] + (at - float(k)) * (table[k + 1] - table[k])
+
+
+@wp.kernel
+def near_target(
+    first: int,
+    position: wp.array(dtype=wp.vec3),
+    tile: wp.array(dtype=wp.int32),
+    tiles: Points,
+    sources: Points,
+    source_charge: wp.array(dtype=float),
+    source_count: int,
+    column_count: int,
+    grid: PointGrid,
+    cutoff: float,
+    table: wp.array(dtype=float),
+    table_scale: float,
+    corner_count: int,
+    # outputs
+    force: wp.array(dtype=wp.vec3),
+):
+    """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off."""
+    i = first + wp.tid()
+    own = position[i]
+    normal = tiles.normal[tile[i]]
+    label = tiles.label[tile[i]]
+    for c in range(column_count):
+        force[c * corner_count + i] = wp.vec3(0.0, 0.0, 0.0)
+    cell = cell_at(own, grid.inverse_size)
+    for number in range(27):
+        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        slot = slot_of(around, grid.mask)
+        for s in range(grid.start[slot], grid.start[slot + 1]):
+            j = grid.order[s]
+            way = own - sources.position[j]
+            square = wp.dot(way, way)
+            if square < cutoff * cutoff and sources.label[j] == label:
+                if same_cell(cell_at(sources.position[j], grid.inverse_size), around):
+                    factor = side_factor(normal, sources.normal[j])
+                    f = near_force(square, table, table_scale) / wp.max(square, 1.0e-12) * factor
+                    for c in range(column_count):
+                        at = c * corner_count + i
+                        force[at] = force[at] + (f * source_charge[c * source_count + j]) * way
+
+
+@wp.kernel
+def evaluate(
+    first: int,
+    order: wp.array(dtype=wp.int32),
+    home: wp.array(dtype=wp.int32),
+    sorted_charges: Points,
+    row: wp.array(dtype=Row),
+    charge_start: wp.array(dtype=wp.int32),
+    nodes: Points,
+    start: wp.array(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    width: float,
+    potential: wp.array(dtype=float),
+    group_count: int,
+    pair_start: wp.array(dtype=wp.int32),
+    pair: wp.array(dtype=wp.int32),
+    cutoff: float,
+    table: wp.array(dtype=float),
+    table_scale: float,
+    interaction: wp.array(dtype=float),
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+    facets: Facets,
+    target_force: wp.array(dtype=wp.vec3),
+    corner_count: int,
+    column_count: int,
+    attraction: wp.array(dtype=float),
+    # outputs
+    field: wp.array(dtype=wp.vec3),
+):
+    """The force per unit charge at every charge, along the surface."""
+    s = first + wp.tid()
+    i = order[s]
+    own = sorted_charges.position[s]
+    normal = sorted_charges.normal[s]
+    group = sorted_charges.label[s]
+    at_home = home[i]
+
+    # The potential's slope, fitted to the nodes near it.
+    along = across(normal)
+    beside = wp.cross(normal, along)
+    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
+    inverse_width = 1.0 / width
+    fitted = potential_of(
+        own,
+        normal,
+        along,
+        beside,
+        start[at_home],
+        start[at_home + 1],
+        near,
+        nodes.position,
+        nodes.normal,
+        potential,
+        group_count,
+        group,
+        inverse_reach,
+        inverse_width,
+    )
+    s0 = fitted[0]
+    s1 = fitted[1]
+    s2 = fitted[2]
+    inverse = row[s]
+    to_space = wp.vec3(inverse.value[0], inverse.value[1], inverse.value[2])
+    slope_along = wp.dot(to_space, along) * s0 + (inverse.slope[0] * s1 + inverse.slope[1] * s2) * inverse_width
+    slope_beside = wp.dot(to_space, beside) * s0 + (inverse.slope[1] * s1 + inverse.slope[2] * s2) * inverse_width
+    force = -slope_along * along - slope_beside * beside
+
+    # Charges that are near.
+    force += sum_near(
+        own,
+        normal,
+        group,
+        pair_start[at_home],
+        pair_start[at_home + 1],
+        pair,
+        charge_start,
+        sorted_charges.position,
+        sorted_charges.normal,
+        sorted_charges.label,
+        row,
+        cutoff * cutoff,
+        table,
+        table_scale,
+        interaction,
+        group_count,
+    )
+
+    # And the target that is.
+    for c in range(column_count):
+        amount = attraction[group * column_count + c]
+        if amount != 0.0:
+            force -= amount * interpolated(facet[i], weight[i], target_force, c * corner_count, facets)
+    field[i] = force - wp.dot(force, normal) * normal

@@ -1,0 +1,222 @@
+"""Kernels that find neighbours among points in space, by cells whose numbers are hashed into a table."""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+SEED = wp.constant(1)
+
+
+@wp.struct
+class Points:
+    """Points of a surface: where they are, where the surface looks to, and the label of the part that they are on."""
+
+    position: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    label: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class PointGrid:
+    """Cells of points: inverse size of a cell, slots of the table less one, and the points in the order of the slots."""
+
+    inverse_size: wp.float32
+    mask: wp.int32
+    order: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def cell_at(position: wp.vec3, inverse_size: float):
+    return wp.vec3i(
+        int(wp.floor(position[0] * inverse_size)),
+        int(wp.floor(position[1] * inverse_size)),
+        int(wp.floor(position[2] * inverse_size)),
+    )
+
+
+@wp.func
+def slot_of(cell: wp.vec3i, mask: int):
+    mixed = (cell[0] * 73856093) ^ (cell[1] * 19349663) ^ (cell[2] * 83492791)
+    mixed = mixed ^ (mixed >> 15)
+    return mixed & mask
+
+
+@wp.func
+def same_cell(one: wp.vec3i, other: wp.vec3i):
+    return one[0] == other[0] and one[1] == other[1] and one[2] == other[2]
+
+
+@wp.kernel
+def find_slots(
+    first: int,
+    position: wp.array(dtype=wp.vec3),
+    inverse_size: float,
+    mask: int,
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    i = first + wp.tid()
+    key[i] = slot_of(cell_at(position[i], inverse_size), mask)
+    order[i] = i
+
+
+@wp.kernel
+def thin_out(
+    first: int,
+    phase: int,
+    points: Points,
+    grid: PointGrid,
+    radius: float,
+    # outputs
+    kept: wp.array(dtype=wp.int32),
+):
+    """Keep points of which no two of one sheet are nearer than ``radius``, and of which no others could be kept too.
+
+    An element is a slot. Cells are as large as the radius; those of a phase, one in eight, do not touch, so that none of their points
+    is near one of another cell.
+    """
+    slot = first + wp.tid()
+    begin = grid.start[slot]
+    length = grid.start[slot + 1] - begin
+    # Neither the order of the points nor the cells may show in what is kept.
+    state = wp.rand_init(SEED, slot)
+    shift = wp.randi(state, 0, wp.max(length, 1))
+    for k_own in range(length):
+        i = grid.order[begin + (k_own + shift) % length]
+        own = points.position[i]
+        cell = cell_at(own, grid.inverse_size)
+        if (cell[0] & 1) + 2 * (cell[1] & 1) + 4 * (cell[2] & 1) == phase:
+            free = int(1)
+            for number in range(27):
+                if free != 0:
+                    around = wp.vec3i(
+                        cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1
+                    )
+                    other_slot = slot_of(around, grid.mask)
+                    for k in range(grid.start[other_slot], grid.start[other_slot + 1]):
+                        j = grid.order[k]
+                        between = points.position[j] - own
+                        if (
+                            free != 0
+                            and j != i
+                            and wp.length_sq(between) < radius * radius
+                            and points.label[j] == points.label[i]
+                            and wp.dot(points.normal[i], points.normal[j]) > 0.0
+                        ):
+                            if kept[j] != 0:
+                                free = 0
+            kept[i] = free
+
+
+@wp.kernel
+def find_nearest(
+    first: int,
+    points: Points,
+    others: Points,
+    grid: PointGrid,
+    reach: float,
+    turn: float,
+    # outputs
+    nearest: wp.array(dtype=wp.int32),
+):
+    """Nearest of other points on the same part, where a turn of the surface counts as ``turn`` times the change of the normal; or -1.
+
+    Cells are as large as ``reach``.
+    """
+    i = first + wp.tid()
+    own = points.position[i]
+    cell = cell_at(own, grid.inverse_size)
+    best = int(-1)
+    least = float(1.0e30)
+    for number in range(27):
+        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        slot = slot_of(around, grid.mask)
+        for s in range(grid.start[slot], grid.start[slot + 1]):
+            j = grid.order[s]
+            square = wp.length_sq(others.position[j] - own)
+            if square < reach * reach and others.label[j] == points.label[i]:
+                far = square + turn * turn * wp.length_sq(others.normal[j] - points.normal[i])
+                if far < least or (far == least and j < best):
+                    least = far
+                    best = j
+    nearest[i] = best
+
+
+@wp.func
+def sees(i: int, j: int, points: Points, others: Points, square_reach: float, least_cosine: float):
+    return (
+        wp.length_sq(others.position[j] - points.position[i]) < square_reach
+        and others.label[j] == points.label[i]
+        and wp.dot(points.normal[i], others.normal[j]) > least_cosine
+    )
+
+
+@wp.kernel
+def count_near(
+    first: int,
+    points: Points,
+    others: Points,
+    grid: PointGrid,
+    reach: float,
+    least_cosine: float,
+    # outputs
+    count: wp.array(dtype=wp.int32),
+):
+    """Count the other points within ``reach`` of each, on the same part and looking into like directions; cells are as large."""
+    i = first + wp.tid()
+    cell = cell_at(points.position[i], grid.inverse_size)
+    found = int(0)
+    for number in range(27):
+        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        slot = slot_of(around, grid.mask)
+        for s in range(grid.start[slot], grid.start[slot + 1]):
+            j = grid.order[s]
+            if sees(i, j, points, others, reach * reach, least_cosine):
+                if same_cell(cell_at(others.position[j], grid.inverse_size), around):
+                    found += 1
+    count[i] = found
+
+
+@wp.kernel
+def list_near(
+    first: int,
+    points: Points,
+    others: Points,
+    grid: PointGrid,
+    reach: float,
+    least_cosine: float,
+    start: wp.array(dtype=wp.int32),
+    # outputs
+    near: wp.array(dtype=wp.int32),
+):
+    """List what :func:`count_near` counts, for each from its ``start`` on."""
+    i = first + wp.tid()
+    cell = cell_at(points.position[i], grid.inverse_size)
+    at = start[i]
+    for number in range(27):
+        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        slot = slot_of(around, grid.mask)
+        for s in range(grid.start[slot], grid.start[slot + 1]):
+            j = grid.order[s]
+            if sees(i, j, points, others, reach * reach, least_cosine):
+                if same_cell(cell_at(others.position[j], grid.inverse_size), around):
+                    near[at] = j
+                    at += 1
+
+
+@wp.kernel
+def choose_points(
+    first: int,
+    index: wp.array(dtype=wp.int32),
+    points: Points,
+    # outputs
+    chosen: Points,
+):
+    i = first + wp.tid()
+    chosen.position[i] = points.position[index[i]]
+    chosen.normal[i] = points.normal[index[i]]
+    chosen.label[i] = points.label[index[i]]

@@ -1,0 +1,132 @@
+"""Points of a surface on a device: cells of them, subsets that keep a distance, and lists of neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..space.cell_sort import CellSort
+from . import kernels_points
+
+__all__ = ["Lists", "chosen", "empty_points", "grid_of", "lists_of", "nearest_of", "running_sum", "thinned"]
+
+# Slots of a table for every point in it.
+SLOTS_PER_POINT = 2
+# Points that are far denser than they are to be kept are first made as few as there are cells of this share of the distance.
+CELLS_OF_RADIUS = 4.0
+CROWDED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Lists:
+    """Lists of numbers, one after the other: where each starts, shape ``[n + 1]``, and all numbers, both ``wp.int32``."""
+
+    start: wp.array
+    entry: wp.array
+
+
+def empty_points(launcher: Launcher, count: int) -> kernels_points.Points:
+    """Points that are still to be written."""
+    points = kernels_points.Points()
+    points.position = launcher.empty(count, wp.vec3)
+    points.normal = launcher.empty(count, wp.vec3)
+    points.label = launcher.empty(count, wp.int32)
+    return points
+
+
+def chosen(launcher: Launcher, points: kernels_points.Points, index: np.ndarray) -> kernels_points.Points:
+    """Some of the points."""
+    result = empty_points(launcher, len(index))
+    numbers = wp.array(index.astype(np.int32), dtype=wp.int32, device=launcher.device)
+    launcher.launch(kernels_points.choose_points, len(index), [numbers, points], [result])
+    return result
+
+
+def grid_of(launcher: Launcher, position: wp.array, cell: float) -> kernels_points.PointGrid:
+    """Sort points into cells of a size."""
+    count = len(position)
+    slots = 1 << max(4, (SLOTS_PER_POINT * count - 1).bit_length())
+    sort = CellSort(launcher, count, slots)
+    sort.sort(kernels_points.find_slots, [position, 1.0 / cell, slots - 1])
+    grid = kernels_points.PointGrid()
+    grid.inverse_size = 1.0 / cell
+    grid.mask = slots - 1
+    grid.order = sort.order
+    grid.start = sort.cell_start
+    return grid
+
+
+def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) -> np.ndarray:
+    """Numbers of points that keep a distance: as many that no further one fits in; sheets that look apart do not see each other."""
+    few = _one_of_each_cell(points, radius / CELLS_OF_RADIUS)
+    if few is not None:
+        return few[thinned(launcher, chosen(launcher, points, few), radius)]
+    count = len(points.position)
+    grid = grid_of(launcher, points.position, radius)
+    kept = launcher.zeros(count, wp.int32)
+    for phase in range(8):
+        launcher.launch(
+            kernels_points.thin_out,
+            grid.mask + 1,
+            [phase, points, grid, radius],
+            [kept],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+    return np.flatnonzero(kept.numpy())
+
+
+def _one_of_each_cell(points: kernels_points.Points, cell: float) -> np.ndarray | None:
+    """Numbers of points of which no two lie in one cell, on one part and look into the same direction; None if nearly all do not."""
+    place = np.floor(points.position.numpy() / cell).astype(np.int64)
+    place -= place.min(axis=0)
+    facing = np.round(points.normal.numpy() * 1.49).astype(np.int64) + 1
+    key = points.label.numpy().astype(np.int64)
+    for values, size in ((place, place.max(axis=0) + 1), (facing, np.full(3, 3))):
+        for axis in range(3):
+            # Where numbers grow beyond 64 bits, they go round: cells that then share one lose a point, no more.
+            key = key * int(size[axis]) + values[:, axis]
+    few = np.unique(key, return_index=True)[1]
+    return np.sort(few) if len(few) < CROWDED * len(key) else None
+
+
+def nearest_of(
+    launcher: Launcher, points: kernels_points.Points, others: kernels_points.Points, reach: float, turn: float
+) -> wp.array:
+    """Nearest of ``others`` for every point; see :func:`.kernels_points.find_nearest`."""
+    result = launcher.empty(len(points.position), wp.int32)
+    launcher.launch(
+        kernels_points.find_nearest,
+        len(points.position),
+        [points, others, grid_of(launcher, others.position, reach), reach, turn],
+        [result],
+        grain=GRAIN_OF_NEIGHBOURS,
+    )
+    return result
+
+
+def lists_of(
+    launcher: Launcher,
+    points: kernels_points.Points,
+    others: kernels_points.Points,
+    reach: float,
+    least_cosine: float = -2.0,
+) -> Lists:
+    """The ``others`` within ``reach`` of every point."""
+    count = launcher.empty(len(points.position), wp.int32)
+    inputs = [points, others, grid_of(launcher, others.position, reach), reach, least_cosine]
+    n = len(points.position)
+    launcher.launch(kernels_points.count_near, n, inputs, [count], grain=GRAIN_OF_NEIGHBOURS)
+    start, total = running_sum(launcher, count)
+    entry = launcher.empty(max(total, 1), wp.int32)
+    launcher.launch(kernels_points.list_near, n, [*inputs, start], [entry], grain=GRAIN_OF_NEIGHBOURS)
+    return Lists(start, entry)
+
+
+def running_sum(launcher: Launcher, count: wp.array) -> tuple[wp.array, int]:
+    """Where lists of so many entries start, and how many entries there are."""
+    start = np.zeros(len(count) + 1, np.int64)
+    np.cumsum(count.numpy(), out=start[1:])
+    return wp.array(start.astype(np.int32), dtype=wp.int32, device=launcher.device), int(start[-1])

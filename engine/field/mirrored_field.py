@@ -1,0 +1,80 @@
+"""The field in a space whose borders are mirrors, so that they neither attract nor repel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from . import kernels_mirror
+from .field import Field, FieldTarget
+
+__all__ = ["COPIES", "MirroredField"]
+
+# Every charge has three images: across the right border, the upper one, and both.
+COPIES = 4
+
+
+class MirroredField:
+    """Evaluates the field of charges and of their images beyond the borders: a periodic one of twice the extent along both axes.
+
+    Args:
+        launcher: Where to run.
+        size: Extent of the domain along x and y.
+        targets: One per group.
+        charge: Charge of every particle, shape ``[n]``.
+        charge_group: Its group, shape ``[n]``.
+        more: What else :class:`~.field.Field` takes.
+
+    Attributes:
+        field: The field of all of them.
+    """
+
+    def __init__(
+        self,
+        launcher: Launcher,
+        *,
+        size: tuple[float, float],
+        targets: Sequence[FieldTarget],
+        charge: np.ndarray,
+        charge_group: np.ndarray,
+        **more: Any,
+    ) -> None:
+        self._launcher = launcher
+        self._size = wp.vec2(*size)
+        self._count = len(charge)
+        # An image that several groups follow stays one.
+        mirrored = {id(part.image): mirror(part.image) for target in targets for part in (target, *target.more)}
+        self.field = Field(
+            launcher,
+            size=(2.0 * size[0], 2.0 * size[1]),
+            periodic=True,
+            targets=[_mirrored(target, mirrored) for target in targets],
+            charge=np.tile(charge, COPIES),
+            charge_group=np.tile(charge_group, COPIES),
+            **more,
+        )
+        self._position = launcher.empty(COPIES * self._count, wp.vec2)
+        self._all = launcher.zeros(COPIES * self._count, wp.vec2)
+
+    def evaluate(self, position: wp.array, field: wp.array) -> None:
+        """Write the force per unit charge at every charge; see :meth:`.field.Field.evaluate`."""
+        self._launcher.launch(
+            kernels_mirror.mirror_positions, self._count, [position, self._count, self._size], [self._position]
+        )
+        self.field.evaluate(self._position, self._all)
+        self._launcher.launch(kernels_mirror.take_first, self._count, [self._all], [field])
+
+
+def mirror(image: np.ndarray) -> np.ndarray:
+    """An image (row 0 at the top) with those beyond its right and upper borders."""
+    wide = np.concatenate([image, image[:, ::-1]], axis=1)
+    return np.ascontiguousarray(np.concatenate([wide[::-1], wide], axis=0))
+
+
+def _mirrored(target: FieldTarget, images: dict[int, np.ndarray]) -> FieldTarget:
+    more = tuple(_mirrored(part, images) for part in target.more)
+    return FieldTarget(images[id(target.image)], COPIES * target.charge, more, target.class_index)

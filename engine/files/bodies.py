@@ -1,0 +1,321 @@
+"""Bodies as files hold them: in space, each turned and scaled, one of a few prototypes; what writers and readers share."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import EshError, InputFileError
+from ..problem.placement import Placement
+from ..problem.problem import Problem
+
+__all__ = ["AssetFiles", "Bodies", "Prototype", "bodies_from_columns", "bodies_of", "check_assets", "read_names"]
+
+AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
+
+# Corners of the outline that stands in for a round body.
+CORNERS = 16
+# Classes take these colours in turn (Okabe and Ito's, which colour-blind people can tell apart).
+PALETTE = (
+    *((0.0, 0.62, 0.45), (0.9, 0.62, 0.0), (0.34, 0.71, 0.91), (0.84, 0.37, 0.0)),
+    *((0.0, 0.45, 0.7), (0.8, 0.47, 0.65), (0.94, 0.89, 0.26), (0.5, 0.5, 0.5)),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Prototype:
+    """What stands where a body is.
+
+    Attributes:
+        name: Unique among the prototypes.
+        outline: Its footprint around the origin [m], counter-clockwise, shape ``[corners, 2]``: a prism of it stands in where
+            there is no asset.
+        height: Of the prism [m].
+        color: Of the prism, red, green and blue, 0..1.
+        assets: Files that hold the object, for formats that can refer to one or take it in; a format takes the first of its own.
+    """
+
+    name: str
+    outline: np.ndarray
+    height: float
+    color: tuple[float, float, float] = PALETTE[0]
+    assets: tuple[Path, ...] = ()
+
+    def asset(self, endings: tuple[str, ...], what: str) -> Path | None:
+        """Return the asset that has one of these endings; None if there are no assets at all.
+
+        Raises:
+            EshError: There are assets, but none of them has; ``what`` is what cannot be written. Or it does not exist.
+        """
+        fitting = [path for path in self.assets if path.suffix.lower() in endings]
+        if self.assets and not fitting:
+            raise EshError(
+                f'the asset of "{self.name}" for {what} must end in {" or ".join(endings)}; got {self.assets[0]}'
+            )
+        if fitting and not fitting[0].is_file():
+            raise InputFileError(f"{fitting[0]} cannot be read: there is no such file")
+        return fitting[0] if fitting else None
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Bodies in space, z up, as files exchange them.
+
+    Attributes:
+        position: [m], shape ``[n, 3]``, float64.
+        rotation: Unit quaternions (w, x, y, z), shape ``[n, 4]``, float32.
+        scale: Factors along the prototype's axes, shape ``[n, 3]``, float32.
+        prototype_index: Index into ``prototypes``, shape ``[n]``, int32.
+        prototypes: What stands where a body is.
+        id: Numbers that stay with the bodies, shape ``[n]``, int64.
+        class_index: Index into ``class_name``, shape ``[n]``, int32.
+        size_index: Index into the class's ``size_name``, shape ``[n]``, int32.
+        class_name: Names of the classes.
+        size_name: Names of the sizes of every class.
+        length: Length of a line body's axis [m], shape ``[n]``, float64; 0 for dots.
+        width: Thickness of a line body [m], shape ``[n]``, float64; 0 for dots.
+        area: Footprint [m²], shape ``[n]``, float64; NaN where a file does not say.
+        fixed: Whether a body was fixed, shape ``[n]``, bool.
+        named: Whether the names of classes and sizes are known; where a file does not say, numbers take their place.
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    scale: np.ndarray
+    prototype_index: np.ndarray
+    prototypes: tuple[Prototype, ...]
+    id: np.ndarray
+    class_index: np.ndarray
+    size_index: np.ndarray
+    class_name: tuple[str, ...]
+    size_name: tuple[tuple[str, ...], ...]
+    length: np.ndarray
+    width: np.ndarray
+    area: np.ndarray
+    fixed: np.ndarray
+    named: bool = True
+
+    @property
+    def angle(self) -> np.ndarray:
+        """Turn about z [rad], counter-clockwise from x, shape ``[n]``, float64."""
+        w, x, y, z = self.rotation.astype(np.float64).T
+        return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return everything that there is one value of for each body, as tables hold it; shapes ``[n]``."""
+        return {
+            "id": self.id,
+            **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
+            **{name: getattr(self, name) for name in ("class_index", "size_index", "length", "width", "area")},
+            **{f"rotation_{axis}": values for axis, values in zip("wxyz", self.rotation.T, strict=True)},
+            **{f"scale_{axis}": values for axis, values in zip("xyz", self.scale.T, strict=True)},
+            "prototype_index": self.prototype_index,
+            "fixed": self.fixed.astype(np.int32),
+        }
+
+    def names(self) -> str:
+        """Return the names that indices count, as JSON in ASCII on one line."""
+        prototypes = [prototype.name for prototype in self.prototypes]
+        return json.dumps({"class": self.class_name, "size": self.size_name, "prototype": prototypes})
+
+
+def read_names(text: str) -> dict[str, Any]:
+    """Return what :meth:`Bodies.names` wrote; empty where it is something else."""
+    try:
+        names = json.loads(text)
+    except ValueError:
+        return {}
+    return names if isinstance(names, dict) else {}
+
+
+def check_assets(problem: Problem, assets: AssetFiles) -> dict[tuple[int, int], tuple[Path, ...]]:
+    """Return the assets of every class and size, by their indices.
+
+    Raises:
+        EshError: An asset for a class or size that does not exist.
+        InputFileError: A file that does not exist.
+    """
+    left = {
+        str(name): tuple(map(Path, [paths] if isinstance(paths, (str, Path)) else paths))
+        for name, paths in assets.items()
+    }
+    files: dict[tuple[int, int], tuple[Path, ...]] = {}
+    # Those of a whole class first, so that a size's own replaces them.
+    for c, body_class in enumerate(problem.classes):
+        if body_class.name in left:
+            files |= dict.fromkeys([(c, s) for s in range(len(body_class.sizes))], left.pop(body_class.name))
+    for c, body_class in enumerate(problem.classes):
+        for s, size in enumerate(body_class.sizes):
+            if f"{body_class.name}/{size.name}" in left:
+                files[c, s] = left.pop(f"{body_class.name}/{size.name}")
+    if left:
+        known = [f"{c.name}/{size.name}" for c in problem.classes for size in c.sizes]
+        raise EshError(f"an asset must be for a class or a size ({', '.join(known)}); got {', '.join(map(repr, left))}")
+    for path in (path for paths in files.values() for path in paths):
+        if not path.is_file():
+            raise InputFileError(f"{path} cannot be read: there is no such file")
+    return files
+
+
+def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
+    """Return the bodies of a placement, flat on the plane z = 0, with a prototype for every size of every class.
+
+    Args:
+        placement: What to write.
+        assets: Files that hold the objects, by ``"class"`` or ``"class/size"``; the object's footprint is around its origin and
+            of the size's mean area, its long axis lies along x, and z (in glTF: y) points up.
+
+    Raises:
+        EshError: See :func:`check_assets`.
+    """
+    problem = placement.problem
+    count = len(placement.position)
+    scale = np.ones((count, 3))
+    half = 0.5 * np.asarray(placement.angle)
+    still = np.zeros(count)
+    prototypes: list[Prototype] = []
+    index = np.empty(count, np.int32)
+    files = check_assets(problem, assets or {})
+    for c, body_class in enumerate(problem.classes):
+        for s, size in enumerate(body_class.sizes):
+            own = np.flatnonzero((placement.class_index == c) & (placement.size_index == s))
+            index[own] = len(prototypes)
+            if size.line is None:
+                radius = math.sqrt(size.mean_area / math.pi)
+                length = 0.0
+                scale[own] = np.sqrt(placement.area[own] / size.mean_area)[:, None]
+            else:
+                radius = 0.5 * float(placement.width[own].mean())
+                length = float(placement.length[own].mean())
+                thicker = placement.width[own] / (2.0 * radius)
+                longer = (placement.length[own] + placement.width[own]) / (length + 2.0 * radius)
+                scale[own] = np.stack([longer, thicker, thicker], axis=1)
+            prototypes.append(
+                Prototype(
+                    body_class.name if len(body_class.sizes) == 1 else f"{body_class.name}/{size.name}",
+                    _capsule(radius, length),
+                    2.0 * radius,
+                    PALETTE[c % len(PALETTE)],
+                    files.get((c, s), ()),
+                )
+            )
+    return Bodies(
+        position=np.column_stack([placement.position, still]),
+        rotation=np.stack([np.cos(half), still, still, np.sin(half)], axis=1).astype(np.float32),
+        scale=scale.astype(np.float32),
+        prototype_index=index,
+        prototypes=tuple(prototypes),
+        id=np.asarray(placement.id, np.int64),
+        class_index=np.asarray(placement.class_index, np.int32),
+        size_index=np.asarray(placement.size_index, np.int32),
+        class_name=placement.class_name,
+        size_name=tuple(tuple(size.name for size in body_class.sizes) for body_class in problem.classes),
+        length=np.asarray(placement.length, np.float64),
+        width=np.asarray(placement.width, np.float64),
+        area=np.asarray(placement.area, np.float64),
+        fixed=np.asarray(placement.fixed, bool),
+    )
+
+
+def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], source: str) -> Bodies:
+    """Return the bodies that a table holds; what it lacks is upright, unscaled and of one class.
+
+    Args:
+        columns: Name of a column -> its values, shapes ``[n]``; ``x`` and ``y`` are needed, see :meth:`Bodies.columns`;
+            ``angle`` [rad] counts where there is no ``rotation_w``.
+        names: See :meth:`Bodies.names`; indices take the place of names that are missing.
+        source: What messages call the file.
+
+    Raises:
+        InputFileError: A column that is missing, of another length, or holds something else than numbers.
+    """
+    for key in ("x", "y"):
+        if key not in columns:
+            raise InputFileError(f"{source} must hold the columns x and y; it holds {', '.join(columns) or 'none'}")
+    count = len(columns["x"])
+
+    def column(key: str, default: float, dtype: type = np.float64) -> np.ndarray:
+        try:
+            values = np.asarray(columns[key] if key in columns else np.full(count, default), dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputFileError(f"{source}: column {key} must hold numbers") from None
+        if values.shape != (count,):
+            raise InputFileError(f"{source}: column {key} must hold one number per body, {count}; got {values.shape}")
+        if key != "area" and not np.isfinite(values).all():
+            raise InputFileError(f"{source}: column {key} must hold finite numbers")
+        return values.astype(dtype)
+
+    position = np.stack([column(key, 0.0) for key in ("x", "y", "z")], axis=1)
+    if "rotation_w" in columns:
+        rotation = np.stack([column(f"rotation_{axis}", 0.0) for axis in "wxyz"], axis=1)
+        norm = np.linalg.norm(rotation, axis=1, keepdims=True)
+        if not (norm > 0.0).all():
+            raise InputFileError(f"{source}: rotations must be quaternions that are not 0")
+        rotation /= norm
+    else:
+        half = 0.5 * column("angle", 0.0)
+        rotation = np.stack([np.cos(half), np.zeros(count), np.zeros(count), np.sin(half)], axis=1)
+    class_index = _index(column("class_index", 0.0), f"{source}: class_index")
+    size_index = _index(column("size_index", 0.0), f"{source}: size_index")
+    class_name = _strings(names.get("class"), int(class_index.max(initial=-1)) + 1, "class")
+    given = names.get("size")
+    given = given if isinstance(given, (list, tuple)) else []
+    size_name = tuple(
+        _strings(
+            given[c] if c < len(given) else None, int(size_index[class_index == c].max(initial=-1)) + 1, class_name[c]
+        )
+        for c in range(len(class_name))
+    )
+    prototype_index = _index(column("prototype_index", 0.0), f"{source}: prototype_index")
+    labels = _strings(names.get("prototype"), int(prototype_index.max(initial=-1)) + 1, "prototype")
+    area = column("area", math.nan)
+    prototypes = []
+    for number, label in enumerate(labels):
+        own = area[(prototype_index == number) & np.isfinite(area)]
+        radius = math.sqrt(float(own.mean()) / math.pi) if own.size else 0.5
+        prototypes.append(Prototype(label, _capsule(radius, 0.0), 2.0 * radius, PALETTE[number % len(PALETTE)]))
+    return Bodies(
+        position=position,
+        rotation=rotation.astype(np.float32),
+        scale=np.stack([column(f"scale_{axis}", 1.0) for axis in "xyz"], axis=1).astype(np.float32),
+        prototype_index=prototype_index,
+        prototypes=tuple(prototypes),
+        # Not through float64: ids may be larger than what that counts exactly.
+        id=np.asarray(columns["id"]).astype(np.int64) if "id" in columns else np.arange(count, dtype=np.int64),
+        class_index=class_index,
+        size_index=size_index,
+        class_name=class_name,
+        size_name=size_name,
+        length=column("length", 0.0),
+        width=column("width", 0.0),
+        area=area,
+        fixed=column("fixed", 0.0) != 0.0,
+        named=bool(names.get("class")),
+    )
+
+
+def _capsule(radius: float, length: float) -> np.ndarray:
+    """Return the outline of a disc, or of a capsule along x, with as much area, shape ``[corners, 2]``."""
+    angle = np.arange(CORNERS) * (2.0 * math.pi / CORNERS) - 0.5 * math.pi * (1.0 - 2.0 / CORNERS)
+    corner = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # A polygon within a circle holds a little less than it.
+    corner *= radius * math.sqrt(2.0 * math.pi / (CORNERS * math.sin(2.0 * math.pi / CORNERS)))
+    corner[:, 0] += 0.5 * length * np.where(np.arange(CORNERS) < CORNERS // 2, 1.0, -1.0)
+    return corner
+
+
+def _index(values: np.ndarray, key: str) -> np.ndarray:
+    if values.size and not (values.min() >= 0 and values.max() < 2**31 and (values == np.round(values)).all()):
+        raise InputFileError(f"{key} must hold whole numbers of at least 0")
+    return values.astype(np.int32)
+
+
+def _strings(names: object, least: int, otherwise: str) -> tuple[str, ...]:
+    given: Sequence[object] = names if isinstance(names, (list, tuple)) else ()
+    return (*(str(name) for name in given), *(f"{otherwise} {number + 1}" for number in range(len(given), least)))

@@ -1,0 +1,73 @@
+"""Meshes from files: OBJ, PLY, STL, GLB and whatever else trimesh reads, as surfaces for bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputFileError, ProblemError
+from ..problem.surface import SurfaceMesh
+
+__all__ = ["ACCEPTED", "read_meshes"]
+
+ACCEPTED = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+# What colours of vertices are called where the file has no name for them.
+COLOR = "color"
+
+
+def read_meshes(path: str | Path) -> list[SurfaceMesh]:
+    """Read the meshes of a file, where its scene puts them.
+
+    Attributes are those of the vertices: of a PLY file each further property by its name, colours as ``color``, 0..1. A UV map is
+    kept where there is one.
+
+    Raises:
+        InputFileError: The file does not exist, is of another format, or holds no triangles.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in ACCEPTED:
+        raise InputFileError(f"{path} must end in {', '.join(ACCEPTED)}; got the ending {path.suffix!r}")
+    if not path.is_file():
+        raise InputFileError(f"{path} does not exist; a mesh is a file in one of the formats {', '.join(ACCEPTED)}")
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+    except Exception as error:  # whatever the readers of trimesh stumble over
+        raise InputFileError(
+            f"{path} cannot be read as a mesh: {' '.join(str(error).split()) or 'no reason given'}"
+        ) from None
+    parts = [part for part in parts if len(part.faces)]
+    if not parts:
+        raise InputFileError(f"{path} must hold at least one triangle; it has none")
+    names = [path.stem if len(parts) == 1 else f"{path.stem} {number}" for number in range(1, len(parts) + 1)]
+    try:
+        return [_surface_mesh(part, name) for part, name in zip(parts, names, strict=True)]
+    except ProblemError as error:
+        raise InputFileError(f"{path}: {error}") from None
+
+
+def _surface_mesh(part: Any, name: str) -> SurfaceMesh:
+    count = len(part.vertices)
+    attributes = {
+        key: np.asarray(values) for key, values in part.vertex_attributes.items() if _is_numbers(values, count)
+    }
+    raw = part.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    if raw is not None and len(raw) == count:
+        for key in raw.dtype.names or ():
+            if key not in "xyz" and key not in attributes and _is_numbers(raw[key], count):
+                attributes[key] = np.asarray(raw[key])
+    visual = part.visual
+    if getattr(visual, "kind", None) == "vertex":
+        attributes.setdefault(COLOR, np.asarray(visual.vertex_colors)[:, :3] / 255.0)
+    uv = getattr(visual, "uv", None)
+    uv = None if uv is None or len(uv) != count else np.asarray(uv, dtype=np.float64)[:, :2]
+    return SurfaceMesh(np.asarray(part.vertices), np.asarray(part.faces), name, attributes, uv)
+
+
+def _is_numbers(values: Any, count: int) -> bool:
+    array = np.asarray(values)
+    return array.dtype.kind in "iufb" and array.ndim in (1, 2) and len(array) == count

@@ -1,0 +1,404 @@
+"""Surfaces that bodies are placed on: triangles of one mesh or of several, and what they say at their points.
+
+Nothing here knows how bodies are placed. Meshes need not be clean: triangles without an area are left out, triangles that look
+the other way than their neighbours are turned round, and neither holes nor edges of many triangles matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import ProblemError
+from . import validation
+from .validation import show
+
+__all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
+
+# Vertices nearer than this share of the extent are one.
+WELDED = 2.0**-20
+# A triangle's height over its longest side, below which it has no area, and no normal that means anything.
+FLATTEST = 1e-7
+# Points that integrals over a surface are sampled at.
+SAMPLES = 1 << 16
+# Rec. 709.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+EXTENT_KEY = "the surface's extent"
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMesh:
+    """Triangles of one mesh, with what is interpolated over them.
+
+    Args:
+        vertices: Positions [m], shape ``[v, 3]``.
+        triangles: Vertex indices, shape ``[t, 3]``.
+        name: How sentences name it.
+        attributes: Name -> values per vertex, shape ``[v]`` or ``[v, k]``, or per triangle, shape ``[t]`` or ``[t, k]``.
+        uv: Coordinates of an image, 0..1, v up: per vertex, shape ``[v, 2]``, or per corner, shape ``[t, 3, 2]``; None for none.
+
+    Raises:
+        ProblemError: No triangles, indices of vertices that are not there, coordinates that are not finite, another shape.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    name: str = "mesh"
+    attributes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    uv: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        where = f'of mesh "{validation.check_name(self.name, "`name` of a mesh")}"'
+        vertices = _array(self.vertices, (None, 3), f"`vertices` {where}")
+        triangles = _array(self.triangles, (None, 3), f"`triangles` {where}")
+        if not len(triangles):
+            raise ProblemError(f"`triangles` {where} must have at least one triangle; got none")
+        if triangles.dtype.kind == "f" and not np.array_equal(triangles, np.round(triangles)):
+            raise ProblemError(f"`triangles` {where} must be whole numbers, indices of vertices; got fractions")
+        triangles = triangles.astype(np.int64)
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            wrong = int(triangles.min() if triangles.min() < 0 else triangles.max())
+            raise ProblemError(f"`triangles` {where} must be indices of its {len(vertices)} vertices; got {wrong}")
+        vertices = vertices.astype(np.float64)
+        if not np.isfinite(vertices[triangles]).all():
+            raise ProblemError(f"`vertices` {where} must be finite; one of them is NaN or infinite")
+        attributes = {}
+        for name, values in self.attributes.items():
+            values = np.asarray(values)
+            if values.ndim not in (1, 2) or len(values) not in (len(vertices), len(triangles)):
+                raise ProblemError(
+                    f'attribute "{name}" {where} must hold one value per vertex, {len(vertices)}, or per triangle, '
+                    f"{len(triangles)}; got shape {list(values.shape)}"
+                )
+            attributes[name] = values
+        uv = self.uv
+        if uv is not None:
+            uv = np.asarray(uv, dtype=np.float64)
+            if uv.shape not in ((len(vertices), 2), (len(triangles), 3, 2)):
+                raise ProblemError(
+                    f"`uv` {where} must have shape [{len(vertices)}, 2] or [{len(triangles)}, 3, 2]; got {list(uv.shape)}"
+                )
+        for name, value in (("vertices", vertices), ("triangles", triangles), ("attributes", attributes), ("uv", uv)):
+            object.__setattr__(self, name, value)
+
+    def attribute_at(self, name: str, triangle: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+        """Values of an attribute at points of triangles, shape ``[n]`` or ``[n, k]``, float64."""
+        values = np.asarray(self.attributes[name], dtype=np.float64)
+        if len(values) == len(self.vertices):
+            return np.einsum("nk,nk...->n...", barycentric, values[self.triangles[triangle]])
+        return values[triangle]
+
+    def uv_at(self, triangle: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+        """Coordinates of an image at points of triangles, shape ``[n, 2]``."""
+        assert self.uv is not None
+        corner = self.uv[triangle] if self.uv.ndim == 3 else self.uv[self.triangles[triangle]]
+        return np.einsum("nk,nkd->nd", barycentric, corner)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface that bodies are placed on: the triangles of one mesh, or of several.
+
+    Meshes that touch are one surface, whether they share vertices or not. Parts that do not touch do not see each other, however near
+    they are, unless they are a few bodies small. What looks into opposite directions, such as the two sides of a wall, does not see
+    each other either.
+
+    Args:
+        meshes: One :class:`SurfaceMesh`, or several.
+
+    Attributes:
+        position: Vertices of all meshes [m], shape ``[v, 3]``, float64.
+        triangle: Indices of vertices, shape ``[t, 3]``, int64; those of a mesh follow those of the mesh before.
+        source: Triangle of the meshes, counted through all of them, that each is, shape ``[t]``: those without an area are left out.
+        normal: Of length 1, shape ``[t, 3]``; neighbours look to the same side.
+        triangle_area: In m², shape ``[t]``.
+        part: Which of the parts that share no vertices each is in, shape ``[t]``.
+        turned: Whether a triangle was turned round, so that its second and third corners have changed places, shape ``[t]``.
+        welded: The triangles by vertices that are one where they lie in one place, shape ``[t, 3]``.
+        open_side: Whether no other triangle lies beyond the side opposite of each corner, shape ``[t, 3]``.
+
+    Raises:
+        ProblemError: No mesh, no triangle with an area, or an extent that is too small or too large.
+    """
+
+    meshes: SurfaceMesh | Sequence[SurfaceMesh]
+    position: np.ndarray = field(init=False, repr=False)
+    triangle: np.ndarray = field(init=False, repr=False)
+    source: np.ndarray = field(init=False, repr=False)
+    normal: np.ndarray = field(init=False, repr=False)
+    triangle_area: np.ndarray = field(init=False, repr=False)
+    part: np.ndarray = field(init=False, repr=False)
+    turned: np.ndarray = field(init=False, repr=False)
+    welded: np.ndarray = field(init=False, repr=False)
+    open_side: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        meshes = (self.meshes,) if isinstance(self.meshes, SurfaceMesh) else self.meshes
+        meshes = validation.as_tuple(meshes, SurfaceMesh, "`meshes` of a surface")
+        if not meshes:
+            raise ProblemError("`meshes` of a surface must hold at least one SurfaceMesh; got none")
+        first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for mesh in meshes])])
+        position = np.concatenate([mesh.vertices for mesh in meshes])
+        triangle = np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, first[:-1], strict=True)])
+        used = position[triangle]
+        extent = float((used.max(axis=(0, 1)) - used.min(axis=(0, 1))).max())
+        if not validation.SMALLEST_LENGTH <= extent <= validation.LARGEST_LENGTH:
+            raise ProblemError(
+                f"{EXTENT_KEY} must lie between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} metres; "
+                f"got {extent:g}"
+            )
+        cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
+        length = np.linalg.norm(cross, axis=1)
+        longest = np.linalg.norm(used - np.roll(used, 1, axis=1), axis=2).max(axis=1)
+        kept = np.flatnonzero(length > FLATTEST * longest**2)
+        if not len(kept):
+            raise ProblemError("the surface must have an area; all its triangles are points or lines")
+        triangle = triangle[kept]
+        welded = _welded(position, triangle, extent)
+        turned = _turned(welded, position)
+        triangle = np.where(turned[:, None], triangle[:, [0, 2, 1]], triangle)
+        normal = cross[kept] / length[kept, None]
+        values = {
+            "meshes": meshes,
+            "position": position,
+            "triangle": triangle,
+            "source": kept,
+            "normal": np.where(turned[:, None], -normal, normal),
+            "triangle_area": 0.5 * length[kept],
+            "part": _parts(welded),
+            "turned": turned,
+            "welded": np.where(turned[:, None], welded[:, [0, 2, 1]], welded),
+            "open_side": _open_sides(np.where(turned[:, None], welded[:, [0, 2, 1]], welded)),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def area(self) -> float:
+        """Area of all triangles [m²]."""
+        return float(self.triangle_area.sum())
+
+    @property
+    def low(self) -> np.ndarray:
+        """Smallest coordinates [m], shape ``[3]``."""
+        return self.position[self.triangle].min(axis=(0, 1))
+
+    @property
+    def high(self) -> np.ndarray:
+        """Largest ones."""
+        return self.position[self.triangle].max(axis=(0, 1))
+
+    @property
+    def size(self) -> tuple[float, ...]:
+        """Extent along x, y and z [m]."""
+        return tuple((self.high - self.low).tolist())
+
+    def points(self, triangle: np.ndarray, barycentric: np.ndarray) -> PointsOnSurface:
+        """Points by their triangles, shape ``[n]``, and the weights of these triangles' corners, shape ``[n, 3]``."""
+        return PointsOnSurface(self, np.asarray(triangle), np.asarray(barycentric, dtype=np.float64))
+
+    def locate(self, mesh: np.ndarray, triangle: np.ndarray, barycentric: np.ndarray) -> PointsOnSurface:
+        """Points by meshes, triangles of theirs and weights of these triangles' corners.
+
+        It is the inverse of :meth:`PointsOnSurface.source`. The triangles must have an area.
+        """
+        meshes = self.meshes
+        assert isinstance(meshes, tuple)
+        first = np.concatenate([[0], np.cumsum([len(one.triangles) for one in meshes])])
+        own = np.searchsorted(self.source, first[mesh] + triangle)
+        return self.points(own, np.where(self.turned[own][:, None], barycentric[:, [0, 2, 1]], barycentric))
+
+    def sample(self, count: int = SAMPLES) -> PointsOnSurface:
+        """Points that stand for equal areas, spread over the surface; the same ones every time."""
+        share = np.cumsum(self.triangle_area)
+        along = (np.arange(count) + 0.5) / count * share[-1]
+        triangle = np.minimum(np.searchsorted(share, along), len(share) - 1)
+        # Fractions of the golden ratio and of its plastic kin fill a square evenly.
+        u, v = np.mod(np.arange(count) * 0.7548776662466927, 1.0), np.mod(np.arange(count) * 0.5698402909980532, 1.0)
+        beyond = u + v > 1.0
+        u, v = np.where(beyond, 1.0 - u, u), np.where(beyond, 1.0 - v, v)
+        return self.points(triangle, np.stack([1.0 - u - v, u, v], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class PointsOnSurface:
+    """Points of a surface.
+
+    Attributes:
+        surface: The surface.
+        triangle: Triangle that each lies on, shape ``[n]``.
+        barycentric: Weights of its corners, shape ``[n, 3]``, float64.
+    """
+
+    surface: Surface
+    triangle: np.ndarray
+    barycentric: np.ndarray
+
+    @property
+    def position(self) -> np.ndarray:
+        """Where they are [m], shape ``[n, 3]``, float64."""
+        corner = self.surface.position[self.surface.triangle[self.triangle]]
+        return np.einsum("nk,nkd->nd", self.barycentric, corner)
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Of their triangles, of length 1, shape ``[n, 3]``, float64."""
+        return self.surface.normal[self.triangle]
+
+    def attribute(self, name: str, key: str = "`attribute`") -> np.ndarray:
+        """Values of an attribute of the meshes, shape ``[n]`` or ``[n, k]``; a mesh that lacks it counts as 0."""
+        meshes = self.surface.meshes
+        assert isinstance(meshes, tuple)
+        names = sorted({own for mesh in meshes for own in mesh.attributes})
+        if name not in names:
+            listed = ", ".join(f'"{own}"' for own in names) or "none"
+            raise ProblemError(
+                f'{key} must name an attribute of the surface\'s meshes, which have {listed}; got "{name}"'
+            )
+        return self._of_meshes(lambda mesh, *at: mesh.attribute_at(name, *at) if name in mesh.attributes else None)
+
+    def uv(self, key: str = "`uv`") -> np.ndarray:
+        """Coordinates in the meshes' UV maps, shape ``[n, 2]``."""
+        meshes = self.surface.meshes
+        assert isinstance(meshes, tuple)
+        for mesh in meshes:
+            if mesh.uv is None:
+                raise ProblemError(f'{key} needs a UV map, and mesh "{mesh.name}" has none')
+        return self._of_meshes(lambda mesh, *at: mesh.uv_at(*at))
+
+    def source(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mesh, triangle of that mesh, and weights of its corners in its own order, for every point."""
+        meshes = self.surface.meshes
+        assert isinstance(meshes, tuple)
+        triangle = self.surface.source[self.triangle]
+        first = np.concatenate([[0], np.cumsum([len(mesh.triangles) for mesh in meshes])])
+        mesh = np.searchsorted(first, triangle, side="right") - 1
+        turned = self.surface.turned[self.triangle][:, None]
+        return mesh, triangle - first[mesh], np.where(turned, self.barycentric[:, [0, 2, 1]], self.barycentric)
+
+    def _of_meshes(self, read) -> np.ndarray:  # type: ignore[no-untyped-def]
+        meshes = self.surface.meshes
+        assert isinstance(meshes, tuple)
+        number, triangle, barycentric = self.source()
+        result: np.ndarray | None = None
+        for k, mesh in enumerate(meshes):
+            own = np.flatnonzero(number == k)
+            values = read(mesh, triangle[own], barycentric[own])
+            if values is None:
+                continue
+            if result is None:
+                result = np.zeros((len(number), *values.shape[1:]))
+            result[own] = values
+        assert result is not None
+        return result
+
+
+def _array(value: object, shape: tuple[int | None, ...], key: str) -> np.ndarray:
+    try:
+        array = np.asarray(value)
+    except validation.FOREIGN_ERRORS:
+        array = np.empty(0, dtype=object)
+    fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=False))
+    if not array.size and array.dtype.kind in "iuf":
+        return np.zeros((0, 3), array.dtype)
+    if not fits or array.dtype.kind not in "iuf":
+        shown = ", ".join("n" if n is None else str(n) for n in shape)
+        got = f"shape {list(array.shape)}" if array.dtype.kind in "iuf" else show(value)
+        raise ProblemError(f"{key} must be an array of numbers of shape [{shown}]; got {got}")
+    return array
+
+
+def _welded(position: np.ndarray, triangle: np.ndarray, extent: float) -> np.ndarray:
+    """Triangles of vertices that are one where they lie in one place."""
+    used, index = np.unique(triangle, return_inverse=True)
+    place = position[used]
+    cell = np.round((place - place.min(axis=0)) / (WELDED * extent)).astype(np.int64)
+    key = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
+    return np.unique(key, return_inverse=True)[1].ravel()[index].reshape(-1, 3)
+
+
+def _edges(welded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles on both sides of the edges of exactly two, and whether these run along it in one direction (which they must not)."""
+    start, end = welded[:, [1, 2, 0]].ravel(), welded[:, [2, 0, 1]].ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    key = low * (int(welded.max()) + 1) + high
+    order = np.argsort(key, kind="stable")
+    sorted_key = key[order]
+    same = np.concatenate([[False], sorted_key[1:] == sorted_key[:-1], [False]])
+    pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
+    one, other = order[pair], order[pair + 1]
+    return one // 3, other // 3, (start < end)[one] == (start < end)[other]
+
+
+def _open_sides(welded: np.ndarray) -> np.ndarray:
+    """Which sides, opposite of each corner, belong to one triangle only, shape ``[t, 3]``."""
+    start, end = welded[:, [1, 2, 0]].ravel(), welded[:, [2, 0, 1]].ravel()
+    key = np.minimum(start, end) * (int(welded.max()) + 1) + np.maximum(start, end)
+    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    return (count == 1)[which.ravel()].reshape(-1, 3)
+
+
+def _turned(welded: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Which triangles look the other way than most of the sheet that they are in, shape ``[t]``."""
+    count = len(welded)
+    one, other, against = _edges(welded)
+    turned = np.zeros(count, bool)
+    if not against.any():
+        return turned
+    sheet = _connected(count, one, other)
+    # Only sheets with a contradiction are gone through, from triangle to triangle.
+    wrong = np.zeros(int(sheet.max()) + 1, bool)
+    wrong[sheet[one[against]]] = True
+    edge = np.flatnonzero(wrong[sheet[one]])
+    a = np.concatenate([one[edge], other[edge]])
+    b = np.concatenate([other[edge], one[edge]])
+    flips = np.concatenate([against[edge], against[edge]])
+    order = np.argsort(a, kind="stable")
+    a, b, flips = a[order], b[order], flips[order]
+    first = np.searchsorted(a, np.arange(count + 1))
+    seen = ~wrong[sheet]
+    starts = np.flatnonzero(~seen)
+    _, leaders = np.unique(sheet[starts], return_index=True)
+    front = starts[leaders]
+    seen[front] = True
+    while len(front):
+        lengths = first[front + 1] - first[front]
+        at = np.repeat(first[front] - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths) + np.arange(
+            lengths.sum()
+        )
+        state = np.repeat(turned[front], lengths) ^ flips[at]
+        fresh = ~seen[b[at]]
+        found, which = np.unique(b[at][fresh], return_index=True)
+        turned[found] = state[fresh][which]
+        seen[found] = True
+        front = found
+    # The side that most triangles of the sheet look to is the right one.
+    votes = np.bincount(sheet, weights=np.where(turned, -1.0, 1.0), minlength=len(wrong))
+    return turned ^ (votes < 0.0)[sheet]
+
+
+def _parts(welded: np.ndarray) -> np.ndarray:
+    """Number of the part that every triangle is in: triangles that share a vertex are in one part."""
+    vertex = np.arange(int(welded.max()) + 1)
+    label = _connected(len(vertex), welded[:, [0, 1]].ravel(), welded[:, [1, 2]].ravel())
+    return np.unique(label[welded[:, 0]], return_inverse=True)[1].ravel()
+
+
+def _connected(count: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Number of the connected component of every one of ``count`` things, of which pairs are joined."""
+    label = np.arange(count)
+    while True:
+        a, b = label[one], label[other]
+        apart = a != b
+        if not apart.any():
+            return np.unique(label, return_inverse=True)[1].ravel()
+        one, other, a, b = one[apart], other[apart], a[apart], b[apart]
+        # The larger label hooks onto the smaller one; then every thing follows its label to the end.
+        np.minimum.at(label, np.maximum(a, b), np.minimum(a, b))
+        while True:
+            further = label[label]
+            if np.array_equal(further, label):
+                break
+            label = further

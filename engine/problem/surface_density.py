@@ -1,0 +1,110 @@
+"""Densities on a surface: a number, a function of points, values of the meshes, or images that are laid over them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ProblemError
+from . import validation
+from .surface import LUMINANCE, PointsOnSurface
+
+__all__ = ["SurfaceAttribute", "SurfaceDensity", "SurfaceImage", "SurfaceTriplanar", "check_density", "density_at"]
+
+# Gets points and returns one value of 0 or more for each, shape [n].
+SurfaceDensity = Callable[[PointsOnSurface], np.ndarray]
+
+
+@dataclass(frozen=True)
+class SurfaceAttribute:
+    """A density on a surface: an attribute of its meshes, by vertex or by triangle; colours by their luminance."""
+
+    name: str
+
+    def __call__(self, points: PointsOnSurface) -> np.ndarray:
+        """Values at points, shape ``[n]``."""
+        values = points.attribute(self.name, "`density`")
+        if values.ndim == 1:
+            return values
+        if values.shape[1] < 3:
+            return values.mean(axis=1)
+        return values[:, :3] @ LUMINANCE
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceImage:
+    """A density on a surface: an image, shape ``[height, width]``, row 0 at v = 1, through the meshes' UV maps; it repeats."""
+
+    image: np.ndarray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "image", validation.check_density(self.image, "`image` of a density"))
+
+    def __call__(self, points: PointsOnSurface) -> np.ndarray:
+        """Values at points, shape ``[n]``."""
+        return _bilinear(self.image, points.uv("`density`"))
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceTriplanar:
+    """A density on a surface: an image projected along x, y and z, blended by where the surface looks to; it repeats.
+
+    Args:
+        image: Shape ``[height, width]``, row 0 at the top.
+        size: Extent of the image's width [m].
+    """
+
+    image: np.ndarray
+    size: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "image", validation.check_density(self.image, "`image` of a density"))
+        object.__setattr__(self, "size", validation.check_length(self.size, "`size` of a triplanar density"))
+
+    def __call__(self, points: PointsOnSurface) -> np.ndarray:
+        """Values at points, shape ``[n]``."""
+        weight = points.normal**4
+        weight = weight / weight.sum(axis=1, keepdims=True)
+        aspect = self.image.shape[1] / self.image.shape[0]
+        x, y, z = (points.position / self.size).T
+        seen = ((y, z * aspect), (x, z * aspect), (x, y * aspect))
+        return np.sum([weight[:, k] * _bilinear(self.image, np.stack(uv, axis=1)) for k, uv in enumerate(seen)], axis=0)
+
+
+def check_density(value: object, key: str) -> np.ndarray | SurfaceDensity:
+    """Return an image as :func:`~.validation.check_density` does, or a function of points as it is."""
+    return value if callable(value) else validation.check_density(value, key)
+
+
+def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str = "`density`") -> np.ndarray:
+    """Values of a density at points, shape ``[n]``, float64; None is uniform.
+
+    Raises:
+        ProblemError: It returns something else than one finite value of 0 or more for each.
+    """
+    count = len(points.triangle)
+    if density is None:
+        return np.ones(count)
+    values = np.asarray(density(points), dtype=np.float64)
+    if values.shape != (count,):
+        raise ProblemError(f"{key} must return one value per point, shape [{count}]; got shape {list(values.shape)}")
+    if not np.isfinite(values).all():
+        raise ProblemError(f"{key} must be finite everywhere; it returned NaN or infinity")
+    if values.min(initial=0.0) < 0.0:
+        raise ProblemError(f"{key} must be 0 or more everywhere; it returned {values.min():g}")
+    return values
+
+
+def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """An image that repeats, between the centres of its pixels."""
+    height, width = image.shape
+    x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x), np.floor(y)
+    fx, fy = x - left, y - top
+    column, row = left.astype(np.int64), top.astype(np.int64)
+    columns, rows = (column % width, (column + 1) % width), (row % height, (row + 1) % height)
+    upper = (1.0 - fx) * image[rows[0], columns[0]] + fx * image[rows[0], columns[1]]
+    lower = (1.0 - fx) * image[rows[1], columns[0]] + fx * image[rows[1], columns[1]]
+    return (1.0 - fy) * upper + fy * lower

@@ -1,0 +1,182 @@
+"""Coverage error on a surface: charges and target, smoothed by the heat kernel, compared.
+
+The surface is cut into even triangles of about half a spacing, on which heat spreads by linear finite elements with the cotangent
+Laplacian. In time it is exact: exp(-t L) is expanded in Chebyshev polynomials of L. Nothing of this is known to the solver.
+
+**Limitations**: Meshes that touch without sharing corners are measured as if they ended there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..problem.surface import PointsOnSurface, Surface
+from . import kernels_heat
+
+__all__ = ["HeatMesh"]
+
+# Triangles along a mean spacing, and the most that there may be for every body, and beside the surface's own.
+PER_SPACING = 2.5
+MOST_PER_BODY = 8
+FEWEST = 400_000
+# Detail that is finer than this share of a spacing need not spread fast: bounds the number of polynomials where triangles are slivers.
+FINEST = 1.0 / 12.0
+# Polynomials that are left out count less than this.
+PRECISION = 1e-7
+
+
+class HeatMesh:
+    """A surface cut into triangles, on which heat spreads.
+
+    Args:
+        launcher: Where to run.
+        surface: The surface.
+        count: Number of bodies that are to be measured.
+
+    Attributes:
+        spacing: Mean spacing of so many bodies [m].
+    """
+
+    def __init__(self, launcher: Launcher, surface: Surface, count: int) -> None:
+        self._launcher, self._surface = launcher, surface
+        self.spacing = math.sqrt(surface.area / count)
+        triangles = len(surface.triangle)
+        corner = surface.position[surface.triangle] - surface.low
+        longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+        # Large triangles take most of the area.
+        typical = float((longest * surface.triangle_area).sum() / surface.area)
+        most = math.sqrt(max(MOST_PER_BODY * count, FEWEST) / triangles)
+        self._cuts = cuts = max(1, min(math.ceil(PER_SPACING * typical / self.spacing), int(most)))
+        place = np.array([(i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j)]) / cuts
+        self._weights = np.column_stack([1.0 - place.sum(axis=1), place])
+        number = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(cuts + 1) for i in range(cuts + 1 - j))}
+        pattern = []
+        for j in range(cuts):
+            for i in range(cuts - j):
+                pattern.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+                if i < cuts - j - 1:
+                    pattern.append((number[i + 1, j + 1], number[i, j + 1], number[i + 1, j]))
+        self._pattern = np.array(pattern)
+        vertex = np.einsum("ck,tkd->tcd", self._weights, corner).reshape(-1, 3)
+        self._index = self._joined(vertex, corner).reshape(triangles, -1)
+        self._area = np.repeat(surface.triangle_area / cuts**2, cuts**2)
+        face = self._index[:, self._pattern].reshape(-1, 3)
+        self._face = face
+        n = int(face.max()) + 1
+        mass = np.bincount(face.ravel(), np.repeat(self._area / 3.0, 3), n)
+        rows, columns, weights = _cotangents(corner, self._pattern, face)
+        diagonal = np.bincount(rows, weights, n)
+        bound = diagonal + np.bincount(rows, np.abs(weights), n)
+        # A vertex that slivers tie fast to its neighbours is as slow as the finest detail that matters.
+        fastest = 4.0 / (FINEST * self.spacing) ** 2
+        mass = np.maximum(mass, bound / fastest)
+        self._root, self._mass = np.sqrt(mass), mass
+        values = -weights / (self._root[rows] * self._root[columns])
+        self._largest = float((bound / mass).max())
+        rows, columns = np.concatenate([rows, np.arange(n)]), np.concatenate([columns, np.arange(n)])
+        values = np.concatenate([values, diagonal / mass])
+        order = np.argsort(rows, kind="stable")
+        start = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
+        device = launcher.device
+        self._operator = [
+            wp.array(start.astype(np.int32), dtype=wp.int32, device=device),
+            wp.array(columns[order].astype(np.int32), dtype=wp.int32, device=device),
+            wp.array(values[order].astype(np.float32), dtype=float, device=device),
+        ]
+
+    def charges(self, triangle: np.ndarray, barycentric: np.ndarray, charge: np.ndarray) -> np.ndarray:
+        """Charges at points of the surface, shared out among the corners of the small triangles that they lie in."""
+        cuts = self._cuts
+        x, y = barycentric[:, 1] * cuts, barycentric[:, 2] * cuts
+        j = np.clip(y.astype(np.int64), 0, cuts - 1)
+        i = np.clip(x.astype(np.int64), 0, cuts - 1 - j)
+        fx, fy = x - i, y - j
+        upper = (i < cuts - 1 - j) & (fx + fy > 1.0)
+        tile = j * (2 * cuts - j) + 2 * i + upper
+        corner = self._index[triangle[:, None], self._pattern[tile]]
+        weight = np.stack([1.0 - fx - fy, fx, fy], axis=1)
+        turned = np.stack([fx + fy - 1.0, 1.0 - fx, 1.0 - fy], axis=1)
+        weight = np.where(upper[:, None], turned, weight) * charge[:, None]
+        return np.bincount(corner.ravel(), weight.ravel(), len(self._mass))
+
+    def points(self) -> PointsOnSurface:
+        """Three points in every small triangle, one after the other, that stand for its area."""
+        corner = self._weights[self._pattern]
+        inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+        weight = np.einsum("qk,fkd->fqd", inner, corner).reshape(-1, 3)
+        count = len(self._surface.triangle)
+        return self._surface.points(np.repeat(np.arange(count), len(weight)), np.tile(weight, (count, 1)))
+
+    def target(self, density: np.ndarray) -> np.ndarray:
+        """Share of a density, given at :meth:`points`, at every vertex."""
+        values = density.reshape(-1, 3) * (self._area / 3.0)[:, None]
+        inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+        share = np.bincount(self._face.ravel(), (values @ inner).ravel(), len(self._mass))
+        return share / share.sum()
+
+    def error(self, charges: np.ndarray, target: np.ndarray, count: int, k: float = 1.0) -> float:
+        """Coverage error of ``count`` bodies at ``k`` of their spacings: RMS of the smoothed difference over the mean density."""
+        total = float(charges.sum())
+        spacing = math.sqrt(self._surface.area / count)
+        smooth = self._spread(charges / total - target, 0.5 * (k * spacing) ** 2)
+        return math.sqrt(float((self._mass * smooth**2).sum()) * self._surface.area)
+
+    def _spread(self, charge: np.ndarray, time: float) -> np.ndarray:
+        """Density of charges after a time [m²]."""
+        half = 0.5 * time * self._largest
+        coefficient = _chebyshev(half)
+        device, n = self._launcher.device, len(charge)
+        start = charge / self._root
+        # x = 1 - 2 L / largest: T_0 is 1, T_1 is x.
+        before = wp.array(start, dtype=float, device=device)
+        result = wp.array(coefficient[0] * start, dtype=float, device=device)
+        now = wp.clone(before)
+        scale = 2.0 / self._largest
+        zero = wp.zeros(n, dtype=float, device=device)
+        # The first step makes twice T_1 of T_0; half of it is T_1.
+        self._launcher.launch(
+            kernels_heat.chebyshev_step, n, [*self._operator, scale, before, 0.5 * coefficient[1]], [zero, result]
+        )
+        now = wp.array(0.5 * zero.numpy(), dtype=float, device=device)
+        for factor in coefficient[2:]:
+            self._launcher.launch(
+                kernels_heat.chebyshev_step, n, [*self._operator, scale, now, factor], [before, result]
+            )
+            before, now = now, before
+        return result.numpy().astype(np.float64) / self._root
+
+    def _joined(self, vertex: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        """Numbers of vertices that are one where they lie in one place."""
+        extent = float(corner.max()) or 1.0
+        cell = np.round(vertex / extent * (1 << 20)).astype(np.int64)
+        return np.unique((cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2], return_inverse=True)[1].ravel()
+
+
+def _chebyshev(half: float) -> np.ndarray:
+    """Coefficients of exp(half (x - 1)), as many as count."""
+    terms = int(4.0 * math.sqrt(half * 17.0) + 24.0)
+    angle = math.pi * (np.arange(terms) + 0.5) / terms
+    values = np.exp(half * (np.cos(angle) - 1.0))
+    coefficient = 2.0 / terms * (values @ np.cos(angle[:, None] * np.arange(terms)))
+    coefficient[0] *= 0.5
+    return coefficient[: max(2, int(np.flatnonzero(np.abs(coefficient) > PRECISION)[-1]) + 1)]
+
+
+def _cotangents(corner: np.ndarray, pattern: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, columns and weights between different vertices; the small triangles are all of their triangle's shape."""
+    small = len(pattern)
+    rows, columns, values = [], [], []
+    for k in range(3):
+        to_next, to_last = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
+        double_area = np.linalg.norm(np.cross(to_next, to_last), axis=1)
+        weight = 0.5 * (to_next * to_last).sum(axis=1) / double_area
+        weight = np.repeat(weight, small)
+        i, j = face[:, (k + 1) % 3], face[:, (k + 2) % 3]
+        rows += [i, j]
+        columns += [j, i]
+        values += [weight, weight]
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

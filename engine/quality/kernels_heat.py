@@ -1,0 +1,85 @@
+"""Kernels that measure placements on surfaces: heat that spreads over a mesh, distances of neighbours."""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def chebyshev_step(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    column: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=float),
+    scale: float,
+    now: wp.array(dtype=float),
+    factor: float,
+    # outputs
+    before: wp.array(dtype=float),
+    result: wp.array(dtype=float),
+):
+    """The next Chebyshev polynomial of a sparse operator, in the place of the one before the last; add it to the result."""
+    i = first + wp.tid()
+    total = float(0.0)
+    for k in range(start[i], start[i + 1]):
+        total += value[k] * now[column[k]]
+    # T_{k+1} = 2 (1 - scale A) T_k - T_{k-1}
+    new = 2.0 * (now[i] - scale * total) - before[i]
+    before[i] = new
+    result[i] = result[i] + factor * new
+
+
+@wp.kernel
+def nearest_distance(
+    first: int,
+    grid: wp.uint64,
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    reach: float,
+    # outputs
+    distance: wp.array(dtype=float),
+):
+    """Distance to the nearest body of the same side; ``reach`` where none is nearer."""
+    i = first + wp.tid()
+    own = position[i]
+    least = float(reach)
+    query = wp.hash_grid_query(grid, own, reach)
+    j = int(0)
+    while wp.hash_grid_query_next(query, j):
+        if j != i and wp.dot(normal[i], normal[j]) > 0.0:
+            least = wp.min(least, wp.length(position[j] - own))
+    distance[i] = least
+
+
+@wp.kernel
+def count_touching(
+    first: int,
+    grid: wp.uint64,
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    axis: wp.array(dtype=wp.vec3),
+    radius: wp.array(dtype=float),
+    reach: float,
+    touch: float,
+    # outputs
+    count: wp.array(dtype=wp.int32),
+):
+    """Bodies of the same side whose discs, or capsules around half axes, overlap each one's, in a straight line."""
+    i = first + wp.tid()
+    own = position[i]
+    found = int(0)
+    query = wp.hash_grid_query(grid, own, wp.length(axis[i]) + radius[i] + reach)
+    j = int(0)
+    while wp.hash_grid_query_next(query, j):
+        if j != i and wp.dot(normal[i], normal[j]) > 0.0:
+            gap = wp.length(position[j] - own)
+            if wp.length_sq(axis[i]) + wp.length_sq(axis[j]) > 0.0:
+                places = wp.closest_point_edge_edge(
+                    own - axis[i], own + axis[i], position[j] - axis[j], position[j] + axis[j], 1.0e-9
+                )
+                gap = places[2]
+            if gap < (radius[i] + radius[j]) * touch:
+                found += 1
+    count[i] = found

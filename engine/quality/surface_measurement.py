@@ -1,0 +1,151 @@
+"""From a placement on a surface to the figures of its report."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..problem.placement import Placement
+from ..problem.surface import PointsOnSurface, Surface
+from . import kernels_heat
+from .heat import HeatMesh
+from .overlaps import TOLERANCE
+from .spacing import HEXAGONAL_SPACING
+
+__all__ = ["measure_on_surface"]
+
+# Distances of neighbours are looked for this far, in spacings of a typical density.
+NEIGHBOURS = 2.0
+# Cells along every axis of the table that neighbours are looked up in.
+CELLS = 128
+
+
+class SurfaceFigures(NamedTuple):
+    """What is measured of a placement on a surface; see :class:`~esh.engine.problem.report.Report`.
+
+    Attributes:
+        errors: Coverage error of every class.
+        whole: Of all bodies together.
+        smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbours.
+        closest: Smallest distance of neighbours [m].
+        usual: Median distance to the nearest neighbour [m].
+        overlaps: Pairs of footprints that overlap.
+        covered: Sum of the footprints over the area where bodies may be.
+    """
+
+    errors: list[float]
+    whole: float
+    smallest: float | None
+    closest: float | None
+    usual: float | None
+    overlaps: int
+    covered: float
+
+
+def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigures:
+    """Measure a placement on a surface."""
+    problem, surface = placement.problem, placement.problem.domain
+    assert isinstance(surface, Surface)
+    points = _points(placement, surface)
+    area, class_index = placement.area, placement.class_index
+    mesh = HeatMesh(launcher, surface, len(area))
+    corners = mesh.points()
+    targets = [mesh.target(c.density_on(corners)) for c in problem.classes]
+    charges, errors = [], []
+    for k, body_class in enumerate(problem.classes):
+        own = class_index == k
+        placed = mesh.charges(points.triangle[own], points.barycentric[own], area[own])
+        charges.append(placed)
+        errors.append(mesh.error(placed, targets[k], body_class.body_count))
+    whole = errors[0]
+    if len(errors) > 1:
+        amount = [sum((s.count or 0) * s.mean_area for s in c.sizes) for c in problem.classes]
+        target = np.average(targets, axis=0, weights=amount)
+        whole = mesh.error(np.sum(charges, axis=0), target, len(area))
+    sample = surface.sample()
+    allowed = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
+    covered = float(area.sum() / (surface.area * max(float(allowed), 1e-9)))
+    smallest, closest, usual = _spacing(placement, surface, launcher) or (None, None, None)
+    return SurfaceFigures(errors, whole, smallest, closest, usual, _overlaps(placement, launcher), covered)
+
+
+def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tuple[float, float, float] | None:
+    """Distances to the nearest body of the same side: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
+    problem, n = placement.problem, len(placement.position)
+    if n < 2:
+        return None
+    points = _points(placement, surface)
+    sample = surface.sample()
+    number = np.zeros(n)
+    for c in problem.classes:
+        number += c.body_count * c.density_on(points) / (surface.area * c.density_on(sample).mean())
+    unit = 1.0 / math.sqrt(float(np.median(number)))
+    position, normal = _on_device(placement, unit, launcher)
+    reach = NEIGHBOURS
+    grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
+    grid.build(position, reach)
+    distance = launcher.empty(n, float)
+    launcher.launch(
+        kernels_heat.nearest_distance,
+        n,
+        [grid.id, position, normal, reach],
+        [distance],
+        grain=GRAIN_OF_NEIGHBOURS,
+    )
+    near = distance.numpy().astype(np.float64)
+    found = near < reach
+    if not found.any():
+        return None
+    metres = near[found] * unit
+    smallest = float((metres * np.sqrt(number[found])).min()) / HEXAGONAL_SPACING
+    return smallest, float(metres.min()), float(np.median(metres))
+
+
+def _overlaps(placement: Placement, launcher: Launcher) -> int:
+    """Pairs of footprints on one side that overlap, in a straight line, by more than 1e-3 of their distance."""
+    n = len(placement.position)
+    radius = np.where(placement.width > 0.0, 0.5 * placement.width, np.sqrt(placement.area / math.pi))
+    half = np.where(placement.width > 0.0, 0.5 * placement.length, 0.0)
+    unit = float((radius + half).max())
+    position, normal = _on_device(placement, unit, launcher)
+    assert placement.tangent is not None
+    device = launcher.device
+    grid = wp.HashGrid(CELLS, CELLS, CELLS, device=device)
+    grid.build(position, 1.0)
+    count = launcher.empty(n, wp.int32)
+    axis = (placement.tangent * (half / unit)[:, None]).astype(np.float32)
+    launcher.launch(
+        kernels_heat.count_touching,
+        n,
+        [
+            grid.id,
+            position,
+            normal,
+            wp.array(axis, dtype=wp.vec3, device=device),
+            wp.array(radius / unit, dtype=float, device=device),
+            1.0,
+            1.0 - TOLERANCE,
+        ],
+        [count],
+        grain=GRAIN_OF_NEIGHBOURS,
+    )
+    return int(count.numpy().sum(dtype=np.int64)) // 2
+
+
+def _points(placement: Placement, surface: Surface) -> PointsOnSurface:
+    assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
+    return surface.locate(placement.mesh, placement.triangle, placement.barycentric)
+
+
+def _on_device(placement: Placement, unit: float, launcher: Launcher) -> tuple[wp.array, wp.array]:
+    """Positions in a unit, from their middle, and normals."""
+    middle = 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
+    position = ((placement.position - middle) / unit).astype(np.float32)
+    assert placement.normal is not None
+    normal = placement.normal.astype(np.float32)
+    device = launcher.device
+    return wp.array(position, dtype=wp.vec3, device=device), wp.array(normal, dtype=wp.vec3, device=device)

@@ -1,0 +1,1 @@
+"""Many scenes: variations of a recipe, solved in warm processes here or on other machines, into a folder that can be continued."""

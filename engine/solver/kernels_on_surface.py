@@ -1,0 +1,231 @@
+"""Kernels that put bodies on a surface, and move them there."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..cascade.kernels_points import Points
+from ..surface.kernels_facets import (
+    SHORTER,
+    Facets,
+    carried,
+    facet_of_tile,
+    place_in_tile,
+    spot_at,
+    step_along,
+    tangential,
+    tile_of,
+    without_outward,
+)
+from .kernels_descent import PINNED, Bodies, squared_residual
+from .kernels_direction import Sums, add_all
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class Ground:
+    """The surface for the descent.
+
+    Facets; the home node of every tile; on which tiles bodies of a class may be, class after class; and for every node how far bodies
+    may move in a step and, group after group, the inverse of the energy's curvature.
+    """
+
+    facets: Facets
+    tile_count: wp.int32
+    node_count: wp.int32
+    home: wp.array(dtype=wp.int32)
+    full: wp.array(dtype=wp.uint8)
+    step_limit: wp.array(dtype=float)
+    step_length: wp.array(dtype=float)
+
+
+@wp.struct
+class Charges:
+    """Where the charges are: as points (the label is that of the part), by facets, and the nodes that are their homes."""
+
+    points: Points
+    facet: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=wp.vec2)
+    home: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def shortened(move: wp.vec3, limit: float):
+    length = wp.length(move)
+    if length > limit:
+        return move * (limit / length)
+    return move
+
+
+@wp.func
+def may_stand(facet: int, weight: wp.vec2, class_index: int, ground: Ground):
+    tile = tile_of(facet, weight, ground.facets)
+    return ground.full[class_index * ground.tile_count + tile] != wp.uint8(0)
+
+
+@wp.func
+def walk(facet: int, weight: wp.vec2, way: wp.vec3, class_index: int, ground: Ground):
+    """Where a body ends that goes ``way``: it stays on its sheet, and where its class may be."""
+    new = step_along(facet, weight, way, ground.facets)
+    if not may_stand(new.facet, new.weight, class_index, ground):
+        new = step_along(facet, weight, SHORTER * way, ground.facets)
+        if not may_stand(new.facet, new.weight, class_index, ground):
+            new = spot_at(facet, weight, ground.facets)
+    return new
+
+
+@wp.kernel
+def place_on_tiles(
+    first: int,
+    group: wp.array(dtype=wp.int32),
+    rank: wp.array(dtype=wp.int32),
+    identity: wp.array(dtype=wp.int32),
+    class_index: wp.array(dtype=wp.int32),
+    group_count: wp.array(dtype=wp.int32),
+    group_shift: wp.array(dtype=wp.float64),
+    running: wp.array(dtype=wp.float64),
+    tile_count: int,
+    facet_count: int,
+    facets: Facets,
+    seed: int,
+    # outputs
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+):
+    """Put every body at an even step of the running sum of its class's density over the tiles, at random within its tile."""
+    i = first + wp.tid()
+    g = group[i]
+    state = wp.rand_init(seed, identity[i])
+    along = group_shift[g] + wp.float64(0.5 * wp.randf(state))
+    step = (wp.float64(rank[i]) + along - wp.floor(along)) / wp.float64(group_count[g])
+    base = class_index[i] * tile_count
+    wanted = step * running[base + tile_count - 1]
+    # The first tile whose sum is above what is wanted: one that is not empty.
+    low = int(0)
+    high = tile_count - 1
+    while low < high:
+        middle = (low + high) / 2
+        if running[base + middle] > wanted:
+            high = middle
+        else:
+            low = middle + 1
+    own = facet_of_tile(low, facet_count, facets.first_tile)
+    u = wp.randf(state)
+    v = wp.randf(state)
+    if u + v > 1.0:
+        u = 1.0 - u
+        v = 1.0 - v
+    # Not on the sides, where rounding might leave the tile.
+    within = wp.vec2(1.0 / 3.0 + 0.998 * (u - 1.0 / 3.0), 1.0 / 3.0 + 0.998 * (v - 1.0 / 3.0))
+    facet[i] = own
+    weight[i] = place_in_tile(low - facets.first_tile[own], facets.cuts[own], within)
+
+
+@wp.kernel
+def place_dots(
+    first: int,
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+    bodies: Bodies,
+    ground: Ground,
+    # outputs
+    charges: Charges,
+):
+    """Put the charges of dots where these are."""
+    i = first + wp.tid()
+    if bodies.line[i] >= 0:
+        return
+    put_charge(bodies.first_charge[i], facet[i], weight[i], ground, charges)
+
+
+@wp.func
+def put_charge(j: int, facet: int, weight: wp.vec2, ground: Ground, charges: Charges):
+    spot = spot_at(facet, weight, ground.facets)
+    charges.facet[j] = facet
+    charges.weight[j] = weight
+    charges.points.position[j] = spot.position
+    charges.points.normal[j] = ground.facets.normal[facet]
+    charges.home[j] = ground.home[tile_of(facet, weight, ground.facets)]
+
+
+@wp.kernel
+def propose_dots(
+    first: int,
+    thread: int,
+    charges: Charges,
+    field: wp.array(dtype=wp.vec3),
+    bodies: Bodies,
+    ground: Ground,
+    in_contact: int,
+    displacement: wp.array(dtype=wp.vec3),
+    # outputs
+    move: wp.array(dtype=wp.vec3),
+    change: wp.array(dtype=wp.vec3),
+    sums: wp.array3d(dtype=wp.int64),
+):
+    """The move along the surface that the force on every dot asks for, and what it changed by since the last step."""
+    i = first + wp.tid()
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+        return
+    j = bodies.first_charge[i]
+    force = without_outward(field[j], charges.facet[j], charges.weight[j], ground.facets)
+    home = charges.home[j]
+    length = ground.step_length[bodies.group[i] * ground.node_count + home]
+    limit = ground.step_limit[home]
+    # Beyond a spacing no move is more than a direction.
+    new = shortened(force * length, 2.0 * limit)
+    changed = move[i] - new
+    way = displacement[i]
+    move[i] = new
+    change[i] = changed
+    weight = bodies.charge[j] / length
+    rest = squared_residual(wp.length_sq(new), wp.length_sq(way), limit, in_contact)
+    add_all(
+        sums,
+        thread,
+        i,
+        Sums(
+            weight * wp.dot(way, changed),
+            weight * wp.dot(way, way),
+            weight * wp.dot(changed, changed),
+            weight * wp.dot(way, new),
+            weight * wp.dot(changed, new),
+            weight * wp.dot(new, new),
+            rest,
+        ),
+    )
+
+
+@wp.kernel
+def move_dots(
+    first: int,
+    direction: wp.array(dtype=float),
+    bodies: Bodies,
+    ground: Ground,
+    change: wp.array(dtype=wp.vec3),
+    # outputs
+    move: wp.array(dtype=wp.vec3),
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+    displacement: wp.array(dtype=wp.vec3),
+    charges: Charges,
+):
+    """Move every dot in the direction that :func:`~.kernels_direction.decide_direction` found."""
+    i = first + wp.tid()
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+        return
+    j = bodies.first_charge[i]
+    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
+    way = shortened(d, ground.step_limit[charges.home[j]])
+    old = charges.points.position[j]
+    normal = ground.facets.normal[facet[i]]
+    new = walk(facet[i], weight[i], way, bodies.support[i], ground)
+    facet[i] = new.facet
+    weight[i] = new.weight
+    # What is remembered goes along, into the plane that touches the surface where the body is now.
+    new_normal = ground.facets.normal[new.facet]
+    gone = carried(tangential(new.position - old, normal), normal, new_normal)
+    displacement[i] = gone
+    move[i] = carried(move[i], normal, new_normal)
+    put_charge(j, new.facet, new.weight, ground, charges)

@@ -1,0 +1,160 @@
+"""Contact of footprints on a surface: pushing bodies apart along it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..space.cell_sort import CellSort
+from . import kernels_descent, kernels_on_surface, kernels_surface_contact
+from .body_flags import BodyFlags
+from .contact import AXIS_RADIUS, DAMPING, ROUNDS_PER_STEP, SLACK
+from .model import Model
+from .surface_state import SurfaceState
+
+__all__ = ["SurfaceContact"]
+
+# Rounds of pushing at the end, where a run of so many without progress is the last.
+LAST_ROUNDS = 2000
+ROUNDS_WITHOUT_PROGRESS = 200
+# Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
+# fewer than before once only so many are left.
+PROGRESS = 0.97
+FEW_OVERLAPS = 100
+# Rounds between two looks at the number of overlaps that are left.
+ROUNDS_AT_ONCE = 10
+# Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
+MOST_LEVELS = 12
+SLOTS_PER_BODY = 2
+
+
+class SurfaceContact:
+    """Pushes bodies on a surface apart whose footprints overlap, while the relaxation runs and at its end.
+
+    Args:
+        model: What is to be placed.
+        launcher: Where to run.
+        bodies: As the descent's kernels take them.
+        ground: The surface, as the descent's kernels take it.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        launcher: Launcher,
+        bodies: kernels_descent.Bodies,
+        ground: kernels_on_surface.Ground,
+    ) -> None:
+        self._model, self._launcher, self._bodies, self._ground = model, launcher, bodies, ground
+        device, n = launcher.device, model.body_count
+        longest = model.body.longest
+        half = 0.5 * kernels_descent.LONGEST_LINE * longest / model.unit
+        radius = self._radii(longest) / model.unit
+        reach = radius + half
+        level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
+        level = np.unique(level, return_inverse=True)[1].ravel().astype(np.int32)
+        level_reach = np.array([reach[level == m].max() for m in range(int(level.max()) + 1)])
+        mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, model.body.area)
+        footprints = kernels_surface_contact.Footprints()
+        footprints.level_count = len(level_reach)
+        footprints.level = wp.array(level, dtype=wp.int32, device=device)
+        footprints.radius = wp.array(radius, dtype=float, device=device)
+        footprints.reach = wp.array(reach, dtype=float, device=device)
+        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
+        footprints.level_reach = wp.array(level_reach, dtype=float, device=device)
+        footprints.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
+        self._footprints = footprints
+        slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
+        self._mask = slots - 1
+        self._sort = CellSort(launcher, n, slots)
+        self._position, self._sorted_at = launcher.empty(n, wp.vec3), launcher.empty(n, wp.vec3)
+        self._shift, self._turn = launcher.zeros(n, wp.vec3), launcher.zeros(n, float)
+        self._pushes, self._overlaps = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
+
+    def _radii(self, length: np.ndarray) -> np.ndarray:
+        """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
+        width = self._model.widths(length)
+        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+        return radius if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
+
+    def push(self, state: SurfaceState) -> None:
+        """Push overlapping bodies apart for a few rounds, as part of the step that the state remembers."""
+        self._find(state)
+        for _ in range(ROUNDS_PER_STEP):
+            self._round(state)
+
+    def separate(self, state: SurfaceState, go_on: Callable[[], bool] | None = None) -> bool:
+        """Push until nothing overlaps, no progress is made or ``go_on`` says so; returns whether nothing overlaps."""
+        reached = 2.0 * np.linalg.norm(state.axis.numpy().astype(np.float64), axis=1) * self._model.unit
+        self._footprints.radius.assign((self._radii(reached) / self._model.unit).astype(np.float32))
+
+        def run_round() -> None:
+            self._find(state)
+            self._round(state)
+
+        one_round = self._launcher.record(run_round)
+        fewest, since = math.inf, 0
+        for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
+            for _ in range(ROUNDS_AT_ONCE):
+                one_round.play()
+            # As they were before the last push.
+            left = int(self._overlaps.numpy().sum(dtype=np.int64)) // 2
+            if left == 0:
+                return True
+            if go_on is not None and not go_on():
+                return False
+            since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
+            fewest = min(fewest, left) if since == 0 else fewest
+            if since >= ROUNDS_WITHOUT_PROGRESS:
+                return False
+        return False
+
+    def _find(self, state: SurfaceState) -> None:
+        """Sort bodies into cells where they are now."""
+        self._sort.sort(
+            kernels_surface_contact.contact_slots,
+            [state.facet, state.weight, self._footprints, self._ground, self._mask, self._position],
+        )
+        self._launcher.launch(
+            kernels_surface_contact.keep_positions, self._model.body_count, [self._position], [self._sorted_at]
+        )
+
+    def _round(self, state: SurfaceState) -> None:
+        n, footprints, ground = self._model.body_count, self._footprints, self._ground
+        self._launcher.launch(
+            kernels_surface_contact.push_apart,
+            n,
+            [
+                state.facet,
+                self._position,
+                state.axis,
+                self._sorted_at,
+                self._sort.order,
+                self._sort.cell_start,
+                self._mask,
+                footprints,
+                ground,
+                SLACK,
+                DAMPING,
+            ],
+            [self._shift, self._turn, self._pushes, self._overlaps],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        self._launcher.launch(
+            kernels_surface_contact.accept_push,
+            n,
+            [self._shift, self._turn, self._pushes, self._bodies, ground],
+            [
+                state.facet,
+                state.weight,
+                self._position,
+                state.axis,
+                state.displacement,
+                state.turned,
+                state.move,
+            ],
+        )

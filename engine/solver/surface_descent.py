@@ -1,0 +1,267 @@
+"""The descent on a surface: what a step of the relaxation launches.
+
+The energy, and what decides on the direction of a step, are those of the plane (:mod:`.descent`). Forces, moves and what is
+remembered of them lie in the planes that touch the surface where bodies are. Whoever moves is put back onto the surface, at its
+nearest point, and what it remembers is turned into the new plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from ..cascade.cascade import Cascade
+from ..cascade.points import empty_points
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..errors import ProblemError
+from ..problem.surface import Surface
+from ..surface import kernels_facets
+from ..surface.facets import Facets
+from ..surface.parts import joined_parts
+from . import kernels_direction, kernels_on_surface
+from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
+from .initial_placement import body_starts
+from .model import Model
+from .surface_contact import SurfaceContact
+from .surface_state import SurfaceState
+
+__all__ = ["SurfaceDescent"]
+
+# Where a density changes within a tile by more than this share of its largest value there, tiles are cut into so many times so many.
+DETAIL = 0.3
+FINER = 3
+SAMPLES_OF_DETAIL = 8
+# What lies so near to it, in units, is cut finer, too: there the near part of the target's force changes fast.
+NEAR_DETAIL = 2.9
+FINER_NEAR_DETAIL = 2
+
+
+class SurfaceDescent:
+    """Takes steps of a model's state, as :class:`~.descent.Descent` does in the plane.
+
+    Args:
+        model: What is to be placed; its domain is a surface.
+        launcher: Where to run.
+
+    Attributes:
+        state: Where the bodies are; at first on Hilbert curves.
+        facets: The surface, cut.
+        cascade: The forces.
+        ground: What kernels know of the surface.
+        charges: Where the charges are.
+        step: A whole step, recorded.
+    """
+
+    def __init__(self, model: Model, launcher: Launcher) -> None:
+        self.model, self.launcher = model, launcher
+        device = launcher.device
+        surface = model.problem.domain
+        assert isinstance(surface, Surface)
+        self.facets = Facets(surface, model.unit, *joined_parts(launcher, surface, model.unit))
+        share = self._cut_by_detail()
+        self.bodies = bodies_for_kernels(model, device)
+        on_device = self.facets.for_kernels(device)
+        column = model.groups.class_index
+        of_group = np.zeros((model.groups.count, len(share)))
+        of_group[np.arange(len(column)), column] = model.group_charge
+        self.cascade = Cascade(
+            launcher,
+            self.facets,
+            on_device,
+            share=share,
+            attraction=model.interaction @ of_group,
+            interaction=model.interaction,
+            charge=model.charge.charge,
+            charge_group=model.body.group[model.charge.body],
+        )
+        self.ground = self._make_ground(on_device, share, model.interaction @ of_group)
+        n, charge_count = model.body_count, model.charge_count
+        self.charges = kernels_on_surface.Charges()
+        self.charges.points = empty_points(launcher, charge_count)
+        self.charges.facet = launcher.empty(charge_count, wp.int32)
+        self.charges.weight = launcher.empty(charge_count, wp.vec2)
+        self.charges.home = launcher.empty(charge_count, wp.int32)
+        self.field_at_charge = launcher.zeros(charge_count, wp.vec3)
+        self._change = launcher.zeros(n, wp.vec3)
+        slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
+        kinds = kernels_direction.LENGTHS
+        room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
+        self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
+        self._totals = launcher.zeros(kinds, wp.int64)
+        self._no_lines = launcher.zeros(1, float)
+        self.direction = launcher.zeros(4, float)
+        self.state = self._first_state(share)
+        self.contact: SurfaceContact | None = None
+        if model.problem.avoid_overlap:
+            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground)
+        self.place_charges()
+        self.step = launcher.record(self.take_step)
+
+    def residual(self) -> float:
+        """RMS of the moves that the forces asked for in the last step, over the local spacing."""
+        return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+
+    def take_step(self) -> None:
+        """Launch a whole step."""
+        charges = self.charges
+        self.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, self.field_at_charge)
+        with self.launcher.phase("update"):
+            self._propose()
+            self._decide()
+            self._move()
+        if self.contact is not None:
+            with self.launcher.phase("contact"):
+                self.contact.push(self.state)
+            with self.launcher.phase("update"):
+                self.place_charges()
+
+    def separate(self, go_on: Callable[[], bool] | None = None) -> bool:
+        """Push footprints apart until none overlap, no progress is made or ``go_on`` says so; returns whether none do."""
+        assert self.contact is not None
+        parted = self.contact.separate(self.state, go_on)
+        self.place_charges()
+        return parted
+
+    def place_charges(self) -> None:
+        """Put the charges of all bodies where these are."""
+        self.launcher.launch(
+            kernels_on_surface.place_dots,
+            self.model.body_count,
+            [self.state.facet, self.state.weight, self.bodies, self.ground],
+            [self.charges],
+        )
+
+    def _propose(self) -> None:
+        self.launcher.launch(
+            kernels_on_surface.propose_dots,
+            self.model.body_count,
+            [
+                self.charges,
+                self.field_at_charge,
+                self.bodies,
+                self.ground,
+                int(self.contact is not None),
+                self.state.displacement,
+            ],
+            [self.state.move, self._change, self._sums],
+            per_thread=True,
+        )
+
+    def _decide(self) -> None:
+        kinds, slots = self._totals.shape[0], self._sums.shape[2]
+        at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
+        self.launcher.launch(kernels_direction.add_up, kinds * slots // at_once, [at_once], [self._sums, self._totals])
+        self.launcher.launch(
+            kernels_direction.decide_direction,
+            1,
+            [0, self._no_lines, self._no_lines],
+            [self._totals, self.direction, self.state.length_factor],
+        )
+
+    def _move(self) -> None:
+        self.launcher.launch(
+            kernels_on_surface.move_dots,
+            self.model.body_count,
+            [self.direction, self.bodies, self.ground, self._change],
+            [self.state.move, self.state.facet, self.state.weight, self.state.displacement, self.charges],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+
+    def _cut_by_detail(self) -> np.ndarray:
+        """Cut facets finer where densities change fast; return the share of every class's density on every tile."""
+        facets, classes = self.facets, self.model.problem.classes
+        varying = [k for k, c in enumerate(classes) if c.varies_on_surface]
+        if not varying:
+            return np.tile(facets.tile_area / facets.tile_area.sum(), (len(classes), 1))
+        whole = np.arange(facets.count)
+        sampled = self._densities(whole, 2, varying)
+        detailed = np.zeros(facets.count, bool)
+        of_tile = np.repeat(whole, facets.cuts**2)
+        for values in sampled:
+            largest = values.max(axis=1)
+            detailed[of_tile[largest - values.min(axis=1) > DETAIL * largest]] = True
+        finer = np.flatnonzero(detailed)
+        facets.cut_finer(np.flatnonzero(facets.near(detailed, NEAR_DETAIL) & ~detailed), FINER_NEAR_DETAIL)
+        facets.cut_finer(finer, FINER)
+        sampled = self._densities(whole, 2, varying) if len(finer) else sampled
+        of_tile = np.repeat(whole, facets.cuts**2)
+        density = np.ones((len(classes), facets.tile_count))
+        now_detailed = np.repeat(detailed, facets.cuts**2)
+        closely = self._densities(finer, SAMPLES_OF_DETAIL, varying) if len(finer) else []
+        for number, k in enumerate(varying):
+            density[k, ~now_detailed] = sampled[number].mean(axis=1)[~detailed[of_tile]]
+            if closely:
+                density[k, now_detailed] = closely[number].mean(axis=1)
+        amount = density * facets.tile_area
+        total = amount.sum(axis=1, keepdims=True)
+        if not (total > 0.0).all():
+            name = classes[int(np.argmin(total[:, 0]))].name
+            raise ProblemError(f'`density` of class "{name}" is above 0 on too little of the surface to be found')
+        return amount / total
+
+    def _densities(self, facet: np.ndarray, inner: int, classes: list[int]) -> list[np.ndarray]:
+        """Densities of some classes at ``inner²`` points of every tile of some facets, shapes ``[tiles, inner²]``."""
+        points = self.facets.surface.points(*self.facets.in_triangle(*self.facets.tiles(facet, inner)))
+        return [self.model.problem.classes[k].density_on(points).reshape(-1, inner**2) for k in classes]
+
+    def _make_ground(
+        self, on_device: kernels_facets.Facets, share: np.ndarray, attraction: np.ndarray
+    ) -> kernels_on_surface.Ground:
+        device, cascade, model = self.launcher.device, self.cascade, self.model
+        area = np.maximum(cascade.node_area, 1e-12)
+        attracting = attraction @ cascade.node_share
+        mean = attraction.sum(axis=1) / area.sum()
+        # A group that nothing attracts keeps a finite step.
+        least = np.maximum(SMALLEST_DENSITY * mean, 1e-12)
+        length = 1.0 / (2.0 * math.pi * np.maximum(attracting / area, least[:, None]))
+        count = np.array([c.body_count for c in model.problem.classes])
+        number = count @ cascade.node_share / area
+        limit = STEP_LIMIT / np.sqrt(np.maximum(number, SMALLEST_DENSITY * model.body_count / area.sum()))
+        ground = kernels_on_surface.Ground()
+        ground.facets = on_device
+        ground.tile_count = self.facets.tile_count
+        ground.node_count = cascade.node_count
+        ground.home = cascade.home
+        ground.full = wp.array((share > 0.0).astype(np.uint8).ravel(), dtype=wp.uint8, device=device)
+        ground.step_limit = wp.array(limit, dtype=float, device=device)
+        ground.step_length = wp.array(length.ravel(), dtype=float, device=device)
+        return ground
+
+    def _first_state(self, share: np.ndarray) -> SurfaceState:
+        model, launcher, device = self.model, self.launcher, self.launcher.device
+        n = model.body_count
+        _, (_, group, rank, identity, count, shift), seed = body_starts(model, device)
+        facet, weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
+        running = np.cumsum(share, axis=1)
+        launcher.launch(
+            kernels_on_surface.place_on_tiles,
+            n,
+            [
+                group,
+                rank,
+                identity,
+                self.bodies.support,
+                count,
+                shift,
+                wp.array(running.ravel(), dtype=wp.float64, device=device),
+                self.facets.tile_count,
+                self.facets.count,
+                self.ground.facets,
+                seed,
+            ],
+            [facet, weight],
+        )
+        return SurfaceState(
+            facet=facet,
+            weight=weight,
+            displacement=launcher.zeros(n, wp.vec3),
+            move=launcher.zeros(n, wp.vec3),
+            axis=launcher.zeros(n, wp.vec3),
+            turned=launcher.zeros(n, wp.vec2),
+            turn=launcher.zeros(n, wp.vec2),
+            length_factor=launcher.zeros(1, float),
+            steps=np.zeros(1, np.int32),
+        )

@@ -1,0 +1,63 @@
+"""Where bodies on a surface end: a state, in metres, and in the triangles of the meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..problem.placement import Placement
+from ..problem.surface import PointsOnSurface
+from ..surface.facets import Facets
+from .body_flags import BodyFlags
+from .model import Model
+from .surface_state import SurfaceState
+
+__all__ = ["placement_on_surface", "points_of"]
+
+
+def points_of(facets: Facets, state: SurfaceState) -> PointsOnSurface:
+    """Where all bodies of a state are."""
+    weight = state.weight.numpy().astype(np.float64)
+    weight = np.column_stack([1.0 - weight.sum(axis=1), weight])
+    # Rounding may have left a side.
+    weight = np.maximum(weight, 0.0)
+    weight /= weight.sum(axis=1, keepdims=True)
+    return facets.surface.points(*facets.in_triangle(state.facet.numpy(), weight))
+
+
+def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> Placement:
+    """The bodies of a state, less the ghosts; the report is still to be measured."""
+    points = points_of(facets, state)
+    body = model.body
+    shown = (body.flags & BodyFlags.GHOST) == 0
+    normal = points.normal
+    axis = state.axis.numpy().astype(np.float64)
+    half = np.linalg.norm(axis, axis=1)
+    tangent = _tangents(normal)
+    tangent[half > 0.0] = axis[half > 0.0] / half[half > 0.0, None]
+    tangent -= (tangent * normal).sum(axis=1, keepdims=True) * normal
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    length = 2.0 * half * model.unit
+    width = model.widths(length) if model.kinds else np.zeros(len(length))
+    mesh, triangle, barycentric = points.source()
+    return Placement(
+        model.problem,
+        points.position[shown],
+        body.class_index[shown],
+        body.size_index[shown],
+        np.zeros(int(shown.sum())),
+        length[shown],
+        width[shown],
+        id=body.identity[shown].astype(np.int64),
+        normal=normal[shown],
+        tangent=tangent[shown],
+        mesh=mesh[shown].astype(np.int32),
+        triangle=triangle[shown].astype(np.int32),
+        barycentric=barycentric[shown],
+    )
+
+
+def _tangents(normal: np.ndarray) -> np.ndarray:
+    """Directions along the surface nearest to x, or to y where it looks along x; not yet of length 1."""
+    along_x = np.abs(normal[:, :1]) > 0.9
+    wanted = np.where(along_x, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    return wanted - (wanted * normal).sum(axis=1, keepdims=True) * normal

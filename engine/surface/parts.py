@@ -1,0 +1,124 @@
+"""Which parts of a surface see each other, and where the surface really ends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..problem.surface import Surface
+from . import kernels_facets
+
+__all__ = ["joined_parts"]
+
+# Where a side is open, the surface is looked for this far beyond it, in units; what is nearer to that than the second goes on there.
+BEYOND = 0.05
+NEAR = 0.02
+# Two borders meet that are nearer than so many times the first.
+MEETS = 2.0
+# Directions that are looked into: straight on, and turned towards the front and the back [rad].
+TURNS = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0])
+# Places along a side that are looked at: one for every unit of its length, but at most so many.
+MOST_PLACES = 32
+# Parts of a smaller area, in square units, have too few bodies to be a surface of their own: they see each other.
+CRUMBS = 8.0
+
+
+def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Join the parts that touch.
+
+    Args:
+        launcher: Where to run.
+        surface: The surface.
+        unit: Metres per unit.
+
+    Returns:
+        Label of every triangle, shape ``[t]``: parts of different labels do not see each other; and whether the surface ends at
+        the side opposite of each corner, shape ``[t, 3]``.
+    """
+    part, open_side = surface.part.copy(), surface.open_side.copy()
+    triangle, corner = np.nonzero(open_side)
+    if len(triangle):
+        found, number = _beyond(launcher, surface, unit, triangle, corner)
+        hit = found >= 0
+        part = _united(part, part[triangle[number[hit]]], part[found[hit]])
+        goes_on = np.bincount(number, weights=hit, minlength=len(triangle)) > 0.5 * np.bincount(number)
+        open_side[triangle[goes_on], corner[goes_on]] = False
+    area = np.bincount(part, surface.triangle_area / unit**2)
+    crumb = area < CRUMBS
+    if crumb.any() and not crumb.all():
+        part = np.where(crumb[part], len(area), part)
+    elif crumb.all():
+        part = np.zeros_like(part)
+    return np.unique(part, return_inverse=True)[1].ravel(), open_side
+
+
+def _beyond(
+    launcher: Launcher, surface: Surface, unit: float, triangle: np.ndarray, corner: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Look beyond open sides; return what triangle goes on at every place that was looked at, or -1, and the number of its side."""
+    device = launcher.device
+    middle = 0.5 * (surface.low + surface.high)
+    place = (surface.position - middle) / unit
+    start, end, apex = (place[surface.triangle[triangle, (corner + k) % 3]] for k in (1, 2, 0))
+    along = end - start
+    length = np.linalg.norm(along, axis=1)
+    out = np.cross(along / length[:, None], surface.normal[triangle])
+    out *= np.sign(((start - apex) * out).sum(axis=1))[:, None]
+    places = np.clip(np.ceil(length), 1, MOST_PLACES).astype(np.int64)
+    number = np.repeat(np.arange(len(triangle)), places)
+    within = np.arange(len(number)) - np.repeat(np.concatenate([[0], np.cumsum(places)[:-1]]), places)
+    point = start[number] + along[number] * ((within + 0.5) / places[number])[:, None]
+    mesh = wp.Mesh(
+        wp.array(place.astype(np.float32), dtype=wp.vec3, device=device),
+        wp.array(surface.triangle.astype(np.int32).ravel(), dtype=wp.int32, device=device),
+    )
+    result = np.full(len(number), -1)
+    for turn in TURNS:
+        left = np.flatnonzero(result < 0)
+        if not len(left):
+            break
+        own = number[left]
+        probe = point[left] + BEYOND * (math.cos(turn) * out[own] + math.sin(turn) * surface.normal[triangle[own]])
+        face = launcher.empty(len(left), wp.int32)
+        launcher.launch(
+            kernels_facets.find_faces,
+            len(left),
+            [mesh.id, wp.array(probe.astype(np.float32), dtype=wp.vec3, device=device), NEAR],
+            [face],
+        )
+        found = face.numpy()
+        # Where a side ends on the middle of another part, as a sticker does, the two only touch: borders must meet.
+        hit = np.flatnonzero(found >= 0)
+        meets = _distance_to_open_sides(place, surface, found[hit], probe[hit]) < MEETS * BEYOND
+        result[left[hit[meets]]] = found[hit[meets]]
+    return result, number
+
+
+def _distance_to_open_sides(place: np.ndarray, surface: Surface, triangle: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Distance from points to the nearest open side of a triangle each; infinite where it has none."""
+    nearest = np.full(len(point), np.inf)
+    for k in range(3):
+        start, end = (place[surface.triangle[triangle, (k + step) % 3]] for step in (1, 2))
+        way = end - start
+        along = np.clip(((point - start) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-30), 0.0, 1.0)
+        distance = np.linalg.norm(start + along[:, None] * way - point, axis=1)
+        nearest = np.where(surface.open_side[triangle, k], np.minimum(nearest, distance), nearest)
+    return nearest
+
+
+def _united(part: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Parts, of which pairs are made one."""
+    label = np.arange(int(part.max()) + 1)
+    pairs = np.unique(np.stack([one, other], axis=1), axis=0)
+    for a, b in pairs.tolist():
+        while label[a] != a:
+            a = label[a]
+        while label[b] != b:
+            b = label[b]
+        label[max(a, b)] = min(a, b)
+    while not np.array_equal(label[label], label):
+        label = label[label]
+    return label[part]

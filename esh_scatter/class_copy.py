@@ -1,0 +1,58 @@
+"""Copying settings from one class of the sidebar to another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bpy.types import PropertyGroup, bpy_prop_collection
+
+from ..engine.problem.problem import ClassSettings
+from ..engine.problem.scatter_settings import Standing
+from ..engine.problem.settings import settings_of
+from .described_properties import shown_settings
+
+__all__ = ["CLASS_PARTS", "copy_class", "copy_values"]
+
+# Parts of a class's settings that are copied together: label, description, names of the properties.
+CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "DENSITY": (
+        "Density",
+        "Where there are many and where few",
+        ("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
+    ),
+    "STANDING": ("Turn and Scale", "How objects stand, turn and vary", tuple(settings_of(Standing))),
+    "DETAIL": (
+        "Direction and Detail",
+        "Where long ones point, and what is done to the density",
+        (
+            *("direction_kind", "direction_angle", "direction_image", "may_overlap"),
+            *(shown.name for shown in shown_settings(ClassSettings)),
+        ),
+    ),
+    "COUNT": (
+        "Sizes and Counts",
+        "What is placed, how many, and how much room each takes",
+        ("count_kind", "total", "per_area", "distance", "cover_share", "sizes"),
+    ),
+}
+
+
+def copy_class(source: PropertyGroup, to: PropertyGroup, parts: Mapping[str, Any]) -> None:
+    """Copy parts of the settings of a class, keys of :data:`CLASS_PARTS`, to another; name, color and switches stay."""
+    for part in parts:
+        copy_values(source, to, CLASS_PARTS[part][2])
+
+
+def copy_values(source: PropertyGroup, to: PropertyGroup, names: tuple[str, ...] | None = None) -> None:
+    """Copy properties, lists of groups with all that is in them; None copies all."""
+    told = [one.identifier for one in source.bl_rna.properties if one.identifier != "rna_type"]
+    for name in names or told:
+        value = getattr(source, name)
+        if isinstance(value, bpy_prop_collection):
+            entries = getattr(to, name)
+            entries.clear()
+            for entry in value:
+                copy_values(entry, entries.add())
+        else:
+            setattr(to, name, value)

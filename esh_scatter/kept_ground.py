@@ -1,0 +1,127 @@
+"""What a result keeps with its points, and what can be changed there at once, without solving: standing, colour, visibility."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..engine.problem.scatter_settings import Standing
+from .node_group import HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
+from .standing import Ground, stand
+
+__all__ = [
+    "CLASSES_OF_POINTS",
+    "SEED",
+    "can_stand_anew",
+    "ground_attributes",
+    "hide_points",
+    "paint_points",
+    "stand_anew",
+]
+
+# Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
+SEED = "esh_scatter_seed"
+CLASSES_OF_POINTS = "esh_scatter_classes"
+
+_NORMAL, _HEADING, _LONG, _FIT, _MIDDLE, _LIFT = "ground_normal", "heading", "long", "fit", "middle", "lift"
+_FIELDS: dict[str, tuple[str, int, Any]] = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "BOOLEAN": ("value", 1, bool),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "QUATERNION": ("value", 4, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+}
+
+
+def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attributes that keep what is known of the points; of the rarer ones, those that say something."""
+    kept = {
+        _NORMAL: ("FLOAT_VECTOR", ground.normal),
+        _HEADING: ("FLOAT", ground.heading),
+        _LIFT: ("FLOAT_VECTOR", lift),
+    }
+    if ground.long.any():
+        kept[_LONG] = ("BOOLEAN", ground.long)
+        kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, np.zeros(len(ground.middle), np.float32)]))
+    if (ground.fit != 1.0).any():
+        kept[_FIT] = ("FLOAT", ground.fit)
+    return kept
+
+
+def can_stand_anew(result: bpy.types.Object) -> bool:
+    """Tell whether a result has kept what is needed; those of earlier versions have not, and in Edit Mode nothing can be written."""
+    return (
+        result.mode != "EDIT"
+        and SEED in result.data
+        and all(name in result.data.attributes for name in ("id", _NORMAL, _HEADING, _LIFT, ROTATION, SCALE))
+    )
+
+
+def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) -> None:
+    """Turn, tilt, move and scale the objects of one class of a result. Points that were moved by hand stay where they were put."""
+    mesh = result.data
+    own = _points_of(mesh, class_number)
+    count = len(mesh.vertices)
+    middle = _read(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
+    ground = Ground(
+        _read(mesh, "id"),
+        _read(mesh, _NORMAL),
+        _read(mesh, _HEADING),
+        _read(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
+        _read(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
+        middle[:, :2],
+    ).part(own)
+    new = stand(standing, ground, int(mesh[SEED]))
+    lift, position = _read(mesh, _LIFT), _read(mesh, "position")
+    position[own] += new.lift - lift[own]
+    lift[own] = new.lift
+    rotation, scale = _read(mesh, ROTATION), _read(mesh, SCALE)
+    rotation[own], scale[own] = new.rotation, new.scale[:, None]
+    for name, values in (("position", position), (_LIFT, lift), (ROTATION, rotation), (SCALE, scale)):
+        _write(mesh, name, values)
+    mesh.update()
+
+
+def paint_points(result: bpy.types.Object, class_number: int, color: tuple[float, ...]) -> None:
+    """Give the points of one class another colour (red, green, blue)."""
+    mesh = result.data
+    if "class_color" in mesh.attributes:
+        values = _read(mesh, "class_color")
+        values[_points_of(mesh, class_number), :3] = color
+        _write(mesh, "class_color", values)
+        mesh.update()
+
+
+def hide_points(result: bpy.types.Object, class_number: int, *, viewport: bool, render: bool) -> None:
+    """Hide the objects of one class in the viewport and in renders, or show them."""
+    mesh = result.data
+    own = _points_of(mesh, class_number)
+    for name, hidden in ((HIDE_VIEWPORT, viewport), (HIDE_RENDER, render)):
+        if name not in mesh.attributes:
+            if not hidden:
+                continue
+            mesh.attributes.new(name, "BOOLEAN", "POINT")
+        values = _read(mesh, name)
+        values[own] = hidden
+        _write(mesh, name, values)
+    mesh.update()
+
+
+def _points_of(mesh: bpy.types.Mesh, class_number: int) -> np.ndarray:
+    return np.flatnonzero(_read(mesh, "class_index") == class_number)
+
+
+def _read(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    attribute = mesh.attributes[name]
+    field, width, dtype = _FIELDS[attribute.data_type]
+    values = np.empty(width * len(attribute.data), dtype)
+    attribute.data.foreach_get(field, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def _write(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    attribute = mesh.attributes[name]
+    attribute.data.foreach_set(_FIELDS[attribute.data_type][0], np.ascontiguousarray(values).ravel())

@@ -1,0 +1,73 @@
+"""What a report says, in the words of the sidebar. Knows nothing of Blender."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["UNBROKEN", "evenness", "evenness_word", "meters", "notes", "overlaps", "summary"]
+
+# Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07.
+VERY_EVEN = 0.04
+EVEN = 0.1
+# A space at which no line is broken.
+UNBROKEN = "\u00a0"
+# Fewer than this have no evenness to speak of.
+FEWEST = 4
+
+
+def evenness_word(error: float) -> str:
+    """Return what a coverage error looks like."""
+    if error <= VERY_EVEN:
+        return "very even"
+    return "even" if error <= EVEN else "uneven"
+
+
+def evenness(report: dict[str, Any]) -> str:
+    """Return how even a placement is, and where it is not: "uneven: Pine"; empty for a handful of bodies.
+
+    Classes that mix are even together and not each alone, classes that do not are even alone; the better of the two counts.
+    """
+    if _placed(report) < FEWEST:
+        return ""
+    alone = max(entry["coverage_error"] for entry in report["classes"])
+    word = evenness_word(min(report["coverage_error"], alone))
+    if word != "uneven" or len(report["classes"]) == 1:
+        return word
+    uneven = [entry["name"] for entry in report["classes"] if entry["coverage_error"] > EVEN]
+    return f"uneven: {', '.join(uneven[:3])}" + (" and others" if len(uneven) > 3 else "")
+
+
+def summary(report: dict[str, Any], unbroken: str = " ") -> str:
+    """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
+    count = report["overlaps"]
+    overlap = f"{count:,} overlap{'s' * (count != 1)}" if count else "no overlap"
+    parts = [f"{_placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
+    return " · ".join(part.replace(" ", unbroken) for part in parts if part)
+
+
+def notes(report: dict[str, Any]) -> list[str]:
+    """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help."""
+    # How many overlap, and how deep, has a line of its own.
+    found = [note.replace("`", "") for note in report["notes"] if "still overlap" not in note]
+    if not report["converged"] and evenness(report).startswith("uneven"):
+        found.append("more steps would make it more even (Advanced)")
+    return [note[:1].upper() + note[1:] for note in found]
+
+
+def overlaps(report: dict[str, Any]) -> str:
+    """Return how many pairs of footprints overlap, and how far: "12 pairs, up to 0.05 m"."""
+    count, deepest = report["overlaps"], report.get("deepest_overlap") or 0.0
+    if not count:
+        return "none"
+    return f"{count:,} pair{'s' * (count != 1)}" + (f", up to {meters(deepest)}" if deepest > 0.0 else "")
+
+
+def meters(length: float) -> str:
+    """Return a length with as many digits as are worth reading."""
+    if length >= 100.0:
+        return f"{length:,.0f} m"
+    return f"{length:.1f} m" if length >= 10.0 else f"{length:.2f} m" if length >= 0.1 else f"{length:.2g} m"
+
+
+def _placed(report: dict[str, Any]) -> int:
+    return sum(size["placed"] for entry in report["classes"] for size in entry["sizes"])

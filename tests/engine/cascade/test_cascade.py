@@ -1,0 +1,148 @@
+"""The forces on a surface, beside sums over all pairs in float64."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from esh.engine.cascade.points import chosen, empty_points, lists_of, nearest_of, thinned
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.problem import Balance, BodyClass, Problem, Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.solver.model import Model
+from esh.engine.solver.surface_descent import SurfaceDescent
+from esh.engine.surface import kernels_facets
+from scipy.spatial import cKDTree
+
+
+@pytest.fixture(scope="module")
+def launcher():
+    result = Launcher(resolve_device("cpu"))
+    yield result
+    result.close()
+
+
+def sphere():
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    return Surface(SurfaceMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+
+
+def points_on_sphere(launcher, count, seed=0):
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    points = empty_points(launcher, count)
+    points.position.assign((10.0 * normal).astype(np.float32))
+    points.normal.assign(normal.astype(np.float32))
+    points.label.assign((normal[:, 2] > 0.0).astype(np.int32))
+    return points
+
+
+def test_lists_hold_every_neighbour_of_the_same_part_and_side_once(launcher):
+    points = points_on_sphere(launcher, 3000)
+    position, label = points.position.numpy(), points.label.numpy()
+    lists = lists_of(launcher, points, points, 1.3, 0.995)
+    start, entry = lists.start.numpy(), lists.entry.numpy()
+    normal = points.normal.numpy()
+    for i, near in enumerate(cKDTree(position).query_ball_point(position, 1.3)):
+        near = np.array(near)
+        same = (label[near] == label[i]) & (normal[near] @ normal[i] > 0.995)
+        assert sorted(entry[start[i] : start[i + 1]].tolist()) == sorted(near[same].tolist())
+
+
+def test_thinned_points_keep_a_distance_and_leave_no_room(launcher):
+    points = points_on_sphere(launcher, 5000)
+    kept = thinned(launcher, points, 0.8)
+    position, label = points.position.numpy(), points.label.numpy()
+    for side in (0, 1):
+        own, all_of_it = kept[label[kept] == side], np.flatnonzero(label == side)
+        distance = cKDTree(position[own]).query(position[own], k=2)[0][:, 1]
+        assert distance.min() >= 0.8 - 1e-5
+        assert cKDTree(position[own]).query(position[all_of_it])[0].max() < 0.8 + 1e-5
+    nodes = chosen(launcher, points, kept)
+    home = nearest_of(launcher, points, nodes, 1.6, 0.0).numpy()
+    found = np.linalg.norm(position - position[kept][home], axis=1)
+    for side in (0, 1):
+        own, all_of_it = kept[label[kept] == side], np.flatnonzero(label == side)
+        np.testing.assert_allclose(found[all_of_it], cKDTree(position[own]).query(position[all_of_it])[0], atol=1e-5)
+
+
+def forces(launcher, problem):
+    """Forces on all charges at the start; their positions in units, groups and charges."""
+    model = Model(problem)
+    descent = SurfaceDescent(model, launcher)
+    charges = descent.charges
+    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, descent.field_at_charge)
+    return model, descent, descent.field_at_charge.numpy().astype(np.float64)
+
+
+def direct(launcher, model, descent):
+    """The same by all pairs; the target by the octaves that go beyond a tile, tile by tile.
+
+    A target that pulls into the ball pulls along flat facets, too.
+    """
+    points = descent.charges.points
+    position, normal = points.position.numpy().astype(np.float64), points.normal.numpy().astype(np.float64)
+    group, charge = model.body.group, model.charge.charge
+    matrix = model.groups.matrix
+
+    def pull(other, other_normal, strength, of_distance):
+        way = position[:, None] - other[None]
+        square = (way**2).sum(axis=2)
+        amount = strength * of_distance(np.where(square > 0.0, square, np.inf)) * 0.5 * (1.0 + normal @ other_normal.T)
+        return (amount[:, :, None] * way).sum(axis=1)
+
+    def octaves(square):
+        widths = [2.0 ** (2 * level + 1) for level in range(7)]
+        return sum(np.log(2.0) / width * np.exp(-0.5 * square / width) for width in widths)
+
+    force = pull(position, normal, charge * matrix[group][:, group], lambda square: 1.0 / square)
+    tiles, count = empty_points(launcher, descent.facets.tile_count), descent.facets.tile_count
+    launcher.launch(
+        kernels_facets.place_tiles,
+        count,
+        [descent.facets.count, descent.ground.facets],
+        [tiles.position, tiles.normal, tiles.label],
+    )
+    share = descent.facets.tile_area / descent.facets.tile_area.sum()
+    attraction = (matrix @ model.group_charge)[group]
+    force -= pull(tiles.position.numpy(), tiles.normal.numpy(), attraction[:, None] * share, octaves)
+    return force - (force * normal).sum(axis=1, keepdims=True) * normal
+
+
+@pytest.mark.parametrize("groups", [1, 3])
+def test_forces_agree_with_all_pairs_on_a_sphere(launcher, groups):
+    classes = [BodyClass(str(k), [Size("s", 1.0 + k, 400)]) for k in range(groups)]
+    model, descent, found = forces(launcher, Problem(sphere(), classes, Balance(0.5)))
+    expected = direct(launcher, model, descent)
+    scale = np.sqrt((expected**2).sum(axis=1).mean())
+    error = np.linalg.norm(found - expected, axis=1)
+    assert np.sqrt((error**2).mean()) < 0.06 * scale
+    assert error.max() < 0.4 * scale
+
+
+def test_the_target_is_shared_out_without_loss(launcher):
+    _, descent, _ = forces(launcher, Problem(sphere(), [BodyClass("a", [Size("s", 1.0, 500)])]))
+    cascade = descent.cascade
+    assert cascade.node_share.sum() == pytest.approx(1.0, abs=1e-4)
+    assert cascade.node_area.sum() == pytest.approx(descent.facets.area.sum(), rel=1e-4)
+    assert (cascade.home.numpy() >= 0).all()
+
+
+def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(launcher):
+    # The field of a uniform target far from its edges is 0, and towards an edge it leads inwards: it pulls.
+    side = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    surface = Surface(SurfaceMesh(side, [[0, 1, 2], [0, 2, 3]]))
+    _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
+    near = descent.cascade._near_target.numpy() * 900
+    count = descent.facets.corner_count
+    position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
+    launcher.launch(
+        kernels_facets.place_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
+    )
+    place = position.numpy()
+    inside = np.abs(place[:, :2]).max(axis=1) < 11.0
+    assert inside.sum() > 100
+    assert np.linalg.norm(near[inside], axis=1).max() < 0.05
+    edge = place[:, 0] > 14.9
+    # What pushes bodies out is the force of the target with the other sign.
+    assert (near[edge, 0] > 0.5).all()

@@ -1,0 +1,154 @@
+"""Meshes from files, recipes that name them, and placements on them as files."""
+
+import csv
+
+import numpy as np
+import pytest
+import trimesh
+from esh.engine.errors import EshError, InputFileError
+from esh.engine.files.mesh_files import read_meshes
+from esh.engine.files.placement_files import write_placement
+from esh.engine.files.recipe import read_recipe, recipe_densities
+from esh.engine.files.recipe_writer import write_recipe
+from esh.engine.problem.surface import Surface
+from esh.engine.solve import solve
+from PIL import Image
+
+RECIPE = """
+version = 1
+seed = 3
+[surface]
+mesh = {mesh}
+[[class]]
+name = "moss"
+density = {density}
+[[class.size]]
+name = "tuft"
+area = 0.001
+count = 60
+"""
+
+
+def recipe(folder, mesh='"ball.ply"', density="1.0"):
+    path = folder / "moss.toml"
+    path.write_text(RECIPE.format(mesh=mesh, density=density))
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball.vertex_attributes["moss"] = (ball.vertices[:, 2] > 0.0).astype(np.float32)
+    ball.export(tmp_path / "ball.ply")
+    for ending in ("obj", "stl", "glb", "off"):
+        trimesh.creation.icosphere(subdivisions=2).export(tmp_path / f"ball.{ending}")
+    Image.fromarray(np.tile(np.arange(256, dtype=np.uint8), (8, 1))).save(tmp_path / "ramp.png")
+    return tmp_path
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj", "stl", "glb", "off"])
+def test_every_format_gives_the_same_surface(folder, ending):
+    surface = Surface(read_meshes(folder / f"ball.{ending}"))
+    assert surface.area == pytest.approx(trimesh.creation.icosphere(subdivisions=2).area, rel=1e-5)
+    assert len(surface.triangle) == 320
+    assert surface.part.max() == 0
+
+
+def test_scenes_keep_where_their_meshes_are(tmp_path):
+    scene = trimesh.Scene()
+    for x in (0.0, 3.0):
+        scene.add_geometry(trimesh.creation.box(), transform=trimesh.transformations.translation_matrix([x, 0, 0]))
+    scene.export(tmp_path / "two.glb")
+    meshes = read_meshes(tmp_path / "two.glb")
+    assert sorted(round(float(mesh.vertices[:, 0].mean())) for mesh in meshes) == [0, 3]
+    assert len({mesh.name for mesh in meshes}) == 2
+
+
+def test_uv_maps_of_obj_files_are_read(tmp_path):
+    (tmp_path / "quad.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
+    )
+    (mesh,) = read_meshes(tmp_path / "quad.obj")
+    points = Surface(mesh).sample(50)
+    np.testing.assert_allclose(points.uv(), points.position[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("none.obj", None, "does not exist"),
+        ("mesh.docx", b"", r"must end in .obj, .ply, .stl, .glb, .gltf, .off; got the ending '.docx'"),
+        ("empty.obj", b"", "must hold at least one triangle|cannot be read"),
+        ("broken.glb", b"glTF of a kind", "cannot be read as a mesh"),
+    ],
+)
+def test_what_is_no_mesh_file_is_refused_in_a_sentence(tmp_path, name, content, sentence):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputFileError, match=sentence):
+        read_meshes(tmp_path / name)
+
+
+def test_a_recipe_places_on_a_mesh_by_an_attribute(folder, tmp_path):
+    problem = read_recipe(recipe(folder, density='{ attribute = "moss" }'))
+    placement = solve(problem, device="cpu", max_steps=10)
+    assert len(placement.position) == 60
+    assert placement.position[:, 2].min() > -0.3
+    again = solve(read_recipe(recipe(folder, density='{ attribute = "moss" }')), device="cpu", max_steps=10)
+    np.testing.assert_array_equal(placement.position, again.position)
+    write_placement(tmp_path / "out.npz", placement)
+    with np.load(tmp_path / "out.npz") as stored:
+        np.testing.assert_array_equal(stored["position"], placement.position)
+        for name in ("normal", "tangent", "mesh", "triangle", "barycentric"):
+            np.testing.assert_array_equal(stored[name], getattr(placement, name))
+    write_placement(tmp_path / "out.csv", placement)
+    with (tmp_path / "out.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["class_name"] for row in rows] == ["moss"] * 60
+    np.testing.assert_array_equal([[float(row[axis]) for axis in "xyz"] for row in rows], placement.position)
+    found = [[float(row[f"normal_{axis}"]) for axis in "xyz"] for row in rows]
+    np.testing.assert_array_equal(found, placement.normal)
+    np.testing.assert_array_equal([int(row["triangle"]) for row in rows], placement.triangle)
+    found = [[float(row[f"weight_{corner}"]) for corner in range(3)] for row in rows]
+    np.testing.assert_array_equal(found, placement.barycentric)
+
+
+def test_a_recipe_lays_an_image_along_the_axes(folder):
+    density = '{ image = "ramp.png", mapping = "triplanar", size = 2.0 }'
+    problem = read_recipe(recipe(folder, '["ball.obj", "ball.stl"]', density))
+    assert len(problem.domain.meshes) == 2
+    named = {path.name for path in recipe_densities(recipe(folder, '["ball.obj", "ball.stl"]', density))}
+    assert named == {"ball.obj", "ball.stl", "ramp.png"}
+
+
+@pytest.mark.parametrize(
+    ("mesh", "density", "sentence"),
+    [
+        ('"rock.obj"', "1.0", "`surface.mesh` cannot be used: .*rock.obj does not exist"),
+        ("3", "1.0", "`surface.mesh` must be the name of a mesh file, or a list of such; got 3"),
+        ("[]", "1.0", "must be the name of a mesh file, or a list of such"),
+        ('"ball.ply"', '"ramp.png"', r"such as SurfaceImage\(image\); got an image"),
+        ('"ball.ply"', '{ image = "ramp.png" }', "needs a UV map"),
+        (
+            '"ball.ply"',
+            '{ image = "ramp.png", mapping = "round" }',
+            '`class.1..density.mapping` .* must be "uv" or "triplanar"',
+        ),
+        ('"ball.ply"', '{ image = "ramp.png", size = 2.0 }', 'is only for a `mapping` of "triplanar"'),
+        ('"ball.ply"', '{ attribute = "mos" }', 'which have .*"moss".*; got "mos"'),
+        ('"ball.ply"', "{ atribute = 3 }", "did you mean `attribute`|is not a known key"),
+    ],
+)
+def test_mistakes_in_recipes_of_surfaces_are_named(folder, mesh, density, sentence):
+    with pytest.raises(EshError, match=sentence):
+        read_recipe(recipe(folder, mesh, density))
+
+
+def test_a_surface_and_a_domain_exclude_each_other_and_surfaces_are_not_written(folder):
+    path = recipe(folder)
+    problem = read_recipe(path)
+    with pytest.raises(EshError, match="must be a rectangle for this; it is a surface"):
+        write_recipe(folder / "out.toml", problem)
+    path.write_text(path.read_text().replace("[surface]", "[domain]\nsize = [1.0, 1.0]\n[surface]"))
+    with pytest.raises(InputFileError, match=r"`domain` cannot be combined with \[surface\]"):
+        read_recipe(path)

@@ -1,0 +1,113 @@
+"""Figures of placements on surfaces, beside SciPy's."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import BodyClass, Problem, Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.quality.heat import HeatMesh
+from esh.engine.quality.measurement import measure
+
+BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
+
+
+def benchmark(name):
+    spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+metric, meshes = benchmark("surface_metric"), benchmark("surface_meshes")
+
+
+@pytest.fixture(scope="module")
+def launcher():
+    result = Launcher(resolve_device("cpu"))
+    yield result
+    result.close()
+
+
+def random_points(surface, count, seed=0):
+    rng = np.random.default_rng(seed)
+    triangle = rng.choice(len(surface.triangle), count, p=surface.triangle_area / surface.area)
+    weight = rng.dirichlet(np.ones(3), count)
+    return surface.points(triangle, weight)
+
+
+def placed(surface, points, area=1e-4):
+    count = len(points.triangle)
+    problem = Problem(surface, [BodyClass("a", [Size("s", area, count)])])
+    mesh, triangle, barycentric = points.source()
+    zero = np.zeros(count)
+    tangent = np.cross(points.normal, [0.3, 0.5, 0.8])
+    return Placement(
+        problem,
+        points.position,
+        np.zeros(count, np.int32),
+        np.zeros(count, np.int32),
+        zero,
+        zero,
+        zero,
+        normal=points.normal,
+        tangent=tangent / np.linalg.norm(tangent, axis=1, keepdims=True),
+        mesh=mesh,
+        triangle=triangle,
+        barycentric=barycentric,
+    )
+
+
+@pytest.mark.parametrize("shape", ["torus", "rock"])
+def test_coverage_errors_are_those_of_finite_elements_by_scipy(launcher, shape):
+    mesh = getattr(meshes, shape)()
+    surface = Surface(SurfaceMesh(*mesh))
+    points = random_points(surface, 700)
+    density = meshes.gradient(mesh[0])
+    other = metric.SurfaceMetric(*mesh, 700)
+    heat = HeatMesh(launcher, surface, 700)
+    charges = heat.charges(points.triangle, points.barycentric, np.ones(700))
+    target = heat.target(density(heat.points().position))
+    assert charges.sum() == pytest.approx(700.0)
+    for k, expected in zip((1.0, 2.0, 4.0), other.coverage(points.position, density, (1.0, 2.0, 4.0)), strict=True):
+        assert heat.error(charges, target, 700, k) == pytest.approx(expected, rel=0.02)
+
+
+def test_heat_is_neither_lost_nor_made_and_spreads_as_a_gaussian(launcher):
+    vertices, faces = meshes.square(40)
+    surface = Surface(SurfaceMesh(vertices, faces))
+    heat = HeatMesh(launcher, surface, 400)
+    middle = np.argmin(np.linalg.norm(vertices[faces].mean(axis=1) - [0.5, 0.5, 0.0], axis=1))
+    charge = heat.charges(np.array([middle]), np.array([[1.0, 1.0, 1.0]]) / 3.0, np.ones(1))
+    width = 0.06
+    spread = heat._spread(charge, 0.5 * width**2)
+    assert (spread * heat._mass).sum() == pytest.approx(1.0, abs=1e-4)
+    assert spread.max() == pytest.approx(1.0 / (2.0 * np.pi * width**2), rel=0.03)
+
+
+def test_spacing_and_overlaps_are_those_of_all_pairs_of_one_side(launcher):
+    mesh = meshes.thin_box(300)
+    surface = Surface(SurfaceMesh(*mesh))
+    points = random_points(surface, 300, 1)
+    report = measure(placed(surface, points, 1e-3), launcher)
+    apart = np.linalg.norm(points.position[:, None] - points.position, axis=2)
+    other_side = points.normal @ points.normal.T <= 0.0
+    apart[other_side | np.eye(300, dtype=bool)] = np.inf
+    hexagonal = np.sqrt(2.0 / np.sqrt(3.0) * surface.area / 300)
+    assert report.smallest_spacing == pytest.approx(apart.min() / hexagonal, rel=1e-3)
+    assert report.overlaps == (apart < 2.0 * np.sqrt(1e-3 / np.pi)).sum() // 2
+    assert report.covered == pytest.approx(0.3 / surface.area, rel=1e-3)
+
+
+def test_slivers_and_large_triangles_are_measured(launcher):
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 1e-5, 0]])
+    surface = Surface(SurfaceMesh(vertices, [[0, 1, 4], [0, 4, 3], [4, 2, 3], [1, 2, 4]]))
+    points = random_points(surface, 500, 2)
+    error = measure(placed(surface, points), launcher).coverage_error
+    # Independent random points.
+    assert 0.2 < error < 0.45

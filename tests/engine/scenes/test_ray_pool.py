@@ -1,0 +1,55 @@
+"""Batches on a Ray cluster: the same bytes, also when a machine is lost on the way."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+from esh import EshError
+from esh.engine.scenes.batch import Batch, run_batch
+from esh.engine.scenes.ray_pool import RayPool
+
+from .test_batch import SET, contents, make, recipe  # noqa: F401 - a fixture
+
+ray = pytest.importorskip("ray")
+
+
+@pytest.fixture
+def cluster():
+    from ray.cluster_utils import Cluster
+
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    yield made
+    ray.shutdown()
+    made.shutdown()
+
+
+def test_a_machine_that_is_lost_loses_no_scene(cluster, recipe, tmp_path):  # noqa: F811
+    lost = cluster.add_node(num_cpus=1)
+    cluster.wait_for_nodes()
+    make(recipe, tmp_path / "here", range(16))
+
+    removed = []
+
+    def lose(state):
+        if state.made == 4 and not removed:
+            removed.append(threading.Thread(target=cluster.remove_node, args=(lost, False)))
+            removed[0].start()
+
+    state = run_batch(
+        Batch(recipe, tmp_path / "there", range(16), SET, max_steps=5),
+        device="cpu",
+        ray=cluster.address,
+        progress=lose,
+    )
+    removed[0].join()
+    assert (state.done, state.made, dict(state.failed)) == (16, 16, {})
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_no_cluster_is_one_sentence():
+    start = time.monotonic()
+    with pytest.raises(EshError, match="there is no Ray cluster at 'auto'"):
+        RayPool("auto")
+    assert time.monotonic() - start < 60.0

@@ -1,0 +1,221 @@
+"""Bodies on surfaces: counts, evenness, sides, edges, contact and bytes; measured by code that knows nothing of the solver."""
+
+import dataclasses
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from esh.engine.errors import ProblemError
+from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.solve import solve
+from esh.engine.solver.solver import Solver
+from esh.engine.solver.surface_state import SurfaceState
+from scipy.spatial import cKDTree
+
+BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
+
+
+def benchmark(name):
+    """A module of the benchmarks, which are no package."""
+    spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+metric, meshes = benchmark("surface_metric"), benchmark("surface_meshes")
+
+
+def uniform(place):
+    return np.ones(len(place))
+
+
+def on_surface(mesh, count, density=1.0, **settings):
+    return Problem(Surface(SurfaceMesh(*mesh)), [BodyClass("a", [Size("s", 1e-4, count)], density)], **settings)
+
+
+@pytest.fixture(scope="module")
+def on_sphere():
+    return solve(on_surface(meshes.sphere(3), 800), device="cpu")
+
+
+def test_counts_are_exact_and_places_lie_where_their_triangles_say(on_sphere):
+    placement = on_sphere
+    vertices, faces = meshes.sphere(3)
+    assert placement.position.shape == (800, 3)
+    place = np.einsum("nk,nkd->nd", placement.barycentric, vertices[faces[placement.triangle]])
+    np.testing.assert_allclose(placement.position, place, atol=1e-12)
+    assert placement.barycentric.min() >= 0.0
+    np.testing.assert_allclose(placement.barycentric.sum(axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(placement.normal, axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(placement.tangent, axis=1), 1.0)
+    np.testing.assert_allclose((placement.tangent * placement.normal).sum(axis=1), 0.0, atol=1e-12)
+    assert ((placement.position * placement.normal).sum(axis=1) > 0.9).all()
+
+
+def test_bodies_are_even_on_a_sphere(on_sphere):
+    measured = metric.SurfaceMetric(*meshes.sphere(3), 800)
+    half, one, two, _ = measured.coverage(on_sphere.position, uniform)
+    assert half < 0.036
+    assert one < 0.005
+    assert two < 0.002
+    smallest, mean = metric.spacing(on_sphere.position, on_sphere.normal, 800 / measured.area)
+    assert smallest > 0.78
+    assert mean > 0.92
+    # What the report says is what is measured elsewhere.
+    assert on_sphere.report.coverage_error == pytest.approx(one, rel=0.35)
+    assert on_sphere.report.smallest_spacing == pytest.approx(smallest, rel=0.01)
+
+
+def test_bodies_follow_a_density_that_is_a_function_of_points():
+    mesh = meshes.sphere(3)
+    density = meshes.gradient(mesh[0])
+    placement = solve(on_surface(mesh, 1000, lambda points: density(points.position)), device="cpu")
+    measured = metric.SurfaceMetric(*mesh, 1000)
+    _, one, two, _ = measured.coverage(placement.position, density)
+    assert one < 0.006
+    assert two < 0.002
+
+
+def test_no_body_stands_where_the_density_is_zero():
+    mesh = meshes.square(32)
+    # Along the mesh's own edges, so that no tile has both.
+    placement = solve(on_surface(mesh, 500, lambda points: (points.position[:, 0] < 0.5).astype(float)), device="cpu")
+    assert placement.position[:, 0].max() <= 0.5 + 1e-6
+    assert placement.report.classes[0].sizes[0].placed == 500
+
+
+def test_a_flat_square_is_as_even_as_in_the_plane():
+    measured = metric.SurfaceMetric(*meshes.square(), 1024)
+    there = solve(on_surface(meshes.square(), 1024), device="cpu").position
+    plane = solve(Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 1e-4, 1024)])]), device="cpu").position
+    errors = measured.coverage(there, uniform)
+    in_plane = measured.coverage(np.column_stack([plane, np.zeros(1024)]), uniform)
+    assert errors[0] < 1.2 * in_plane[0]
+    assert errors[1] < 1.35 * in_plane[1]
+    assert there[:, :2].min() >= 0.0
+    assert there[:, :2].max() <= 1.0
+
+
+def test_the_sides_of_a_thin_wall_do_not_see_each_other():
+    count = 800
+    mesh = meshes.thin_box(count)
+    placement = solve(on_surface(mesh, count), device="cpu")
+    up, down = placement.normal[:, 2] > 0.9, placement.normal[:, 2] < -0.9
+    assert abs(int(up.sum()) - int(down.sum())) < 12
+    # A body has its nearest neighbour on its own side at the spacing of that side, though the other side is nearer.
+    smallest, mean = metric.spacing(placement.position, placement.normal, count / placement.problem.domain.area)
+    assert smallest > 0.7
+    assert mean > 0.88
+    across = cKDTree(placement.position[up]).query(placement.position[down])[0]
+    assert across.min() < 0.5 * np.sqrt(2.0 / count)
+
+
+def test_meshes_that_touch_are_one_and_as_even_as_one():
+    count = 1500
+    measured = metric.SurfaceMetric(*meshes.square(), count)
+    one = solve(on_surface(meshes.square(), count), device="cpu")
+    parts = [SurfaceMesh(*meshes.square(64, (0.0, 0.5))), SurfaceMesh(*meshes.square(37, (0.5, 1.0)))]
+    two = solve(Problem(Surface(parts), [BodyClass("a", [Size("s", 1e-4, count)])]), device="cpu")
+    assert set(two.mesh.tolist()) == {0, 1}
+    of_one, of_two = (measured.coverage(placement.position, uniform) for placement in (one, two))
+    assert of_two[0] < 1.15 * of_one[0]
+    assert of_two[1] < 1.3 * of_one[1]
+
+
+def test_classes_are_even_alone_and_together():
+    mesh = meshes.torus()
+    classes = [BodyClass(name, [Size("s", 1e-4, 500)]) for name in "ab"]
+    placement = solve(Problem(Surface(SurfaceMesh(*mesh)), classes, Balance(0.5)), device="cpu")
+    measured = metric.SurfaceMetric(*mesh, 1000)
+    own = metric.SurfaceMetric(*mesh, 500)
+    assert measured.coverage(placement.position, uniform)[1] < 0.008
+    for k in range(2):
+        alone = placement.position[placement.class_index == k]
+        assert len(alone) == 500
+        assert own.coverage(alone, uniform)[1] < 0.012
+
+
+def test_large_sizes_are_even_among_themselves():
+    mesh = meshes.sphere(3)
+    sizes = [Size("small", 1.0, 700), Size("large", 3.0, 120)]
+    problem = Problem(Surface(SurfaceMesh(*mesh)), [BodyClass("a", sizes)], Balance(size_emphasis=2.0))
+    placement = solve(problem, device="cpu")
+    large = placement.position[placement.size_index == 1]
+    assert metric.SurfaceMetric(*mesh, 120).coverage(large, uniform)[1] < 0.02
+
+
+def test_no_two_discs_touch():
+    area = 4.0 * np.pi
+    count = np.array([400, 200, 100])
+    size = np.array([1.0, 2.0, 5.0])
+    size *= 0.6 * area / (size * count).sum()
+    sizes = [Size(str(k), float(size[k]), int(count[k])) for k in range(3)]
+    problem = Problem(Surface(SurfaceMesh(*meshes.sphere(4))), [BodyClass("a", sizes)], avoid_overlap=True)
+    placement = solve(problem, device="cpu")
+    direction = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True)
+    geodesic = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0))
+    touching = placement.radius[:, None] + placement.radius
+    np.fill_diagonal(geodesic, np.inf)
+    assert (geodesic / touching).min() > 0.99
+    assert placement.report.overlaps == 0
+    assert placement.report.covered == pytest.approx(0.6, abs=0.01)
+
+
+def test_one_body_and_many_small_parts_are_placed():
+    assert len(solve(on_surface(meshes.sphere(1), 1), device="cpu").position) == 1
+    vertices, faces = meshes.sphere(1)
+    stones = [SurfaceMesh(vertices * 0.01 + [k % 10, k // 10, 0.0], faces) for k in range(60)]
+    large = SurfaceMesh(vertices * 10.0 + [0, 0, 30.0], faces)
+    placement = solve(Problem(Surface([*stones, large]), [BodyClass("a", [Size("s", 1.0, 300)])]), device="cpu")
+    # A thousandfold difference of size: each part has what its area asks for.
+    assert (placement.mesh == 60).sum() >= 299
+
+
+def test_bytes_do_not_depend_on_the_number_of_threads(monkeypatch):
+    mesh = meshes.sphere(3)
+    sizes = [Size("s", 0.002, 2500), Size("l", 0.004, 300)]
+    problem = Problem(Surface(SurfaceMesh(*mesh)), [BodyClass("a", sizes), BodyClass("b", sizes)], avoid_overlap=True)
+    found = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("ESH_THREADS", threads)
+        found.append(solve(problem, device="cpu", max_steps=6))
+    for name in ("position", "triangle", "barycentric", "normal", "tangent"):
+        np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name))
+    assert dataclasses.replace(found[0].report, seconds=0.0) == dataclasses.replace(found[1].report, seconds=0.0)
+
+
+def test_a_state_is_saved_and_gone_on_from(tmp_path):
+    problem = on_surface(meshes.sphere(2), 200)
+    with Solver(problem, device="cpu") as solver:
+        solver.step(3)
+        solver.state.save(tmp_path / "state.npz")
+        solver.step(2)
+        expected = solver.placement().position
+    with Solver(problem, device="cpu", state=SurfaceState.load(tmp_path / "state.npz")) as solver:
+        assert solver.state.steps[0] == 3
+        solver.step(2)
+        np.testing.assert_array_equal(solver.placement().position, expected)
+        with pytest.raises(ProblemError, match="must be a rectangle for an edit"):
+            solver.edit(problem)
+        copy = solver.state.copy()
+        with pytest.raises(ValueError, match="must have shape"):
+            copy.assign(SurfaceState(**{**vars(copy), "facet": copy.facet[:5]}))
+
+
+def test_a_million_triangles_are_no_matter():
+    vertices, faces = (
+        trimesh.creation.icosphere(subdivisions=7).vertices,
+        trimesh.creation.icosphere(subdivisions=7).faces,
+    )
+    problem = on_surface((np.array(vertices), np.array(faces)), 300)
+    with Solver(problem, device="cpu") as solver:
+        solver.step(20)
+        assert solver.state.facet.numpy().max() > 200_000
+        smallest, _ = metric.spacing(solver.placement().position, solver.placement().normal, 300 / (4.0 * np.pi))
+    assert smallest > 0.6

@@ -1,0 +1,130 @@
+"""A surface cut into facets and tiles, and which of its parts are one."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.surface import kernels_facets
+from esh.engine.surface.facets import FACET, MOST_SLENDER, TILE, Facets
+from esh.engine.surface.parts import joined_parts
+
+
+@pytest.fixture(scope="module")
+def launcher():
+    result = Launcher(resolve_device("cpu"))
+    yield result
+    result.close()
+
+
+def cut(vertices, triangles, unit=1.0):
+    surface = Surface(SurfaceMesh(vertices, triangles))
+    return Facets(surface, unit, surface.part, surface.open_side)
+
+
+def slivers():
+    vertices = np.array([[0.0, 0, 0], [40, 0, 0], [40, 1, 0], [0, 30, 0], [20, 15, 12]])
+    return vertices, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]])
+
+
+def plate(x, y, cells=4):
+    a, b = np.meshgrid(np.linspace(*x, cells + 1), np.linspace(*y, cells + 1), indexing="ij")
+    number = np.arange(a.size).reshape(a.shape)
+    corner = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1).reshape(-1, 4)
+    faces = np.concatenate([corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])
+    return np.stack([a.ravel(), b.ravel(), 0 * a.ravel()], axis=1), faces
+
+
+def test_facets_cover_the_surface_and_none_is_long_or_slender():
+    facets = cut(*slivers())
+    assert facets.area.sum() == pytest.approx(facets.surface.area, rel=1e-9)
+    side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
+    assert side.max() <= FACET + 1e-9
+    slender = side**2 / (2.0 * facets.area)
+    assert (slender[side > TILE] <= MOST_SLENDER * (1 + 1e-9)).all()
+    assert (side / facets.cuts).max() <= TILE * (1 + 1e-5)
+    # Each lies where its weights say.
+    place = facets.surface.position[facets.surface.triangle[facets.triangle]] - facets.middle
+    np.testing.assert_allclose(np.einsum("fck,fkd->fcd", facets.weight, place), facets.corner, atol=1e-9)
+
+
+def test_open_sides_follow_their_triangles():
+    facets = cut(*slivers())
+    end = np.roll(facets.corner, -2, axis=1) - np.roll(facets.corner, -1, axis=1)
+    length = np.linalg.norm(end, axis=2)[facets.open_side].sum()
+    vertices, triangles = slivers()
+    surface = facets.surface
+    side = np.linalg.norm(vertices[triangles][:, [2, 0, 1]] - vertices[triangles][:, [1, 2, 0]], axis=2)
+    assert length == pytest.approx(side[surface.open_side].sum(), rel=1e-9)
+
+
+def test_a_place_on_a_tile_is_found_again(launcher):
+    facets = cut(*slivers(), unit=0.9)
+    on_device = facets.for_kernels(launcher.device)
+    count = facets.tile_count
+    position, normal = launcher.empty(count, wp.vec3), launcher.empty(count, wp.vec3)
+    label = launcher.empty(count, wp.int32)
+    launcher.launch(kernels_facets.place_tiles, count, [facets.count, on_device], [position, normal, label])
+    facet, weight = facets.tiles(np.arange(facets.count))
+    expected = np.einsum("nk,nkd->nd", weight, facets.corner[facet])
+    np.testing.assert_allclose(position.numpy(), expected, atol=2e-5)
+    # Several points of a tile lie around its middle, and stand for it.
+    facet, weight = facets.tiles(np.arange(facets.count), 3)
+    inner = np.einsum("nk,nkd->nd", weight, facets.corner[facet]).reshape(count, 9, 3)
+    np.testing.assert_allclose(inner.mean(axis=1), expected, atol=1e-9)
+    corners = launcher.empty(facets.corner_count, wp.vec3), launcher.empty(facets.corner_count, wp.int32)
+    launcher.launch(kernels_facets.place_corners, facets.corner_count, [facets.count, on_device], corners)
+    far = np.linalg.norm(corners[0].numpy() - expected[corners[1].numpy()], axis=1)
+    assert far.max() < TILE
+
+
+def test_finer_cuts_change_only_their_facets():
+    facets = cut(*slivers())
+    before = facets.cuts.copy()
+    facets.cut_finer(np.array([3]), 4)
+    assert facets.cuts[3] == 4 * before[3]
+    assert facets.tile_count == (facets.cuts**2).sum()
+    np.testing.assert_allclose(np.bincount(facets.tiles(np.arange(facets.count))[0], facets.tile_area), facets.area)
+
+
+def joined(launcher, *meshes, unit=0.1):
+    surface = Surface([SurfaceMesh(*mesh) for mesh in meshes])
+    return surface, *joined_parts(launcher, surface, unit)
+
+
+def test_plates_that_touch_are_one_whatever_their_corners(launcher):
+    surface, label, open_side = joined(launcher, plate((0, 1), (0, 1), 4), plate((1, 2), (0, 1), 7))
+    assert label.max() == 0
+    corner = surface.position[surface.triangle]
+    for k in range(3):
+        middle = 0.5 * (corner[:, (k + 1) % 3] + corner[:, (k + 2) % 3])
+        inside = (middle[:, 0] > 0.5) & (middle[:, 0] < 1.5)
+        at_seam = inside & (np.abs(middle[:, 1] - 0.5) < 0.499)
+        assert not open_side[at_seam, k].any()
+    assert open_side.sum() == 3 * 4 + 3 * 7
+
+
+def test_plates_at_a_right_angle_are_one_and_plates_apart_are_not(launcher):
+    flat, faces = plate((0, 1), (0, 1))
+    upright = flat[:, [2, 1, 0]]
+    assert joined(launcher, (flat, faces), (upright, faces))[1].max() == 0
+    assert joined(launcher, (flat, faces), (flat + [1.1, 0, 0], faces))[1].max() == 1
+    assert joined(launcher, (flat, faces), (flat + [0, 0, 0.05], faces))[1].max() == 1
+
+
+def test_shells_in_one_another_are_apart_and_a_sticker_is_no_part_of_what_it_lies_on(launcher):
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    shell = np.array(mesh.vertices), np.array(mesh.faces)
+    assert joined(launcher, shell, (shell[0] * 0.9, shell[1]))[1].max() == 1
+    under = plate((0, 4), (0, 4))
+    on = plate((1, 3), (1, 3))
+    assert joined(launcher, under, (on[0] + [0, 0, 1e-4], on[1]))[1].max() == 1
+
+
+def test_crumbs_see_each_other(launcher):
+    flat, faces = plate((0, 0.1), (0, 0.1), 1)
+    crumbs = [(flat + [0.2 * k, 0, 0], faces) for k in range(20)]
+    assert joined(launcher, *crumbs)[1].max() == 0
+    label = joined(launcher, plate((0, 4), (5, 9)), *crumbs)[1]
+    assert label.max() == 1

@@ -1,0 +1,194 @@
+"""Results leave Blender as instances with their objects, and come back."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import esh  # noqa: E402
+from esh import EshError, ScatterClass, ScatterSize  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from mathutils import Matrix  # noqa: E402
+
+# Run by a Python of its own: another USD library than Blender's, and no crash of it takes these tests along.
+READ_USD = """
+import json, sys
+from pxr import Usd, UsdGeom
+stage = Usd.Stage.Open(sys.argv[1])
+instancer = UsdGeom.PointInstancer(stage.GetDefaultPrim().GetChild("Scatter"))
+time = Usd.TimeCode.Default()
+boxes = []
+for target in instancer.GetPrototypesRel().GetTargets():
+    prim = stage.GetPrimAtPath(target)
+    box = UsdGeom.BBoxCache(time, ["default"]).ComputeRelativeBound(prim, prim.GetParent()).ComputeAlignedRange()
+    boxes.append([list(box.GetMin()), list(box.GetMax())])
+matrices = [[list(row) for row in m] for m in instancer.ComputeInstanceTransformsAtTime(time, time)]
+print(json.dumps({
+    "boxes": boxes, "matrices": matrices, "index": list(instancer.GetProtoIndicesAttr().Get()),
+    "class": list(UsdGeom.PrimvarsAPI(instancer).GetPrimvar("class_index").Get()),
+    "up": str(UsdGeom.GetStageUpAxis(stage)), "metre": UsdGeom.GetStageMetersPerUnit(stage),
+}))
+"""
+# The same by Blender's own library, which is what users have.
+WITH_BLENDERS = "import bpy\nbpy.utils.expose_bundled_modules()\n"
+
+
+@pytest.fixture
+def result():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, size=20.0)
+    ground = bpy.context.object
+    bpy.ops.mesh.primitive_cone_add(radius1=0.4, depth=2.0, location=(50, 0, 0), rotation=(0, 0, 0.3))
+    tree = bpy.context.object
+    tree.scale = (1, 1, 2)
+    bpy.ops.mesh.primitive_cube_add(size=0.4, location=(50, 5, 0))
+    stone = bpy.context.object
+    bpy.context.view_layer.update()
+    tree.name, stone.name = "Tree", "Stone"
+    classes = [
+        ScatterClass("tree", [ScatterSize("large", 8, tree, 0.6), ScatterSize("small", 10, tree, 0.3)]),
+        ScatterClass("stone", [ScatterSize("one", 12, stone, 0.2)]),
+    ]
+    made = esh.scatter(ground, classes, device="cpu", max_steps=3, scale_jitter=0.2)
+    bpy.context.view_layer.objects.active = made.object
+    return made
+
+
+def instances() -> np.ndarray:
+    """Matrices of all instances as Blender shows them, in the order of their places."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    found = [np.array(entry.matrix_world) for entry in depsgraph.object_instances if entry.is_instance]
+    return in_order(np.array(found))
+
+
+def in_order(matrices: np.ndarray) -> np.ndarray:
+    return matrices[np.lexsort(np.round(matrices[:, :3, 3], 4).T)]
+
+
+def python(code: str, *arguments) -> dict:
+    outcome = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert outcome.returncode == 0, outcome.stderr[-2000:]
+    return json.loads(outcome.stdout.splitlines()[-1])
+
+
+def test_usd_holds_what_blender_shows(result, tmp_path):
+    shown = instances()
+    active, selected = bpy.context.view_layer.objects.active, set(bpy.context.selected_objects)
+    before = set(bpy.data.objects)
+    esh.export_result(tmp_path / "wood.usdc")
+    assert set(bpy.data.objects) == before
+    assert (bpy.context.view_layer.objects.active, set(bpy.context.selected_objects)) == (active, selected)
+    assert {path.name for path in (tmp_path / "wood_objects").iterdir()} == {"1_Tree.usdc", "2_Stone.usdc"}
+
+    readers = [WITH_BLENDERS + READ_USD]
+    if subprocess.run([sys.executable, "-c", "import pxr"], capture_output=True, check=False).returncode == 0:
+        readers.append(READ_USD)
+    for reader in readers:
+        seen = python(reader, tmp_path / "wood.usdc")
+        assert (seen["up"], seen["metre"]) == ("Z", 1.0)
+        assert seen["class"] == [0] * 18 + [1] * 12
+        # The cone is 2 m high and stretched by 2; the box is 0.4 m wide. Both around their origins.
+        np.testing.assert_allclose(np.array(seen["boxes"])[:, :, 2], [[-2, 2], [-0.2, 0.2]], atol=1e-5)
+        own = [np.array(Matrix.Rotation(0.3, 4, "Z") @ Matrix.Diagonal((1, 1, 2, 1))), np.eye(4)]
+        # USD's instances do not know the objects' own rotation and scale: the references have them.
+        matrices = [np.array(m).T @ own[i] for m, i in zip(seen["matrices"], seen["index"], strict=True)]
+        np.testing.assert_allclose(in_order(np.array(matrices)), shown, atol=2e-3)
+
+
+def test_gltf_comes_back_as_it_was(result, tmp_path):
+    shown = instances()
+    esh.export_result(tmp_path / "wood.glb")
+    assert [path.name for path in tmp_path.iterdir()] == ["wood.glb"]
+    item = result.object
+    read = esh.load_placement(tmp_path / "wood.glb")
+    assert read.class_name == ("tree", "stone") and read.size_name == (("large", "small"), ("one",))
+    np.testing.assert_array_equal(read.class_index, [0] * 18 + [1] * 12)
+    positions = np.array([vertex.co for vertex in item.data.vertices])
+    np.testing.assert_allclose(read.position, positions, atol=1e-5)
+
+    own = {"Tree": bpy.data.objects["Tree"], "Stone": bpy.data.objects["Stone"]}
+    bpy.data.objects.remove(item)
+    esh.import_placement(tmp_path / "wood.glb", own)
+    bpy.context.view_layer.update()
+    # The tree's own rotation and scale are in the file's meshes and on the object, too.
+    np.testing.assert_allclose(instances()[:, :3, 3], shown[:, :3, 3], atol=1e-5)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".geojson", ".usda"])
+def test_a_result_that_was_moved_comes_back_where_it_stands(result, tmp_path, ending):
+    result.object.matrix_world = Matrix.Translation((3, 4, 5)) @ Matrix.Rotation(0.5, 4, "X") @ Matrix.Scale(2, 4)
+    bpy.context.view_layer.update()
+    shown = instances()
+    esh.export_result(tmp_path / f"wood{ending}", result.object)
+    sources = {name: bpy.data.objects[name] for name in ("Tree", "Stone")}
+    bpy.data.objects.remove(result.object)
+    item = esh.import_placement(tmp_path / f"wood{ending}", sources, name="Again")
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(instances(), shown, atol=1e-4)
+    assert item.name == "Again" and item["esh_scatter"]
+
+
+def test_a_placement_without_objects_is_shown_by_prisms(tmp_path):
+    bpy.ops.wm.read_homefile(use_empty=True)
+    problem = esh.Problem(
+        esh.Domain((4.0, 3.0)),
+        [
+            esh.BodyClass("dot", [esh.Size("one", 0.05, 6)]),
+            esh.BodyClass("dash", [esh.Size("one", 0.02, 5, line=esh.Line(0.4, direction=0.7))]),
+        ],
+    )
+    placement = esh.solve(problem, device="cpu", max_steps=5)
+    esh.write_placement(tmp_path / "plan.npz", placement)
+    esh.write_placement(tmp_path / "plan.ply", placement)
+    for name in ("plan.npz", "plan.ply"):
+        bpy.ops.wm.read_homefile(use_empty=True)
+        esh.import_placement(tmp_path / name)
+        bpy.context.view_layer.update()
+        seen = instances()
+        np.testing.assert_allclose(
+            seen[:, :2, 3], placement.position[np.lexsort(np.round(placement.position, 4).T)], atol=1e-5
+        )
+        turned = sorted(math.atan2(m[1, 0], m[0, 0]) % math.pi for m in seen)
+        np.testing.assert_allclose(turned, sorted(placement.angle % math.pi), atol=1e-5)
+
+
+def test_the_menu_exports_and_imports(result, tmp_path):
+    registration.register()
+    try:
+        assert bpy.ops.esh.export(filepath=str(tmp_path / "wood.ply")) == {"FINISHED"}
+        assert bpy.ops.esh.export.get_rna_type().properties["format"].enum_items.keys() == [
+            *(".usdc", ".glb", ".ply", ".geojson")
+        ]
+        before = set(bpy.data.objects)
+        assert getattr(bpy.ops.esh, "import")(filepath=str(tmp_path / "wood.ply")) == {"FINISHED"}
+        (made,) = [item for item in set(bpy.data.objects) - before if item.get("esh_scatter")]
+        assert len(made.data.vertices) == 30
+        with pytest.raises(RuntimeError, match=r"absent\.ply cannot be read: no such file"):
+            getattr(bpy.ops.esh, "import")(filepath=str(tmp_path / "absent.ply"))
+        bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
+        assert not bpy.ops.esh.export.poll()
+    finally:
+        registration.unregister()
+
+
+def test_mistakes_are_one_sentence(result, tmp_path):
+    with pytest.raises(EshError, match=r'`result` must be an object that a scatter made; "Tree" is not one'):
+        esh.export_result(tmp_path / "a.ply", bpy.data.objects["Tree"])
+    with pytest.raises(EshError, match=r"a\.txt must end in \.usd, .*; got the ending '\.txt'"):
+        esh.export_result(tmp_path / "a.txt", result.object)
+    with pytest.raises(EshError, match=r'`sources\["tree"\]` must be an object; got 3'):
+        esh.export_result(tmp_path / "a.ply", result.object)
+        esh.import_placement(tmp_path / "a.ply", {"tree": 3})
+    result.object.scale = (1.0, 2.0, 1.0)
+    bpy.context.view_layer.update()
+    with pytest.raises(EshError, match="must have the same scale along all axes"):
+        esh.export_result(tmp_path / "b.ply", result.object)
+    assert [path.name for path in Path(tmp_path).iterdir()] == ["a.ply"]

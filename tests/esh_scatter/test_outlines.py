@@ -1,0 +1,126 @@
+"""Where overlap is avoided, the objects themselves do not overlap: seen from above, as large and as turned as they stand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+pytest.importorskip("shapely")
+
+import esh  # noqa: E402
+from shapely.geometry import MultiPoint, Polygon  # noqa: E402
+from shapely.strtree import STRtree  # noqa: E402
+
+# Share of the narrower one's width that two outlines may lie in each other.
+TOLERANCE = 1e-3
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def flat(name: str, corners: list[tuple[float, float]], scale: float = 1.0) -> bpy.types.Object:
+    """An object with one face, whose origin need not be in its middle."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [tuple(range(len(corners)))])
+    item = bpy.data.objects.new(name, mesh)
+    item.scale = (scale,) * 3
+    bpy.context.collection.objects.link(item)
+    bpy.context.view_layer.update()
+    return item
+
+
+def rectangle(name: str, length: float, width: float) -> bpy.types.Object:
+    x, y = 0.5 * length, 0.5 * width
+    return flat(name, [(-x, -y), (x, -y), (x, y), (-x, y)])
+
+
+def disc(name: str, radius: float, corners: int = 24) -> bpy.types.Object:
+    angle = np.arange(corners) * (2.0 * math.pi / corners)
+    return flat(name, list(zip(np.cos(angle) * radius, np.sin(angle) * radius, strict=True)))
+
+
+def outlines_in_the_scene() -> list[Polygon]:
+    """The outline of every instance, as Blender shows it."""
+    found = []
+    for entry in bpy.context.evaluated_depsgraph_get().object_instances:
+        if entry.is_instance:
+            matrix = np.array(entry.matrix_world)
+            points = np.array([vertex.co for vertex in entry.object.data.vertices])
+            found.append(MultiPoint((points @ matrix[:3, :3].T + matrix[:3, 3])[:, :2]).convex_hull)
+    return found
+
+
+def width_of(polygon: Polygon) -> float:
+    if polygon.is_empty or polygon.minimum_rotated_rectangle.geom_type != "Polygon":
+        return 0.0
+    corners = np.array(polygon.minimum_rotated_rectangle.exterior.coords)
+    return float(min(np.hypot(*(corners[1] - corners[0])), np.hypot(*(corners[2] - corners[1]))))
+
+
+def overlapping(polygons: list[Polygon]) -> int:
+    """Pairs that lie in each other by more than the tolerance."""
+    first, second = STRtree(polygons).query(polygons, predicate="intersects")
+    pairs = [(polygons[i], polygons[j]) for i, j in zip(first, second, strict=True) if i < j]
+    return sum(width_of(a.intersection(b)) > 2.0 * TOLERANCE * min(width_of(a), width_of(b)) for a, b in pairs)
+
+
+def collection(*items: bpy.types.Object) -> bpy.types.Collection:
+    result = bpy.data.collections.new("Variants")
+    for item in items:
+        result.objects.link(item)
+    return result
+
+
+def scenes():
+    wedge = [(-1.0, -0.1), (2.0, -0.45), (2.0, 0.45), (-1.0, 0.1)]
+    triangle = [(0.0, 0.0), (0.8, 0.0), (0.0, 0.8)]
+    yield "jitter", 20.0, lambda: [("disc", 240, disc("Disc", 0.5), None)], {"scale_jitter": 0.5}
+    yield "mixed collection", 20.0, lambda: [("mixed", 100, collection(disc("L", 1.0), disc("S", 0.1)), None)], {}
+    yield "planks", 10.0, lambda: [("plank", 100, rectangle("Plank", 2.0, 0.3), None)], {}
+    yield "boxes, turned at random", 10.0, lambda: [("box", 110, rectangle("Box", 0.8, 0.6), None)], {}
+    yield "a range", 10.0, lambda: [("box", 60, rectangle("Box", 0.8, 0.6), (0.2, 1.5))], {"scale_jitter": 0.2}
+    yield "wedges", 12.0, lambda: [("wedge", 40, flat("Wedge", wedge), None)], {}
+    yield (
+        "beside their origin",
+        12.0,
+        lambda: [("triangle", 150, flat("Triangle", triangle), None), ("wedge", 10, flat("Wedge", wedge), None)],
+        {"scale_jitter": 0.3},
+    )
+
+
+@pytest.mark.parametrize(("side", "things", "settings"), [s[1:] for s in scenes()], ids=[s[0] for s in scenes()])
+def test_no_two_objects_overlap(side, things, settings):
+    ground = rectangle("Ground", side, side)
+    classes = [esh.ScatterClass(n, [esh.ScatterSize("all", c, item, area)]) for n, c, item, area in things()]
+    result = esh.scatter(ground, classes, device="cpu", avoid_overlap=True, seed=2, **settings)
+    seen = outlines_in_the_scene()
+    assert len(seen) == sum(c.sizes[0].count for c in classes)
+    assert overlapping(seen) == 0
+    assert result.report.overlaps == 0
+
+
+def test_the_report_counts_the_outlines_that_still_overlap():
+    ground = rectangle("Ground", 6.0, 6.0)
+    plank = rectangle("Plank", 2.0, 0.3)
+    classes = [esh.ScatterClass("plank", [esh.ScatterSize("all", 70, plank)])]
+    result = esh.scatter(ground, classes, device="cpu", avoid_overlap=True)
+    assert any("at most about" in note for note in result.report.notes)
+    assert result.report.overlaps == overlapping(outlines_in_the_scene()) > 0
+    assert not result.report.converged
+
+
+def test_a_disc_that_was_asked_for_stays_one():
+    ground = rectangle("Ground", 10.0, 10.0)
+    box = rectangle("Box", 1.0, 0.8)
+    job = esh.ScatterJob(
+        ground,
+        [esh.ScatterClass("box", [esh.ScatterSize("all", 20, box, area=0.5)])],
+        device="cpu",
+        avoid_overlap=True,
+    )
+    assert job.problem.classes[0].sizes[0].footprint is None

@@ -1,0 +1,242 @@
+"""From selected objects to a scatter: classes, counts, and what the buttons do with many classes."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import registration, selection  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+def box(name: str, width: float, depth: float, height: float) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    corners = [(x, y, z) for z in (0.0, height) for x, y in ((0, 0), (width, 0), (width, depth), (0, depth))]
+    faces = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    mesh.from_pydata(corners, [], faces if height else [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def select(*items: bpy.types.Object, active: bpy.types.Object) -> None:
+    for item in bpy.context.scene.objects:
+        item.select_set(item in items)
+    bpy.context.view_layer.objects.active = active
+
+
+@pytest.fixture
+def ground():
+    return box("Ground", 20.0, 20.0, 0.0)
+
+
+@pytest.fixture
+def objects():
+    light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
+    bpy.context.scene.collection.objects.link(light)
+    return [box("Tree", 1.0, 1.0, 3.0), box("Log", 2.0, 0.2, 0.2), box("Pebble", 0.1, 0.1, 0.05), light]
+
+
+def test_one_class_per_object_with_pleasant_counts_solved_and_shown(ground, objects):
+    select(*objects, ground, active=ground)
+    assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.target == ground and scatter.class_index == 0
+    assert [c.name for c in scatter.classes] == ["Log", "Pebble", "Tree"], "a light has no footprint"
+    assert [c.align_to_normal for c in scatter.classes] == [1.0, 1.0, 0.0], (
+        "a tree stands upright, what lies follows the slope"
+    )
+    counts = {c.name: c.count for c in scatter.classes}
+    assert counts["Pebble"] > counts["Log"] > counts["Tree"] > 0
+    areas = {"Log": 0.4, "Pebble": 0.01, "Tree": 1.0}
+    covered = sum(areas[name] * count for name, count in counts.items()) / 400.0
+    assert covered == pytest.approx(0.25, rel=0.02)
+    assert len(scatter.result.data.vertices) == sum(counts.values())
+    assert not scatter.outdated and scatter.report["overlaps"] == 0
+
+
+def test_cover_most_mixing_and_seed_can_be_tuned(ground, objects):
+    select(*objects, ground, active=ground)
+    bpy.ops.esh.scatter_selection(cover=0.05, most=60, class_separation=0.9, seed=5)
+    scatter = bpy.context.scene.esh_scatter.active
+    assert sum(c.count for c in scatter.classes) == pytest.approx(60, abs=2)
+    assert (scatter.seed, scatter.class_separation) == (5, pytest.approx(0.9))
+
+
+def test_with_only_the_ground_selected_the_active_collection_is_placed(ground, objects):
+    select(ground, active=ground)
+    assert not bpy.ops.esh.scatter_selection.poll()
+    plants = bpy.data.collections.new("Plants")
+    bpy.context.scene.collection.children.link(plants)
+    plants.objects.link(objects[0])
+    plants.objects.link(ground)
+    layer = bpy.context.view_layer.layer_collection
+    bpy.context.view_layer.active_layer_collection = layer.children["Plants"]
+    assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+    assert [c.name for c in bpy.context.scene.esh_scatter.active.classes] == ["Tree"]
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("nothing else", "Select the objects to place as well"),
+        ("light is active", "which must be a mesh"),
+        ("result is active", "is the result of a scatter"),
+    ],
+)
+def test_the_button_says_what_to_select(ground, objects, what, said):
+    select(ground, active=ground)
+    if what == "light is active":
+        select(*objects, active=objects[3])
+    elif what == "result is active":
+        select(objects[0], ground, active=ground)
+        bpy.ops.esh.scatter_selection(most=5)
+        select(*objects, active=bpy.context.scene.esh_scatter.active.result)
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.esh.scatter_selection()
+
+
+def test_what_takes_no_ground_is_left_out_and_nothing_else_changes_nothing(ground, objects):
+    wall = box("Wall", 1.0, 1.0, 0.0)
+    wall.rotation_euler.x = np.pi / 2
+    bpy.context.view_layer.update()
+    select(wall, ground, active=ground)
+    with pytest.raises(RuntimeError, match="None of the selected objects takes ground"):
+        bpy.ops.esh.scatter_selection()
+    assert len(bpy.context.scene.esh_scatter.scatters) == 0
+    select(wall, objects[0], ground, active=ground)
+    assert bpy.ops.esh.scatter_selection(most=20) == {"FINISHED"}
+    assert [c.name for c in bpy.context.scene.esh_scatter.active.classes] == ["Tree"]
+
+
+def test_what_the_solver_refuses_leaves_no_settings(ground, objects, monkeypatch):
+    from esh.engine.errors import ProblemError
+    from esh.esh_scatter import api
+
+    def refuse(*_arguments, **_named):
+        raise ProblemError("`count` is too large")
+
+    monkeypatch.setattr(api, "scatter", refuse)
+    select(*objects, ground, active=ground)
+    with pytest.raises(RuntimeError, match="Count is too large"):
+        bpy.ops.esh.scatter_selection()
+    assert len(bpy.context.scene.esh_scatter.scatters) == 0
+
+
+def test_counts_are_in_inverse_proportion_to_widths():
+    assert selection.pleasant_counts([4.0, 1.0, 0.25], 350.0, 0.5, 10_000) == [25, 50, 100]
+    assert selection.pleasant_counts([1.0, 1.0], 1e6, 0.5, 100) == [50, 50]
+    assert selection.pleasant_counts([100.0], 1.0, 0.1, 100) == [1]
+    assert selection.pleasant_counts([], 1.0, 0.1, 100) == []
+
+
+@pytest.fixture
+def scatter(ground, objects):
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    for item in objects[:3]:
+        body_class = made.add_class()
+        body_class.name = item.name
+        body_class.sizes[0].source_object = item
+    return made
+
+
+def test_a_duplicate_has_everything_but_the_number(scatter):
+    scatter.class_index = 1
+    log = scatter.classes[1]
+    log.density_kind, log.image = "IMAGE", bpy.data.images.new("where", 4, 4)
+    log.tilt, log.count_kind, log.distance, log.use_unsharp = 0.25, "DISTANCE", 3.5, True
+    second = log.add_size()
+    second.name, second.source_object, second.area_kind, second.area = (
+        "Short",
+        bpy.data.objects["Pebble"],
+        "VALUE",
+        0.125,
+    )
+    bpy.ops.esh.class_duplicate()
+    assert [c.name for c in scatter.classes] == ["Tree", "Log", "Log.001", "Pebble"] and scatter.class_index == 2
+    log, copy = scatter.classes[1], scatter.classes[2]
+    assert copy.uid != log.uid and tuple(copy.color) != tuple(log.color)
+    for told in copy.bl_rna.properties:
+        if told.identifier not in {"rna_type", "name", "known_name", "uid", "color", "sizes", "size_index"}:
+            assert str(getattr(copy, told.identifier)) == str(getattr(log, told.identifier)), told.identifier
+    assert [(s.name, s.source, s.area) for s in copy.sizes] == [(s.name, s.source, s.area) for s in log.sizes]
+
+
+def test_settings_are_copied_to_the_chosen_classes_only(scatter):
+    scatter.class_index = 0
+    tree, log, pebble = scatter.classes
+    tree.scale_jitter, tree.density_kind, tree.sizes[0].count = 0.25, "ATTRIBUTE", 7
+    tree.may_overlap = "Log"
+    bpy.ops.esh.class_copy(what={"STANDING"}, classes={str(pebble.uid)})
+    assert (pebble.scale_jitter, pebble.density_kind, pebble.count) == (0.25, "UNIFORM", 100)
+    assert log.scale_jitter == 0.0
+    bpy.ops.esh.class_copy(what={"DENSITY", "COUNT"}, classes={str(log.uid), str(pebble.uid)})
+    assert [(c.density_kind, c.count) for c in scatter.classes] == [("ATTRIBUTE", 7)] * 3
+    assert pebble.sizes[0].source == bpy.data.objects["Tree"]
+
+
+def test_one_class_has_no_other_to_copy_to(scatter):
+    assert bpy.ops.esh.class_copy.poll()
+    for _ in range(2):
+        bpy.ops.esh.class_remove()
+    assert len(scatter.classes) == 1 and not bpy.ops.esh.class_copy.poll()
+
+
+def test_every_property_of_a_class_belongs_to_one_part():
+    from esh.esh_scatter.class_copy import CLASS_PARTS
+    from esh.esh_scatter.properties import ESH_PG_class
+
+    parts = [name for _, _, names in CLASS_PARTS.values() for name in names]
+    own = {"rna_type", "name", "known_name", "uid", "color", "size_index", "mute", "show_viewport", "show_render"}
+    assert len(parts) == len(set(parts))
+    assert set(parts) | own == {told.identifier for told in ESH_PG_class.bl_rna.properties}
+
+
+def test_classes_come_from_a_selection_or_a_collection(scatter, objects, ground):
+    select(objects[0], objects[3], ground, active=ground)
+    bpy.ops.esh.classes_from_selection(count=12)
+    assert [(c.name, c.count) for c in scatter.classes][3:] == [("Tree.001", 12)]
+    select(ground, active=ground)
+    assert not bpy.ops.esh.classes_from_selection.poll()
+    plants = bpy.data.collections.new("Plants")
+    for item in objects:
+        plants.objects.link(item)
+    bpy.ops.esh.classes_from_collection(collection="Plants", count=3)
+    assert [c.name for c in scatter.classes][4:] == ["Log.001", "Pebble.001", "Tree.002"]
+    with pytest.raises(RuntimeError, match='no collection "Nothing"'):
+        bpy.ops.esh.classes_from_collection(collection="Nothing")
+
+
+def test_sorting_keeps_the_selected_class(scatter):
+    scatter.classes[2].sizes[0].count = 500
+    scatter.class_index = 2
+    bpy.ops.esh.classes_sort(by="NAME")
+    assert [c.name for c in scatter.classes] == ["Log", "Pebble", "Tree"] and scatter.class_index == 1
+    bpy.ops.esh.classes_sort(by="COUNT")
+    assert scatter.classes[0].name == "Pebble" and scatter.class_index == 0
+
+
+def test_may_overlap_is_switched_for_both(scatter):
+    scatter.classes[1].may_overlap = "Tree"
+    scatter.class_index = 0
+    tree, log, pebble = scatter.classes
+    assert tree.overlaps_with(log)
+    bpy.ops.esh.class_overlap(other="Log")
+    assert not tree.overlaps_with(log) and log.may_overlap == ""
+    bpy.ops.esh.class_overlap(other="Pebble")
+    assert pebble.overlaps_with(tree) and scatter.non_overlap() is not None
+    with pytest.raises(RuntimeError, match="no other class"):
+        bpy.ops.esh.class_overlap(other="Tree")
+
+
+def test_another_scatter_is_chosen(scatter, ground):
+    bpy.context.scene.esh_scatter.add_scatter(ground)
+    bpy.ops.esh.scatter_choose(index=0)
+    assert bpy.context.scene.esh_scatter.active == scatter

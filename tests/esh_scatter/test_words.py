@@ -1,0 +1,65 @@
+"""Reports in the words of the sidebar."""
+
+import pytest
+from esh.esh_scatter import words
+
+
+def report(placed=1042, error=0.01, alone=0.02, **changes):
+    sizes = [{"name": "Large", "area": 1.0, "asked": placed, "placed": placed}]
+    made = {
+        "converged": True, "seconds": 0.84, "coverage_error": error, "overlaps": 0, "notes": [],
+        "classes": [{"name": "Pine", "coverage_error": alone, "sizes": sizes}],
+    }  # fmt: skip
+    return made | changes
+
+
+def test_a_summary_is_one_line():
+    assert words.summary(report()) == "1,042 placed · no overlap · very even · 0.8 s"
+    assert words.summary(report(overlaps=1)) == "1,042 placed · 1 overlap · very even · 0.8 s"
+    assert words.summary(report(overlaps=2000)) == "1,042 placed · 2,000 overlaps · very even · 0.8 s"
+    assert words.summary(report(placed=3)) == "3 placed · no overlap · 0.8 s", "three are neither even nor uneven"
+
+
+@pytest.mark.parametrize(
+    ("error", "alone", "word"),
+    [
+        (0.01, 0.3, "very even"),
+        (0.3, 0.01, "very even"),
+        (0.07, 0.3, "even"),
+        (0.2, 0.2, "uneven"),
+        (0.31, 0.31, "uneven"),
+    ],
+)
+def test_the_better_of_together_and_alone_counts(error, alone, word):
+    assert words.evenness(report(error=error, alone=alone)) == word
+
+
+def test_uneven_classes_are_named():
+    entry = report()["classes"][0]
+    classes = [entry | {"name": name, "coverage_error": error} for name, error in (("Pine", 0.05), ("Beech", 0.2))]
+    assert words.evenness(report(error=0.2, classes=classes)) == "uneven: Beech"
+
+
+def test_more_steps_are_advised_only_where_they_help():
+    assert words.notes(report(converged=False)) == []
+    assert words.notes(report(error=0.3, alone=0.3)) == []
+    assert words.notes(report(error=0.3, alone=0.3, converged=False, notes=["`a` is wrong"])) == [
+        "A is wrong",
+        "More steps would make it more even (Advanced)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("length", "text"),
+    [(1234.5, "1,234 m"), (12.34, "12.3 m"), (0.342, "0.34 m"), (0.0123, "0.012 m"), (7.0, "7.00 m")],
+)
+def test_lengths_have_the_digits_that_are_worth_reading(length, text):
+    assert words.meters(length) == text
+
+
+def test_overlaps_are_told_once():
+    told = report(
+        overlaps=12, deepest_overlap=0.051, notes=["12 pairs of footprints still overlap, the deepest by 0.051 m", "b"]
+    )
+    assert words.overlaps(told) == "12 pairs, up to 0.051 m" and words.notes(told) == ["B"]
+    assert words.overlaps(report(overlaps=1)) == "1 pair" and words.overlaps(report()) == "none"
