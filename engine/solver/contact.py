@@ -32,8 +32,8 @@ BODIES_AT_ONCE = 32
 # many as that has of all bodies.
 LONG = 2.0
 CROWDED = 0.4
-MOST_SETTLING = 3
-BODIES_TO_SETTLE = 60_000
+MOST_SETTLING = 5
+BODIES_TO_SETTLE = 50_000
 
 
 class Contact:

@@ -63,7 +63,7 @@ ROUNDS_PER_SWAP = 50
 MOST_SWAPS = 20
 HOT_SWAPS = 60
 CANDIDATES = 60
-PLACES_TO_TRY = 500_000
+PLACES_TO_TRY = 300_000
 STUCK_SHARE = 0.2
 FIRST_KEEP = 1.0
 # Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
@@ -77,7 +77,7 @@ KEEP = 0.8
 ALIKE = 1.15
 # Of many bodies fewer passes, as many as this has of all bodies.
 FEWEST_SWAPS = 6
-BODIES_TO_SWAP = 1_000_000
+BODIES_TO_SWAP = 600_000
 # Passes end when a smaller share of the bodies trades places.
 LEAST_SWAPS = 1e-3
 # Cover from which on bodies count as crowded.
