@@ -10,6 +10,9 @@ import bpy
 
 __all__ = ["changes", "record"]
 
+# What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
+OF_OUTLINES = ("random_turn", "scale_jitter")
+
 
 def record(scatter: Any, classes: Sequence[Any], target: Any) -> dict[str, Any]:
     """Return every setting that has an influence on a result.
@@ -22,10 +25,13 @@ def record(scatter: Any, classes: Sequence[Any], target: Any) -> dict[str, Any]:
     Returns:
         Ready for JSON: ``target``, ``scatter``, and ``classes`` by their numbers, in their order, with their ``sizes``.
     """
+    more = OF_OUTLINES if scatter.avoid_overlap else ()
     return {
         "target": target,
         "scatter": _values(scatter),
-        "classes": {str(c.uid): {"values": _values(c), "sizes": [_values(size) for size in c.sizes]} for c in classes},
+        "classes": {
+            str(c.uid): {"values": _values(c, more), "sizes": [_values(size) for size in c.sizes]} for c in classes
+        },
     }
 
 
@@ -71,10 +77,10 @@ def _influential(group: Any) -> tuple[str, ...]:
     return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
 
 
-def _values(group: Any) -> dict[str, Any]:
+def _values(group: Any, more: Sequence[str] = ()) -> dict[str, Any]:
     values = {}
     kind: Any = type(group)
-    for name in _influential(kind):
+    for name in (*_influential(kind), *more):
         value = getattr(group, name)
         if isinstance(value, bpy.types.ID):
             value = value.name_full

@@ -124,7 +124,8 @@ def _group_count(problem: Problem) -> int:
 
 def _bytes_per_charge(problem: Problem) -> int:
     per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
-    per_charge *= COPIES if problem.rectangle.mirrored else 1
+    if not isinstance(problem.domain, Surface) and problem.rectangle.mirrored:
+        per_charge *= COPIES
     # Lines have several charges each, dots one.
     per_body = BYTES_PER_BODY
     if problem.avoid_overlap:

@@ -126,6 +126,8 @@ def values(item):
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
+    scatter.avoid_overlap = False
+    bpy.ops.esh.scatter()
     before = values(scatter.result)
     body_class = scatter.classes[number]
     body_class.align_to_normal, body_class.tilt, body_class.offset = 0.25, 0.5, -0.125
@@ -140,6 +142,18 @@ def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
     again = values(scatter.result)
     for name in NAMES:
         np.testing.assert_allclose(at_once[name], again[name], atol=2e-6, err_msg=name)
+
+
+def test_outlines_that_are_kept_apart_are_solved_anew_for_another_turn_or_scale(scatter):
+    assert not scatter.outdated
+    scatter.classes[0].tilt = 0.2
+    assert not scatter.outdated
+    scatter.classes[0].random_turn = 1.0
+    assert scatter.outdated
+    bpy.ops.esh.scatter()
+    assert not scatter.outdated
+    scatter.classes[0].scale_jitter = 0.25
+    assert scatter.outdated
 
 
 def test_points_that_were_moved_by_hand_stay_where_they_were_put(scatter):
