@@ -100,7 +100,7 @@ def any_recipe(choose: Choices, folder: Path) -> str:
     size = choose.pick([[scale, scale * aspect], [scale * aspect, scale]])
     domain: dict[str, Any] = {"size": sometimes(size, [1.0], [0.0, 1.0], "wide", [math.nan, 1.0], [1e13, 1.0])}
     if choose.pick([True, False]):
-        domain["boundary"] = sometimes(choose.pick(["open", "periodic"]), "torus")
+        domain["boundary"] = sometimes(choose.pick(["open", "mirror", "periodic"]), "torus")
     ground = size[0] * size[1]
     recipe: dict[str, Any] = {"version": sometimes(1, 2, "1"), "domain": domain}
     if choose.pick([True, False]):

@@ -42,7 +42,7 @@ WEIGHING_SHARE = wp.constant(0.5)
 
 @wp.struct
 class Bodies:
-    """What bodies are: support, group, kind of line (-1: a dot) and :class:`~.model.BodyFlags` of each, and its charges."""
+    """What bodies are: support, group, kind of line (-1: a dot) and :class:`~.body_flags.BodyFlags` of each, and its charges."""
 
     support: wp.array(dtype=wp.int32)
     group: wp.array(dtype=wp.int32)
