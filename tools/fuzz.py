@@ -299,7 +299,11 @@ def _check_distances(placement: Any) -> None:
         counted = touching - 2e-3 * np.minimum(radius[i], radius[j])
         least = int((distance < counted - rounding).sum())
         crowded = np.bincount(np.concatenate([i, j])[np.tile(distance < touching, 2)], minlength=1).max(initial=0) > 190
-        assert report.overlaps <= most, f"{report.overlaps} overlaps are reported, and there are {most} at most"
+        # A body that reaches round the domain overlaps copies of itself, which are counted, too.
+        around = problem.domain.periodic and (touching > size.min()).any()
+        assert around or report.overlaps <= most, (
+            f"{report.overlaps} overlaps are reported, and there are {most} at most"
+        )
         assert crowded or report.overlaps >= least, f"{report.overlaps} overlaps are reported of at least {least}"
 
 
