@@ -7,7 +7,7 @@ from typing import Any
 
 from bpy.types import PropertyGroup, bpy_prop_collection
 
-from ..engine.problem.problem import ClassSettings
+from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.scatter_settings import Standing
 from ..engine.problem.settings import settings_of
 from .properties.described import shown_settings

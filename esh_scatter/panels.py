@@ -6,7 +6,9 @@ from typing import Any
 
 import bpy
 
-from ..engine.problem.problem import Balance, ClassSettings, SamplingSettings
+from ..engine.problem.balance import Balance
+from ..engine.problem.body_class import ClassSettings
+from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing
 from . import running, words
 from .properties.body_class import DERIVED_COUNTS

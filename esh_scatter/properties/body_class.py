@@ -18,7 +18,7 @@ from bpy.props import (
 )
 from bpy.types import PropertyGroup
 
-from ...engine.problem.problem import ClassSettings
+from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from .described import values_from, with_properties

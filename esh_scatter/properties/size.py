@@ -9,8 +9,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 from bpy.types import PropertyGroup
 
-from ...engine.problem.problem import Size
 from ...engine.problem.settings import settings_of
+from ...engine.problem.size import Size
 from .described import property_of, values_from
 from .names import keep_name_unused
 

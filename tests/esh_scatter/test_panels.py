@@ -7,7 +7,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.engine.problem.problem import ClassSettings  # noqa: E402
+from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, panels, registration, running  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402

@@ -8,9 +8,10 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.engine.problem.problem import BodyClass, ClassSettings, Size, Unsharp  # noqa: E402
+from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings, Standing  # noqa: E402
 from esh.engine.problem.settings import Choice, Settings, setting, settings_of  # noqa: E402
+from esh.engine.problem.size import Size  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings, values_from, with_properties  # noqa: E402
 from esh.esh_scatter.properties.influence import WITHOUT_INFLUENCE  # noqa: E402
