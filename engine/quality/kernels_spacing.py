@@ -10,6 +10,9 @@ from ..space.kernels_space import difference, wrap
 
 wp.set_module_options({"enable_backward": False})
 
+# Farther than any neighbour.
+NONE = wp.constant(1.0e6)
+
 
 @wp.kernel
 def find_number_density(
@@ -40,14 +43,17 @@ def find_nearest(
     grid: CellGrid,
     # outputs
     nearest: wp.array(dtype=float),
+    share: wp.array(dtype=float),
 ):
-    """Find each body's nearest neighbour in units of its own spacing."""
+    """How far each body's nearest neighbour is, and that over the spacing that is asked for where it is; 1e6 where none is in sight.
+
+    Where nothing is asked for there is no spacing, either: a share of 1e6.
+    """
     i = first + wp.tid()
     p = wp.vec2(pose[i][0], pose[i][1])
-    inverse_spacing = wp.sqrt(number_density[i])
     cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
     cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
-    closest = float(1.0e6)
+    closest = float(NONE)
     # Fewer than three cells along a periodic axis would be visited twice.
     low_x = wp.where(grid.space.periodic != 0 and grid.count_x < 3, -cx, -1)
     high_x = wp.where(grid.space.periodic != 0 and grid.count_x < 3, grid.count_x - 1 - cx, 1)
@@ -68,6 +74,8 @@ def find_nearest(
                         j = order[s]
                         if j != i:
                             d = difference(p, wp.vec2(pose[j][0], pose[j][1]), grid.space)
-                            distance = wp.length(d)
-                            closest = wp.min(closest, distance * inverse_spacing)
+                            closest = wp.min(closest, wp.length(d))
     nearest[i] = closest
+    share[i] = NONE
+    if closest < NONE and number_density[i] > 0.0:
+        share[i] = closest * wp.sqrt(number_density[i])
