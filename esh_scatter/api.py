@@ -51,7 +51,25 @@ from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
 from .amount import Amount
-from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
+from .densities import (
+    AltitudeDensity,
+    AttributeDensity,
+    CameraDensity,
+    ClassDensity,
+    Density,
+    DensityLayer,
+    DensityReader,
+    DensityStack,
+    DistanceDensity,
+    FacingDensity,
+    ImageDensity,
+    InsideDensity,
+    NoiseDensity,
+    SlopeDensity,
+    VertexGroupDensity,
+    attribute_names,
+    image_pixels,
+)
 from .footprint import measure_footprint
 from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
@@ -61,16 +79,26 @@ from .standing import Ground, draw, stand
 from .target import check_exists, check_target, is_result, read_target
 
 __all__ = [
+    "AltitudeDensity",
     "Amount",
     "AttributeDensity",
+    "CameraDensity",
+    "ClassDensity",
+    "DensityLayer",
+    "DensityStack",
+    "DistanceDensity",
     "EshError",
+    "FacingDensity",
     "ImageDensity",
+    "InsideDensity",
     "Line",
+    "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
+    "SlopeDensity",
     "Standing",
     "Unsharp",
     "VertexGroupDensity",
@@ -142,8 +170,9 @@ class ScatterClass(ClassSettings):
         default=1.0,
         metadata=setting(
             "Where many objects of this class stand, and where few, per area of surface",
-            more="A number (the same everywhere), an image, a vertex group or an attribute; an image of Blender or an array "
-            "``[height, width]`` by itself is stretched over the target seen from above",
+            more="A number (the same everywhere), one of the densities below (:class:`~esh.ImageDensity` and so on), or several as "
+            "layers of a :class:`~esh.DensityStack`; an image of Blender or an array ``[height, width]`` by itself is stretched over "
+            "the target seen from above",
             check=as_given,
         ),
     )
@@ -281,10 +310,9 @@ class ScatterJob:
                     if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
                         self._sources.append(Reference(member, "object to place"))
                 self.variants.append([numbers[member.session_uid] for member in members])
-        names = {
-            str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
-        }
+        names: set[str] = set().union(*(attribute_names(c.density) for c in self.classes))
         self.chart = Chart(read_target(self.target, context, names))
+        self._reader = DensityReader(self.chart.points, {c.name: c.density for c in self.classes})
         shape = iter(self.shapes)
         domain = Domain((float(self.chart.size[0]), float(self.chart.size[1])))
         self.problem = Problem(
@@ -348,7 +376,7 @@ class ScatterJob:
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
-        values = self._density_on_surface(c.density, key)
+        values = self._density_on_surface(c, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
         count = 1 if isinstance(c.count, Amount) else c.count
         asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
@@ -398,14 +426,17 @@ class ScatterJob:
         random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
         return (random[identity, 0] * number).astype(int)
 
-    def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
+    def _density_on_surface(self, scatter_class: ScatterClass, key: str) -> np.ndarray:
         """Return a class's density on the chart; it was read once where several classes have the same."""
+        density = scatter_class.density
         same = id(density) if isinstance(density, np.ndarray) else density
-        if not isinstance(same, Hashable):
-            return self.chart.continued(density_at(density, self.chart.points, key))
-        if same not in self._densities:
-            self._densities[same] = self.chart.continued(density_at(density, self.chart.points, key))
-        return self._densities[same]
+        known = isinstance(same, Hashable)
+        if known and same in self._densities:
+            return self._densities[same]
+        values = self.chart.continued(self._reader.class_density(scatter_class.name, density, key))
+        if known:
+            self._densities[same] = values
+        return values
 
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
         """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""

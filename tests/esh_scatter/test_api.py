@@ -383,9 +383,9 @@ def test_what_many_classes_share_is_read_once(monkeypatch):
     from esh.esh_scatter import api
 
     read = {"density": 0, "outline": 0}
-    honest_density, honest_outline = api.density_at, api.measure_footprint
+    honest_density, honest_outline = api.DensityReader.class_density, api.measure_footprint
 
-    def density_at(*arguments):
+    def class_density(*arguments):
         read["density"] += 1
         return honest_density(*arguments)
 
@@ -393,7 +393,7 @@ def test_what_many_classes_share_is_read_once(monkeypatch):
         read["outline"] += 1
         return honest_outline(*arguments)
 
-    monkeypatch.setattr(api, "density_at", density_at)
+    monkeypatch.setattr(api.DensityReader, "class_density", class_density)
     monkeypatch.setattr(api, "measure_footprint", measure_footprint)
     source = quad("shared", 1.0)
     image = np.linspace(0.1, 1.0, 64).reshape(8, 8)
