@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -19,7 +19,7 @@ from ..engine.problem.settings import Choice, as_given, described, setting
 from ..engine.problem.validation import LARGEST_ANGLE, check_density, show
 from ..engine.surface import kernels_chart
 from ..engine.surface.launching import launch_on_cpu
-from .density_source import DensitySource
+from .density_source import DensitySource, Known, checksum
 from .density_stack import ClassDensity, DensityLayer, DensityStack
 from .ground_densities import AltitudeDensity, FacingDensity, NoiseDensity, SlopeDensity
 from .scene_densities import CameraDensity, DistanceDensity, InsideDensity
@@ -43,11 +43,12 @@ __all__ = [
     "InsideDensity",
     "NoiseDensity",
     "SlopeDensity",
+    "StoredImage",
     "VertexGroupDensity",
     "attribute_names",
-    "density_at",
     "image_luminance",
     "image_pixels",
+    "read_density",
 ]
 
 
@@ -57,12 +58,47 @@ TILES_IN_ROW = 10
 _CHANNELS = ("red", "green", "blue")
 
 
+@dataclass(frozen=True, eq=False)
+class StoredImage:
+    """The pixels of an image of Blender as they were when it was read: what any thread may look at.
+
+    Attributes:
+        name: Of the image.
+        tiled: Whether it has UDIM tiles.
+        linear: Whether its values are amounts of light, or plain numbers: not those of a display.
+        tiles: Stored values by the number of the tile, shape ``[height, width, channels]``, float32, row 0 at the top; an image
+            without tiles is tile 1001.
+    """
+
+    name: str
+    tiled: bool
+    linear: bool
+    tiles: dict[int, np.ndarray]
+
+    @cached_property
+    def checksum(self) -> Hashable:
+        """Numbers that differ where pixels do."""
+        return tuple((number, checksum(pixels)) for number, pixels in self.tiles.items())
+
+    def channel(self, channel: str, color_space: str) -> dict[int, np.ndarray]:
+        """Return the tiles as one channel, shape ``[height, width]``, float32; see :class:`ImageDensity` for the words."""
+        known = self._channels
+        if (channel, color_space) not in known:
+            decoded = color_space == "linear" and not self.linear
+            known[channel, color_space] = {n: _channel_of(pixels, channel, decoded) for n, pixels in self.tiles.items()}
+        return known[channel, color_space]
+
+    @cached_property
+    def _channels(self) -> dict[tuple[str, str], dict[int, np.ndarray]]:
+        return {}
+
+
 @described
 @dataclass(frozen=True)
 class ImageDensity(DensitySource):
     """An image: white = many, black = none."""
 
-    image: bpy.types.Image = field(
+    image: bpy.types.Image | StoredImage = field(
         metadata=setting(
             "The image: white means many, black means none",
             more="Transparent pixels hold nothing. Packed, generated and unsaved images are read as they are",
@@ -141,11 +177,37 @@ class ImageDensity(DensitySource):
     @property
     def label(self) -> str:
         """``image "mask.png"``."""
-        return f'image "{self.image.name}"' if isinstance(self.image, bpy.types.Image) else "image"
+        return f'image "{self.image.name}"' if isinstance(self.image, bpy.types.Image | StoredImage) else "image"
+
+    def read(self, key: str, known: Known) -> ImageDensity:
+        """Return it with the pixels of its image."""
+        if isinstance(self.image, StoredImage):
+            return self
+        if not isinstance(self.image, bpy.types.Image):
+            raise ProblemError(f"{key} must be an image of Blender; got {show(self.image)}")
+        check_exists(self.image, key)
+        # Only a UV map leads to tiles beyond the first.
+        whole = self.mapping == "UV"
+        number = "image", self.image.session_uid, whole
+        if number not in known:
+            known[number] = _read_image(self.image, key, whole)
+        return replace(self, image=known[number])
 
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
         """Return the image where the points lie on it, 0 or more."""
         return _image_at(self, reader.points, key)
+
+    def content(self, reader: DensityReader) -> Hashable | None:
+        """Return the pixels and the UV map, in short, and how they are read."""
+        if not isinstance(self.image, StoredImage):
+            return None
+        uv: Hashable = None
+        if self.mapping == "UV":
+            mesh = reader.points.view.mesh
+            name = self.uv_map or mesh.active_uv_map
+            uv = name, checksum(mesh.uv_map[name]) if name in mesh.uv_map else None
+        how = self.mapping, self.invert, self.channel, self.color_space, self.tiling, self.offset, self.rotation
+        return "image", self.image.checksum, uv, how
 
 
 @described
@@ -164,6 +226,11 @@ class VertexGroupDensity(DensitySource):
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
         """Return the weights."""
         return _inverted(reader.points.vertex_group(self.name, key), self.invert)
+
+    def content(self, reader: DensityReader) -> Hashable | None:
+        """Return the weights, in short."""
+        groups = reader.points.view.mesh.vertex_group
+        return ("group", self.name, self.invert, checksum(groups[self.name])) if self.name in groups else None
 
     def attribute_names(self) -> set[str]:
         """Return its name."""
@@ -187,6 +254,14 @@ class AttributeDensity(DensitySource):
         """Return the attribute's values, colours by their luminance."""
         return _inverted(reader.points.attribute(self.name, key), self.invert)
 
+    def content(self, reader: DensityReader) -> Hashable | None:
+        """Return the values, in short."""
+        attributes = reader.points.view.mesh.attribute
+        if self.name not in attributes:
+            return None
+        domain, values = attributes[self.name]
+        return "attribute", self.name, self.invert, domain, checksum(values)
+
     def attribute_names(self) -> set[str]:
         """Return its name."""
         return {str(self.name)}
@@ -196,11 +271,11 @@ Density: TypeAlias = DensitySource | bpy.types.Image | np.ndarray | float
 
 
 class DensityReader:
-    """Reads densities at points of a surface.
+    """Reads densities at points of a surface; of what :func:`read_density` returned, in any thread.
 
     Args:
         points: Where, ``n`` of them.
-        classes: What the classes of the scatter follow, by name.
+        classes: What the classes of a scatter follow, by name.
     """
 
     def __init__(self, points: SurfacePoints, classes: Mapping[str, Density] | None = None) -> None:
@@ -220,11 +295,10 @@ class DensityReader:
         Raises:
             ProblemError: What is asked for is missing or has no meaning as a density; the sentence calls it ``key``.
         """
-        if isinstance(density, bpy.types.Image):
-            density = ImageDensity(density)
         if isinstance(density, DensitySource):
             values = density.values(self, key)
         else:
+            assert not isinstance(density, bpy.types.Image)
             values = _sample(check_density(density, key, empty=True), self.points.rectangle_coordinates(), repeat=False)
         values = np.asarray(values, np.float32)
         if not np.isfinite(values).all():
@@ -235,8 +309,35 @@ class DensityReader:
             raise ProblemError(f"{key} must be 0 or more everywhere; its smallest value is {values.min():g}")
         return values
 
+    def class_density(self, name: str) -> np.ndarray:
+        """Return the density that a class follows, which must be above 0 somewhere; shape ``[n]``, float32."""
+        key = f'`density` of class "{name}"'
+        values = self.of_class(name, key)
+        if not values.any():
+            density = self._classes[name]
+            what = density.label if isinstance(density, DensitySource) else "it"
+            raise ProblemError(f"{key} must be above 0 somewhere on {self.points.target_name}; {what} is 0 everywhere")
+        return values
+
     def of_class(self, name: str, key: str) -> np.ndarray:
-        """Return the density of another class at the points."""
+        """Return the density of a class at the points."""
+        self._follow(name, key)
+        try:
+            return self.values(self._classes[name], key)
+        finally:
+            self._following.pop()
+
+    def content(self, name: str) -> Hashable | None:
+        """Return what the density of a class says, in short; None where that cannot be told."""
+        if name in self._following or name not in self._classes:
+            return None
+        self._following.append(name)
+        try:
+            return content_of(self._classes[name], self)
+        finally:
+            self._following.pop()
+
+    def _follow(self, name: str, key: str) -> None:
         if name not in self._classes:
             names = ", ".join(f'"{other}"' for other in self._classes) or "none"
             raise ProblemError(f'{key} must follow another class of the scatter; "{name}" is none of them: {names}')
@@ -244,41 +345,31 @@ class DensityReader:
             chain = " follows ".join(f'"{other}"' for other in (*self._following, name))
             raise ProblemError(f"{key} must not follow itself: {chain}")
         self._following.append(name)
-        try:
-            return self.values(self._classes[name], key)
-        finally:
-            self._following.pop()
-
-    def class_density(self, name: str, density: Density, key: str) -> np.ndarray:
-        """Return the density that a class follows, which must be above 0 somewhere."""
-        if isinstance(density, bpy.types.Image):
-            density = ImageDensity(density)
-        self._following.append(name)
-        try:
-            values = self.values(density, key)
-        finally:
-            self._following.pop()
-        if not values.any():
-            what = density.label if isinstance(density, DensitySource) else "it"
-            raise ProblemError(f"{key} must be above 0 somewhere on {self.points.target_name}; {what} is 0 everywhere")
-        return values
 
 
-def density_at(density: Density, points: SurfacePoints, key: str) -> np.ndarray:
-    """Return the density at points of a surface, per unit of its area.
+def content_of(density: Density, reader: DensityReader) -> Hashable | None:
+    """Return what a density says at a reader's points, in short; None where that cannot be told."""
+    if isinstance(density, DensitySource):
+        return density.content(reader)
+    if isinstance(density, np.ndarray):
+        return "array", checksum(density)
+    return ("number", float(density)) if isinstance(density, int | float) else None
+
+
+def read_density(density: Density, key: str, known: Known | None = None) -> Density:
+    """Return a density that no longer needs Blender: of an image, its pixels. Only the main thread may call this.
 
     Args:
         density: What the class was given.
-        points: Where, ``n`` of them.
-        key: How sentences name it, e.g. ``density of class "pine"``.
-
-    Returns:
-        Values >= 0, not all of them 0, shape ``[n]``, float32.
+        key: How sentences name it.
+        known: What was read already; gets what is read now.
 
     Raises:
-        ProblemError: What is asked for is missing or has no meaning as a density.
+        ProblemError: What is asked for is missing, or an image has no pixels.
     """
-    return DensityReader(points).class_density("", density, key)
+    if isinstance(density, bpy.types.Image):
+        density = ImageDensity(density)
+    return density.read(key, {} if known is None else known) if isinstance(density, DensitySource) else density
 
 
 def attribute_names(density: Density) -> set[str]:
@@ -297,27 +388,7 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
     Raises:
         ProblemError: The image has no pixels, because its file is missing or is no image.
     """
-    return _channel_of(image, "luminance", "stored", key)
-
-
-def _channel_of(image: bpy.types.Image, channel: str, color_space: str, key: str) -> np.ndarray:
-    """Return one channel of an image, shape ``[height, width]``, float32, row 0 at the top; transparent pixels are 0."""
-    pixels = image_pixels(image, key)
-    channels = pixels.shape[2]
-    alpha = pixels[..., -1] if channels in (2, 4) else np.ones((), np.float32)
-    if channel == "alpha":
-        return np.ascontiguousarray(np.broadcast_to(alpha, pixels.shape[:2]))
-    colors = pixels[..., : max(1, channels - 1) if channels in (2, 4) else channels]
-    # Images of floating-point numbers hold amounts of light already.
-    if color_space == "linear" and not image.is_float and image.colorspace_settings.name == "sRGB":
-        colors = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4).astype(np.float32)
-    if channels < 3:
-        grey = colors[..., 0]
-    elif channel in _CHANNELS:
-        grey = colors[..., _CHANNELS.index(channel)]
-    else:
-        grey = luminance(colors)
-    return np.ascontiguousarray(grey * alpha)
+    return _channel_of(image_pixels(image, key), "luminance", decoded=False)
 
 
 def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
@@ -338,19 +409,44 @@ def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     return pixels.reshape(height, width, channels)[::-1]
 
 
+def _channel_of(pixels: np.ndarray, channel: str, decoded: bool) -> np.ndarray:
+    """Return a channel of pixels ``[height, width, channels]``, where ``decoded`` as amounts of light; what is transparent is 0."""
+    channels = pixels.shape[2]
+    alpha = pixels[..., -1] if channels in (2, 4) else np.ones((), np.float32)
+    if channel == "alpha":
+        return np.ascontiguousarray(np.broadcast_to(alpha, pixels.shape[:2]))
+    colors = pixels[..., : max(1, channels - 1) if channels in (2, 4) else channels]
+    if decoded:
+        # As sRGB has it.
+        colors = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    if channels < 3:
+        grey = colors[..., 0]
+    elif channel in _CHANNELS:
+        grey = colors[..., _CHANNELS.index(channel)]
+    else:
+        grey = luminance(colors)
+    return np.ascontiguousarray(grey * alpha)
+
+
+def _read_image(image: bpy.types.Image, key: str, whole: bool) -> StoredImage:
+    """Read an image; ``whole``: with all of its tiles."""
+    tiled = whole and image.source == "TILED"
+    # Images of floating-point numbers hold amounts of light already.
+    linear = image.is_float or image.colorspace_settings.name != "sRGB"
+    tiles = _tiles(image, key) if tiled else {FIRST_TILE: image_pixels(image, key)}
+    return StoredImage(image.name, tiled, linear, tiles)
+
+
 def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndarray:
-    if not isinstance(density.image, bpy.types.Image):
-        raise ProblemError(f"{key} must be an image of Blender; got {show(density.image)}")
-    check_exists(density.image, key)
-    name = f'{key}, image "{density.image.name}",'
+    stored = density.image
+    assert isinstance(stored, StoredImage)
+    name = f'{key}, image "{stored.name}",'
     by_uv = density.mapping == "UV"
     coordinates = points.uv(density.uv_map, key) if by_uv else points.rectangle_coordinates()
     moved = (density.tiling, density.offset, density.rotation) != ((1.0, 1.0), (0.0, 0.0), 0.0)
     if moved:
         coordinates = _moved(coordinates, density, np.ones(2) if by_uv else points.rectangle_size())
-    tiled = by_uv and density.image.source == "TILED"
-    how = density.channel, density.color_space
-    images = _tiles(density.image, how, key) if tiled else {FIRST_TILE: _channel_of(density.image, *how, key)}
+    tiled, images = stored.tiled, stored.channel(density.channel, density.color_space)
     # Inverted before it is interpolated, so that white pixels stay empty to their very edge.
     upright = {n: _inverted(image, density.invert) for n, image in images.items()}
     checked = check_density(np.concatenate([image.ravel() for image in upright.values()])[None], name, empty=True)[0]
@@ -382,12 +478,11 @@ def _moved(coordinates: np.ndarray, density: ImageDensity, extent: np.ndarray) -
     return turned * np.array(density.tiling) + 0.5
 
 
-def _tiles(image: bpy.types.Image, how: tuple[str, str], key: str) -> dict[int, np.ndarray]:
-    """Return a channel of every tile of an image, by the tile's number; ``how`` is the channel and the colour space.
+def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
+    """Return the pixels of every tile of an image, by the tile's number.
 
     Blender tells the pixels of the first tile only, so that all of them, changed or packed as they may be, are saved and read again.
     """
-    check_exists(image, key)
     result = {}
     with tempfile.TemporaryDirectory(prefix="esh-scatter-") as folder:
         ending = ".exr" if image.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") else ".png"
@@ -404,8 +499,7 @@ def _tiles(image: bpy.types.Image, how: tuple[str, str], key: str) -> dict[int, 
             loaded = bpy.data.images.load(str(path))
             try:
                 loaded.alpha_mode = image.alpha_mode
-                loaded.colorspace_settings.name = image.colorspace_settings.name
-                result[tile.number] = _channel_of(loaded, *how, key)
+                result[tile.number] = image_pixels(loaded, key)
             finally:
                 bpy.data.images.remove(loaded)
     return result

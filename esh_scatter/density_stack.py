@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, as_given, described, setting
 from ..engine.problem.validation import as_float, check_name, show
-from .density_source import DensitySource
+from .density_source import DensitySource, Known
 
 if TYPE_CHECKING:
     from .densities import Density, DensityReader
@@ -35,6 +35,10 @@ class ClassDensity(DensitySource):
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
         """Return what the other class follows."""
         return reader.of_class(self.name, key)
+
+    def content(self, reader: DensityReader) -> Hashable | None:
+        """Return what the other class follows, in short."""
+        return reader.content(self.name)
 
 
 def _check_curve(value: object, key: str) -> tuple[tuple[float, float], ...]:
@@ -95,6 +99,19 @@ class DensityLayer(DensitySource):
         """Its name, or that of what it reads."""
         return f'"{self.name}"' if self.name else getattr(self.density, "label", "a number or an image")
 
+    def read(self, key: str, known: Known) -> DensityLayer:
+        """Return it with what it reads."""
+        from .densities import read_density
+
+        return replace(self, density=read_density(self.density, key, known))
+
+    def content(self, reader: DensityReader) -> Hashable | None:
+        """Return what it reads, in short, and what is done with it."""
+        from .densities import content_of
+
+        content = content_of(self.density, reader)
+        return None if content is None else (content, self.blend, self.strength, self.invert, self.curve)
+
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
         """Return what it reads, inverted and bent."""
         values = reader.values(self.density, key)
@@ -135,6 +152,18 @@ class DensityStack(DensitySource):
     """A density of layers, which act one after the other on a density that is 1 everywhere, or 0 where the first of them adds."""
 
     layers: Sequence[DensityLayer] = field(metadata=setting("The layers, in their order", check=_check_layers))
+
+    def read(self, key: str, known: Known) -> DensityStack:
+        """Return it with what its layers read."""
+        numbered = enumerate(self.layers, start=1)
+        return DensityStack(
+            [layer.read(f"{key}, layer {number} ({layer.label}),", known) for number, layer in numbered]
+        )
+
+    def content(self, reader: DensityReader) -> Hashable | None:
+        """Return what its layers say, in short."""
+        contents = tuple(layer.content(reader) for layer in self.layers)
+        return None if None in contents else ("stack", contents)
 
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
         """Return the density of all layers.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import bpy
@@ -13,8 +13,8 @@ from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, described, setting
 from ..engine.problem.validation import show
 from ..engine.surface.shapes_from_above import FlatShapes, inside_outlines
-from .density_source import DensitySource
-from .flat_shapes import check_shapes, read_shapes
+from .density_source import DensitySource, Known
+from .flat_shapes import Shapes, check_shapes, read_shapes
 from .ground_densities import within
 from .target import check_exists, world_matrix
 
@@ -23,7 +23,22 @@ if TYPE_CHECKING:
 
 __all__ = ["CameraDensity", "DistanceDensity", "InsideDensity"]
 
-Source: TypeAlias = bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object | bpy.types.Collection]
+Source: TypeAlias = bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object | bpy.types.Collection] | Shapes
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCamera:
+    """A camera as it was when it was read: what any thread may look at.
+
+    Attributes:
+        name: Of its object.
+        matrix: From its space, in which it looks along -z, to the world, shape ``[4, 4]``.
+        projection: From its space to the picture, which is from -1 to 1, shape ``[4, 4]``.
+    """
+
+    name: str
+    matrix: np.ndarray
+    projection: np.ndarray
 
 
 @described
@@ -61,9 +76,19 @@ class DistanceDensity(DensitySource):
         """``distance to "Path"``."""
         return f"distance to {_names(self.source)}"
 
-    def values(self, reader: DensityReader, key: str) -> np.ndarray:
+    def read(self, key: str, known: Known) -> DistanceDensity:
+        """Return it with the shapes of the objects."""
+        return replace(self, source=read_shapes(self.source, key, known))
+
+    def content(self, _reader: DensityReader) -> Hashable | None:
+        """Return the shapes, in short."""
+        assert isinstance(self.source, Shapes)
+        return "distance", self.source.checksum, self.near, self.far, self.falloff
+
+    def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 near the objects."""
-        shapes = FlatShapes(read_shapes(self.source, bpy.context, key).triangle)
+        assert isinstance(self.source, Shapes)
+        shapes = FlatShapes(self.source.triangle)
         reach = max(self.near, self.far)
         # A little farther, so that what lies at the far end is told from what lies beyond it.
         distance = shapes.distance(reader.points.position, 1.001 * reach + 1e-6)
@@ -98,21 +123,30 @@ class InsideDensity(DensitySource):
         """``inside of "Border"``."""
         return f"inside of {_names(self.source)}"
 
-    def values(self, reader: DensityReader, key: str) -> np.ndarray:
+    def read(self, key: str, known: Known) -> InsideDensity:
+        """Return it with the shapes of the outlines."""
+        return replace(self, source=read_shapes(self.source, key, known))
+
+    def content(self, _reader: DensityReader) -> Hashable | None:
+        """Return the shapes, in short."""
+        assert isinstance(self.source, Shapes)
+        return "inside", self.source.checksum, self.falloff
+
+    def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 inside."""
+        assert isinstance(self.source, Shapes)
         position = reader.points.position
-        items = self.source if isinstance(self.source, tuple) else (self.source,)
         inside = np.zeros(len(position), bool)
-        # One after the other: what lies inside two of them is not outside.
-        for item in items:
-            for member in item.all_objects if isinstance(item, bpy.types.Collection) else (item,):
-                inside |= inside_outlines(read_shapes(member, bpy.context, key).outline, position)
-        shapes = FlatShapes(read_shapes(self.source, bpy.context, key).triangle)
-        distance = shapes.distance(position, 1.001 * self.falloff + 1e-6)
+        # One after the other: what lies inside two objects is not outside.
+        for outline in self.source.outlines:
+            inside |= inside_outlines(outline, position)
+        distance = FlatShapes(self.source.triangle).distance(position, 1.001 * self.falloff)
         return np.where(inside, np.float32(1.0), within(distance, 0.0, 0.0, self.falloff))
 
 
 def _camera(value: Any, key: str) -> Any:
+    if isinstance(value, StoredCamera):
+        return value
     if not isinstance(value, bpy.types.Object):
         raise ProblemError(f"{key} must be a camera, or None; got {show(value)}")
     check_exists(value, key)
@@ -126,7 +160,7 @@ def _camera(value: Any, key: str) -> Any:
 class CameraDensity(DensitySource):
     """What a camera sees at the current frame: 1 in its view, 0 outside. What hides behind something counts as seen."""
 
-    camera: bpy.types.Object | None = field(
+    camera: bpy.types.Object | StoredCamera | None = field(
         default=None, metadata=setting("The camera", more="None: the scene's", check=_camera)
     )
     margin: float = field(
@@ -158,15 +192,17 @@ class CameraDensity(DensitySource):
         """``view of "Camera"``."""
         return f'view of "{self.camera.name}"' if self.camera else "view of the camera"
 
-    def values(self, reader: DensityReader, key: str) -> np.ndarray:
-        """Return 1 in the camera's view."""
+    def read(self, key: str, _known: Known) -> CameraDensity:
+        """Return it with where the camera stands, and what it sees."""
+        if isinstance(self.camera, StoredCamera):
+            return self
         context = bpy.context
         camera = context.scene.camera if self.camera is None else self.camera
         if camera is None:
             raise ProblemError(f'{key} needs a camera, and scene "{context.scene.name}" has none')
         check_exists(camera, key)
         render = context.scene.render
-        frame = camera.calc_matrix_camera(
+        projection = camera.calc_matrix_camera(
             context.evaluated_depsgraph_get(),
             x=render.resolution_x,
             y=render.resolution_y,
@@ -176,13 +212,26 @@ class CameraDensity(DensitySource):
         matrix = world_matrix(camera, context)
         # A camera's scale does not change what it sees.
         matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
-        position = reader.points.position
-        local = (position - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
-        clip = np.column_stack([local, np.ones(len(local))]) @ np.array(frame).T
-        weight = np.where(clip[:, 3] > 1e-9, clip[:, 3], np.inf)
+        return replace(self, camera=StoredCamera(camera.name, matrix, np.array(projection)))
+
+    def content(self, _reader: DensityReader) -> Hashable | None:
+        """Return what the camera sees, in short."""
+        camera = self.camera
+        assert isinstance(camera, StoredCamera)
+        limits = self.margin, self.distance, self.falloff
+        return "camera", camera.matrix.tobytes(), camera.projection.tobytes(), limits
+
+    def values(self, reader: DensityReader, _key: str) -> np.ndarray:
+        """Return 1 in the camera's view."""
+        camera = self.camera
+        assert isinstance(camera, StoredCamera)
+        local = (reader.points.position - camera.matrix[:3, 3]) @ np.linalg.inv(camera.matrix[:3, :3]).T
+        clip = np.column_stack([local, np.ones(len(local))]) @ camera.projection.T
+        in_front = (clip[:, 3] > 1e-9) & (local[:, 2] < 0.0)
+        weight = np.where(in_front, clip[:, 3], np.inf)
         beside = 0.5 * (np.abs(clip[:, :2]).max(axis=1) / weight - 1.0)
         seen = within(beside, -np.inf, 0.0, self.margin)
-        seen[(local[:, 2] >= 0.0) | ~np.isfinite(weight)] = 0.0
+        seen[~in_front] = 0.0
         if self.distance > 0.0:
             seen *= within(np.linalg.norm(local, axis=1), 0.0, self.distance, self.falloff)
         return seen
@@ -190,4 +239,5 @@ class CameraDensity(DensitySource):
 
 def _names(source: Any) -> str:
     items = source if isinstance(source, tuple) else (source,)
-    return ", ".join(f'"{item.name}"' for item in items)
+    names = source.names if isinstance(source, Shapes) else [item.name for item in items]
+    return ", ".join(f'"{name}"' for name in names)

@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.chart import Chart  # noqa: E402
-from esh.esh_scatter.densities import DensityReader, attribute_names, density_at  # noqa: E402
+from esh.esh_scatter.densities import DensityReader, attribute_names, read_density  # noqa: E402
 from esh.esh_scatter.target import read_target  # noqa: E402
 
 
@@ -51,7 +51,8 @@ def points_of(target, density=1.0, resolution=100):
 
 def values(target, density, resolution=100):
     """A density as an image, row 0 at the smallest y."""
-    found = density_at(density, points_of(target, density, resolution), "`density`")
+    read = read_density(density, "`density`")
+    found = DensityReader(points_of(target, density, resolution), {"it": read}).class_density("it")
     return found.reshape(-1, resolution)[::-1]
 
 
@@ -315,14 +316,14 @@ def test_what_a_camera_sees(ground):
 def test_another_class_of_the_scatter_is_followed_but_not_in_a_circle(ground):
     points = points_of(ground)
     classes = {"pine": ACROSS, "moss": esh.ClassDensity("pine"), "a": esh.ClassDensity("b"), "b": esh.ClassDensity("a")}
+    classes["stone"] = stack(esh.DensityLayer(esh.ClassDensity("moss"), invert=True))
+    classes["lost"] = esh.ClassDensity("oak")
     reader = DensityReader(points, classes)
-    pine = reader.class_density("pine", ACROSS, "`density`")
-    inverted = stack(esh.DensityLayer(esh.ClassDensity("moss"), invert=True))
-    np.testing.assert_array_equal(reader.class_density("stone", inverted, "`density`"), 1.0 - pine)
+    np.testing.assert_array_equal(reader.class_density("stone"), 1.0 - reader.class_density("pine"))
     with pytest.raises(esh.ProblemError, match='"a" follows "b" follows "a"'):
-        reader.class_density("a", classes["a"], "`density`")
-    with pytest.raises(esh.ProblemError, match='"oak" is none of them: "pine", "moss", "a", "b"'):
-        reader.class_density("stone", esh.ClassDensity("oak"), "`density`")
+        reader.class_density("a")
+    with pytest.raises(esh.ProblemError, match='"oak" is none of them: "pine", "moss", "a", "b", "stone"'):
+        reader.class_density("lost")
 
 
 def test_bodies_follow_layers(ground):
@@ -392,3 +393,46 @@ def test_images_are_tiled_moved_and_turned():
     near = (np.abs(x - 10) < 4) & (np.abs(y - 5) < 4)
     away = np.abs((x - 10) + (y - 5)) > 0.2
     np.testing.assert_array_equal(slanted[near & away], (x - 10 + y - 5 < 0)[near & away])
+
+
+def test_what_says_the_same_is_known_by_it(ground):
+    """Whoever keeps densities tells by this which are to be read again."""
+    group = ground.vertex_groups.new(name="wet")
+    group.add([1, 2], 1.0, "REPLACE")
+    near = new_curve("Path", [(8, 0), (8, 10)], closed=False)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    image = painted(4, 4, (0.5, 0.5, 0.5, 1.0))
+    bpy.context.view_layer.update()
+
+    def content(density):
+        read = read_density(density, "`density`")
+        reader = DensityReader(points_of(ground, density), {"it": read, "other": 0.5})
+        return reader.content("it")
+
+    pairs = [
+        (esh.SlopeDensity(0.1), esh.SlopeDensity(0.2)),
+        (esh.NoiseDensity(seed=1), esh.NoiseDensity(seed=2)),
+        (esh.DistanceDensity(near), esh.DistanceDensity(ground)),
+        (esh.InsideDensity(near), esh.InsideDensity(near, 1.0)),
+        (esh.CameraDensity(camera), esh.CameraDensity(camera, 0.5)),
+        (esh.ImageDensity(image), esh.ImageDensity(image, tiling=(2.0, 1.0))),
+        (esh.VertexGroupDensity("wet"), esh.VertexGroupDensity("wet", invert=True)),
+        (esh.ClassDensity("other"), 0.25),
+        (stack(0.5, 1.0), stack(0.5, esh.DensityLayer(1.0, "minimum"))),
+        (ACROSS, UP),
+    ]
+    for one, other in pairs:
+        assert content(one) is not None and content(one) == content(one) != content(other), one
+    before = [
+        content(density) for density in (esh.DistanceDensity(near), esh.CameraDensity(camera), esh.ImageDensity(image))
+    ]
+    near.location.x += 1.0
+    camera.location.x += 1.0
+    image.pixels[0] = 0.25
+    bpy.context.view_layer.update()
+    after = [
+        content(density) for density in (esh.DistanceDensity(near), esh.CameraDensity(camera), esh.ImageDensity(image))
+    ]
+    assert all(one != other for one, other in zip(before, after, strict=True))
+    assert content(esh.ClassDensity("it")) is None
