@@ -13,6 +13,7 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_pla
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
+from ..space.space import Space
 from . import kernels_overlaps
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_of"]
@@ -139,20 +140,16 @@ def find_overlaps(
     stays = np.zeros(n, np.int32) if fixed is None else fixed.astype(np.int32)
     shapes.fixed = wp.array(stays, dtype=wp.int32, device=device)
     reach = shapes.reach.numpy()
-    level, lattice = _lattice(shapes, reach, domain, launcher)
-    images = [
-        min(MOST_IMAGES, int(min(2.0 * reach.max() / side + 0.5, 1e6))) if domain.periodic else 0
-        for side in domain.size
-    ]
+    lattice = _lattice(shapes, reach, domain, launcher)
+    space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
     launcher.launch(
         kernels_overlaps.find_overlaps,
         n,
         [
             shapes,
-            level,
             lattice,
-            wp.vec2i(*images),
+            wp.vec2i(*space.images_within(2.0 * float(reach.max()), MOST_IMAGES)),
             TOLERANCE,
             MOST_OVERLAPS_PER_BODY,
         ],
@@ -165,12 +162,7 @@ def find_overlaps(
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
-    way = position[other] - position[one]
-    if domain.periodic:
-        way -= np.array(domain.size) * np.round(way / np.array(domain.size))
-    middle = position[one] + 0.5 * way
-    if domain.periodic:
-        middle = np.mod(middle, domain.size)
+    middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
     pair = (min(one, other), max(one, other))
     return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])))
 
@@ -217,8 +209,8 @@ def _laid_out(
 
 def _lattice(
     shapes: kernels_overlaps.Shapes, reach: np.ndarray, domain: Domain, launcher: Launcher
-) -> tuple[wp.array, kernels_overlaps.Lattice]:
-    """Levels of the bodies, and the cells that they lie in."""
+) -> kernels_overlaps.Lattice:
+    """The cells that bodies lie in, by levels of size."""
     device, n = launcher.device, len(reach)
     level = launcher.empty(n, wp.int32)
     largest = float(reach.max())
@@ -247,4 +239,4 @@ def _lattice(
         [lattice.start, lattice.member],
         grain=1,
     )
-    return level, lattice
+    return lattice

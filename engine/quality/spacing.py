@@ -12,7 +12,6 @@ from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..problem.domain import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort, position_of
-from ..space.space import space_for_kernels
 from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
 
@@ -69,7 +68,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     if bodies.count < 2:
         return None
     n = bodies.count
-    launcher, domain = bodies.launcher, bodies.domain
+    launcher, space = bodies.launcher, bodies.space
     # A typical density; some thousand bodies tell it well enough. Where nothing is asked for, that of all bodies: 1.
     some = number_density.numpy()[:: max(1, n // 10_000)]
     asked = some[some > 0.0]
@@ -80,10 +79,10 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     nearest, share = launcher.empty(n, float), launcher.empty(n, float)
     while True:
         grid = kernels_cells.CellGrid()
-        counts = [max(1, int(length / side)) for length in bodies.size]
+        counts = [max(1, int(length / side)) for length in space.size]
         grid.count_x, grid.count_y = counts
-        grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
-        grid.space = space_for_kernels(bodies.size, domain.periodic)
+        grid.inverse_size = wp.vec2(counts[0] / space.size[0], counts[1] / space.size[1])
+        grid.space = space.for_kernels()
         cells = CellSort(launcher, n, counts[0] * counts[1])
         cells.sort(kernels_cells.compute_cell_keys, [position_of(bodies.pose), grid])
         launcher.launch(
@@ -96,7 +95,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
         distance, own = nearest.numpy(), share.numpy()
         # Of bodies that ask for no spacing the mean one of all counts.
         found = (own < MOST_SPACINGS * HEXAGONAL_SPACING) | (
-            (own >= kernels_spacing.NONE) & (distance < MOST_SPACINGS * HEXAGONAL_SPACING)
+            (own >= kernels_spacing.NOBODY) & (distance < MOST_SPACINGS * HEXAGONAL_SPACING)
         )
         if found.any():
             break
@@ -106,7 +105,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     smallest = float(own.min())
     closest, usual = float(distance[found].min()), float(np.median(distance[found]))
     return Spacing(
-        smallest / HEXAGONAL_SPACING if smallest < kernels_spacing.NONE else None,
+        smallest / HEXAGONAL_SPACING if smallest < kernels_spacing.NOBODY else None,
         closest * bodies.unit,
         usual * bodies.unit,
     )
