@@ -16,7 +16,9 @@ UNIFORM = np.ones((1, 1))
 
 @pytest.fixture(scope="module")
 def launcher():
-    return Launcher(resolve_device("cpu"))
+    result = Launcher(resolve_device("cpu"))
+    yield result
+    result.close()
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])
