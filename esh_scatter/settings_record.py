@@ -10,8 +10,10 @@ import bpy
 
 __all__ = ["changes", "record"]
 
-# What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
-OF_OUTLINES = ("random_turn", "scale_jitter")
+# Settings that came after records were first kept: at their defaults they are as good as none, so that older results stay current.
+CAME_LATER = {"room": 1.0, "gap": 0.0, "align_to_normal": 1.0}
+# What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
+OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter")
 
 
 def record(scatter: Any, classes: Sequence[Any], target: Any) -> dict[str, Any]:
@@ -65,7 +67,7 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
 
 def _differing(before: dict[str, Any], now: dict[str, Any], group: Any) -> list[str]:
     properties = group.bl_rna.properties
-    return [properties[name].name.lower() for name, value in now.items() if before.get(name) != value]
+    return [properties[name].name.lower() for name in {**now, **before} if before.get(name) != now.get(name)]
 
 
 @lru_cache(maxsize=8)
@@ -86,5 +88,6 @@ def _values(group: Any, more: Sequence[str] = ()) -> dict[str, Any]:
             value = value.name_full
         elif isinstance(value, bpy.types.bpy_prop_array):
             value = list(value)
-        values[name] = value
+        if CAME_LATER.get(name) != value:
+            values[name] = value
     return values

@@ -51,6 +51,8 @@ class PreparedClass:
         notes: Sentences for the report on what happened to the density.
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
         share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
+        room: Factor on the footprints for keeping apart.
+        gap: Distance that footprints keep from each other [m].
         base: The class before obstacles were cut out of its density and fixed bodies added to its counts; None if it is that.
     """
 
@@ -61,6 +63,8 @@ class PreparedClass:
     asked: BodyClass | None = None
     base: PreparedClass | None = None
     share: float = 1.0
+    room: float = 1.0
+    gap: float = 0.0
 
     @property
     def body_count(self) -> int:
@@ -106,7 +110,15 @@ def prepare_on_surface(body_class: BodyClass, surface: Surface) -> PreparedClass
         mean = float(density_on(body_class, surface.sample()).mean())
     if mean <= 0.0:
         raise ProblemError(f"{key} must be above 0 somewhere on the surface; it is 0 everywhere")
-    return PreparedClass(body_class.name, count_sizes(body_class, mean * surface.area), image, notes, body_class)
+    return PreparedClass(
+        body_class.name,
+        count_sizes(body_class, mean * surface.area),
+        image,
+        notes,
+        body_class,
+        room=body_class.room,
+        gap=body_class.gap,
+    )
 
 
 def prepare(
@@ -138,9 +150,11 @@ def prepare(
     image, notes = density or prepare_density(body_class)
     area = domain if isinstance(domain, float) else domain.area
     if apart and body_class.count == "cover":
-        image = np.minimum(image, np.float32(packable_share(body_class.sizes)))
+        image = np.minimum(image, np.float32(packable_share(body_class.sizes, body_class.room, body_class.gap)))
     sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * area)
-    return PreparedClass(body_class.name, sizes, image, notes, body_class, share=share)
+    return PreparedClass(
+        body_class.name, sizes, image, notes, body_class, share=share, room=body_class.room, gap=body_class.gap
+    )
 
 
 def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obstacle]) -> PreparedClass:

@@ -391,13 +391,23 @@ class Size(Settings):
 
     @property
     def widest(self) -> float:
-        """Smallest width of the widest body that there may be [m]."""
+        """Smallest width of the widest body that there may be, without the room that it keeps [m]."""
         if self.footprint is not None:
             given = self._footprints
-            return max(outline.width for outline in given.outlines) * self._largest_scale * given.room + given.gap
+            return max(outline.width for outline in given.outlines) * self._largest_scale
         if self.line is not None:
             return self.line.width or 0.0
         return 2.0 * math.sqrt(self.area_span[1] / math.pi)
+
+    @property
+    def room(self) -> float:
+        """Factor on the outlines for keeping apart."""
+        return 1.0 if self.footprint is None else self._footprints.room
+
+    @property
+    def gap(self) -> float:
+        """Distance that outlines keep from each other [m]."""
+        return 0.0 if self.footprint is None else self._footprints.gap
 
     @property
     def outlines(self) -> tuple[Footprint, ...]:
@@ -406,10 +416,9 @@ class Size(Settings):
 
     @property
     def longest_reach(self) -> float:
-        """Farthest that an outline reaches from a body's position, with the room that it keeps [m]."""
-        given = self._footprints
-        longest = max(outline.circumradius for outline in given.outlines)
-        return longest * self._largest_scale * given.room + 0.5 * given.gap
+        """Farthest that an outline reaches from a body's position [m]."""
+        longest = max(outline.circumradius for outline in self._footprints.outlines)
+        return longest * self._largest_scale
 
     @property
     def _largest_scale(self) -> float:
@@ -485,6 +494,31 @@ class ClassSettings(Settings):
         default=None,
         metadata=setting(
             "Make the edges of the density stronger", more="Before everything else", label="Sharpen", of=Unsharp
+        ),
+    )
+    room: float = field(
+        default=1.0,
+        metadata=setting(
+            "Factor on the footprints for keeping apart. Above 1 they leave room around them, below 1 they may overlap a little. "
+            "What is seen stays as large as it is",
+            more="It takes ``avoid_overlap``, and multiplies the ``room`` that :class:`Footprints` have",
+            label="Room",
+            low=validation.SMALLEST_ROOM,
+            high=validation.LARGEST_ROOM,
+            soft_low=0.5,
+            soft_high=3.0,
+        ),
+    )
+    gap: float = field(
+        default=0.0,
+        metadata=setting(
+            "Distance that footprints of this class keep from each other; from other classes half of it, and half of theirs",
+            more="It takes ``avoid_overlap``, and adds to the ``gap`` that :class:`Footprints` have",
+            label="Gap",
+            unit="m",
+            low=0.0,
+            high=validation.LARGEST_LENGTH,
+            soft_high=2.0,
         ),
     )
 
@@ -781,7 +815,9 @@ class Problem(SamplingSettings):
                 f"{low:g} m²"
             )
         # Counts may be larger than any float.
-        covered = sum(float(min(size.count or 0, 10**18)) * (size.mean_ground / self.domain.area) for _, size in sizes)
+        covered = sum(
+            float(min(size.count or 0, 10**18)) * (_ground_with_room(size, c) / self.domain.area) for c, size in sizes
+        )
         if self.avoid_overlap and covered > validation.MOST_COVERED:
             raise ProblemError(
                 f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
@@ -817,6 +853,7 @@ class Problem(SamplingSettings):
                     key, extent = "line", size.line.longest + (size.line.width or disc)
                 if size.footprint is not None:
                     key, extent = "footprint", max(extent, size.longest_reach * 2.0)
+                extent = extent * size.room * c.room + size.gap + c.gap
                 if extent > most * side:
                     raise ProblemError(
                         f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
@@ -834,10 +871,11 @@ class Problem(SamplingSettings):
         most = min(self.domain.size)
         for c in self.classes:
             for size in c.sizes:
-                if size.widest > most * (1.0 + 1e-9):
+                widest = size.widest * size.room * c.room + size.gap + c.gap
+                if widest > most * (1.0 + 1e-9):
                     raise ProblemError(
                         f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the domain that they are to lie in, '
-                        f"{most:g} m; got {size.widest:.4g}"
+                        f"{most:g} m; got {widest:.4g}"
                     )
 
     @property
@@ -895,12 +933,19 @@ class Problem(SamplingSettings):
         return result
 
 
+def _ground_with_room(size: Size, body_class: PreparedClass) -> float:
+    """Mean ground that a body covers or keeps free [m²], about."""
+    ground, room, gap = size.mean_ground, size.room * body_class.room, size.gap + body_class.gap
+    radius = math.sqrt(ground / math.pi)
+    return ground if room == 1.0 and gap == 0.0 else math.pi * (radius * room + 0.5 * gap) ** 2
+
+
 def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
     """What classes that are to cover the ground, and keep apart on it, can have of what each of them alone could cover."""
     covering = [c for c in classes if isinstance(c, BodyClass) and c.count == "cover"]
     if not covering:
         return 1.0
-    fits = [packable_share(c.sizes) for c in covering]
+    fits = [packable_share(c.sizes, c.room, c.gap) for c in covering]
     images = [np.minimum(prepare_density(c).image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
     return scale_to_fit(images, max(fits))
 

@@ -13,6 +13,7 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_pla
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
 from ..problem.problem import Domain
+from ..problem.slopes import foreshortened, lengthened
 from . import kernels_overlaps
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_of"]
@@ -134,7 +135,8 @@ def find_overlaps(
         return Overlaps(0)
     device = launcher.device
     factor = np.ones(n) if smaller is None else smaller
-    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor)
+    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else None
+    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor, slope)
     shapes = kernels_overlaps.Shapes()
     shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
     shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
@@ -181,7 +183,12 @@ def find_overlaps(
 
 
 def _bodies(
-    footprints: BodyFootprints, angle: np.ndarray, length: np.ndarray, width: np.ndarray, factor: np.ndarray
+    footprints: BodyFootprints,
+    angle: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+    factor: np.ndarray,
+    slope: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """First corner, corners with normals, rounding, reach and smallest width of every body."""
     lines = footprints.shape == CAPSULE
@@ -193,6 +200,11 @@ def _bodies(
     core_width = np.zeros(len(angle))
     reach = np.where(lines, 0.5 * (length + width) * factor, 0.0)
     cos, sin = np.cos(angle), np.sin(angle)
+    if slope is not None:
+        # The angle of a line is that of its axis as it is seen from above.
+        leaning = np.flatnonzero((length > 0.0) & slope.any(axis=1))
+        way = lengthened(np.stack([cos, sin], axis=1)[leaning], slope[leaning])
+        cos[leaning], sin[leaning] = (way / np.hypot(*way.T)[:, None]).T
     for number in [CAPSULE, *range(len(footprints.shapes))]:
         own = np.flatnonzero(footprints.shape == number)
         if not len(own):
@@ -209,6 +221,8 @@ def _bodies(
             reach[own] = outline.circumradius * scale[own]
         x = core[..., 0] * cos[own, None] - core[..., 1] * sin[own, None]
         y = core[..., 0] * sin[own, None] + core[..., 1] * cos[own, None]
+        if slope is not None:
+            x, y = np.moveaxis(foreshortened(np.stack([x, y], axis=-1), slope[own, None]), -1, 0)
         edge_x, edge_y = np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
         size = np.hypot(edge_x, edge_y)
         size[size == 0.0] = 1.0

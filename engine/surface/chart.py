@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from ..errors import ProblemError
+from ..problem.slopes import slope_of_normal
 from .surface_points import SurfacePoints
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
@@ -80,6 +81,11 @@ class Chart:
     def stretch(self) -> np.ndarray:
         """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface."""
         return self.area / self.cell.prod()
+
+    def slope(self, align: float) -> np.ndarray:
+        """Return the slopes of planes that lean so far, from 0 to 1, from level towards the surface, shape ``[rows, columns, 2]``."""
+        slope = slope_of_normal(self.points.normal, align)
+        return np.stack([self.continued(along) for along in slope.T], axis=-1)
 
     def continued(self, values: np.ndarray) -> np.ndarray:
         """Return values of :attr:`points` over the whole rectangle, shape ``shape``, float32.
