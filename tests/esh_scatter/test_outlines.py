@@ -164,6 +164,24 @@ def test_a_slope_holds_as_many_as_its_surface_has_room_for():
 
 
 @pytest.mark.parametrize("align", [1.0, 0.0])
+@pytest.mark.parametrize("ground", ["plane", "hills"])
+def test_cover_asks_for_as_much_as_can_lie_there(ground, align):
+    """Of boxes of a given turn about three quarters; of what stands upright no more than there is room for seen from above."""
+    item = rectangle("Ground", 10.0, 10.0) if ground == "plane" else terrain("Ground", 10.0, GROUNDS[ground])
+    box, stone = rectangle("Box", 0.8, 0.6), disc("Stone", 0.25)
+    classes = [
+        esh.ScatterClass("box", [esh.ScatterSize("all", None, box)], count="cover"),
+        esh.ScatterClass("stone", [esh.ScatterSize("all", None, stone)], count="cover", density=0.5),
+    ]
+    for made in (classes[:1], classes):
+        result = esh.scatter(item, made, device="cpu", avoid_overlap=True, align_to_normal=align)
+        assert 0.7 < result.report.covered < 0.8
+        assert result.report.overlaps == overlapping(outlines_in_the_scene()) == 0
+        surface = 100.0 if ground == "plane" or align == 0.0 else float(sum(face.area for face in item.data.polygons))
+        assert result.placement.area.sum() == pytest.approx(result.report.covered * surface, rel=0.02)
+
+
+@pytest.mark.parametrize("align", [1.0, 0.0])
 def test_long_objects_point_along_their_direction_seen_from_above(align):
     item = terrain("Ground", 10.0, lambda x, y: 1.2 * x)
     long = [esh.ScatterSize("all", 12, rectangle("Long", 1.0, 0.1), line=esh.Line(0.9, 0.7, turn_weights=(0.0, 1.0)))]
