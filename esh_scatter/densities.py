@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -24,16 +25,39 @@ __all__ = [
     "AttributeDensity",
     "Density",
     "ImageDensity",
+    "StoredImage",
     "VertexGroupDensity",
     "density_at",
     "image_luminance",
     "image_pixels",
+    "read_density",
 ]
 
 
 # Tiles of an image are numbered from here on, so many for each whole step of v.
 FIRST_TILE = 1001
 TILES_IN_ROW = 10
+
+
+@dataclass(frozen=True, eq=False)
+class StoredImage:
+    """The pixels of an image of Blender as they were when it was read: what any thread may look at.
+
+    Attributes:
+        name: Of the image.
+        tiled: Whether it has UDIM tiles.
+        tiles: Stored values by the number of the tile, shape ``[height, width, channels]``, float32, row 0 at the top; an image
+            without tiles is tile 1001.
+    """
+
+    name: str
+    tiled: bool
+    tiles: dict[int, np.ndarray]
+
+    @cached_property
+    def grey(self) -> dict[int, np.ndarray]:
+        """The tiles as one channel, shape ``[height, width]``, float32."""
+        return {number: _grey(pixels) for number, pixels in self.tiles.items()}
 
 
 @dataclass(frozen=True)
@@ -50,7 +74,7 @@ class ImageDensity:
         invert: White = none.
     """
 
-    image: bpy.types.Image
+    image: bpy.types.Image | StoredImage
     mapping: Literal["POSITION", "UV"] = "POSITION"
     uv_map: str = ""
     invert: bool = False
@@ -75,8 +99,37 @@ class AttributeDensity:
 Density: TypeAlias = ImageDensity | VertexGroupDensity | AttributeDensity | bpy.types.Image | np.ndarray | float
 
 
+def read_density(density: Density, key: str, images: dict[int, StoredImage] | None = None) -> Density:
+    """Return a density that no longer needs Blender: of an image, its pixels. Only the main thread may call this.
+
+    Args:
+        density: What the class was given.
+        key: How sentences name it.
+        images: Images that were read already, by their ``session_uid``; gets those that are read now.
+
+    Raises:
+        ProblemError: The image is missing, or has no pixels.
+    """
+    if isinstance(density, bpy.types.Image):
+        density = ImageDensity(density)
+    if not isinstance(density, ImageDensity) or isinstance(density.image, StoredImage):
+        return density
+    if not isinstance(density.image, bpy.types.Image):
+        raise ProblemError(f"{key} must be an image of Blender; got {show(density.image)}")
+    if density.mapping not in ("POSITION", "UV"):
+        raise ProblemError(f'{key}: `mapping` must be "POSITION" or "UV"; got {show(density.mapping)}')
+    check_exists(density.image, key)
+    known = {} if images is None else images
+    # Only a UV map leads to tiles beyond the first.
+    whole = density.mapping == "UV"
+    number = density.image.session_uid * 2 + whole
+    if number not in known:
+        known[number] = _read_image(density.image, key, whole)
+    return replace(density, image=known[number])
+
+
 def density_at(density: Density, points: SurfacePoints, key: str) -> np.ndarray:
-    """Return the density at points of a surface, per unit of its area.
+    """Return the density at points of a surface, per unit of its area; of what :func:`read_density` has read, in any thread.
 
     Args:
         density: What the class was given.
@@ -89,8 +142,7 @@ def density_at(density: Density, points: SurfacePoints, key: str) -> np.ndarray:
     Raises:
         ProblemError: What is asked for is missing or has no meaning as a density.
     """
-    if isinstance(density, bpy.types.Image):
-        density = ImageDensity(density)
+    density = read_density(density, key)
     invert = False
     if isinstance(density, ImageDensity):
         values = _image_at(density, points, key)
@@ -118,10 +170,7 @@ def image_luminance(image: bpy.types.Image, key: str) -> np.ndarray:
     Raises:
         ProblemError: The image has no pixels, because its file is missing or is no image.
     """
-    pixels = image_pixels(image, key)
-    channels = pixels.shape[2]
-    grey = luminance(pixels) if channels >= 3 else pixels[..., 0]
-    return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
+    return _grey(image_pixels(image, key))
 
 
 def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
@@ -142,17 +191,26 @@ def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
     return pixels.reshape(height, width, channels)[::-1]
 
 
+def _grey(pixels: np.ndarray) -> np.ndarray:
+    """Return pixels ``[height, width, channels]`` as one channel; what is transparent holds nothing."""
+    channels = pixels.shape[2]
+    grey = luminance(pixels) if channels >= 3 else pixels[..., 0]
+    return np.ascontiguousarray(grey * pixels[..., -1] if channels in (2, 4) else grey)
+
+
+def _read_image(image: bpy.types.Image, key: str, whole: bool) -> StoredImage:
+    """Read an image; ``whole``: with all of its tiles."""
+    tiled = whole and image.source == "TILED"
+    return StoredImage(image.name, tiled, _tiles(image, key) if tiled else {FIRST_TILE: image_pixels(image, key)})
+
+
 def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndarray:
-    if not isinstance(density.image, bpy.types.Image):
-        raise ProblemError(f"{key} must be an image of Blender; got {show(density.image)}")
-    if density.mapping not in ("POSITION", "UV"):
-        raise ProblemError(f'{key}: `mapping` must be "POSITION" or "UV"; got {show(density.mapping)}')
-    check_exists(density.image, key)
-    name = f'{key}, image "{density.image.name}",'
+    stored = density.image
+    assert isinstance(stored, StoredImage)
+    name = f'{key}, image "{stored.name}",'
     by_uv = density.mapping == "UV"
     coordinates = points.uv(density.uv_map, key) if by_uv else points.rectangle_coordinates()
-    tiled = by_uv and density.image.source == "TILED"
-    images = _tiles(density.image, key) if tiled else {FIRST_TILE: image_luminance(density.image, key)}
+    tiled, images = stored.tiled, stored.grey
     # Inverted before it is interpolated, so that white pixels stay empty to their very edge. NaN stays NaN.
     upright = {n: 1.0 - np.clip(image, 0.0, 1.0) if density.invert else image for n, image in images.items()}
     checked = check_density(np.concatenate([image.ravel() for image in upright.values()])[None], name)[0]
@@ -171,11 +229,10 @@ def _image_at(density: ImageDensity, points: SurfacePoints, key: str) -> np.ndar
 
 
 def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
-    """Return the luminance of every tile of an image, by the tile's number.
+    """Return the pixels of every tile of an image, by the tile's number.
 
     Blender tells the pixels of the first tile only, so that all of them, changed or packed as they may be, are saved and read again.
     """
-    check_exists(image, key)
     result = {}
     with tempfile.TemporaryDirectory(prefix="esh-scatter-") as folder:
         ending = ".exr" if image.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") else ".png"
@@ -192,7 +249,7 @@ def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
             loaded = bpy.data.images.load(str(path))
             try:
                 loaded.alpha_mode = image.alpha_mode
-                result[tile.number] = image_luminance(loaded, key)
+                result[tile.number] = image_pixels(loaded, key)
             finally:
                 bpy.data.images.remove(loaded)
     return result

@@ -10,7 +10,8 @@ import numpy as np
 
 from .footprint import Footprint, Footprints
 from .packing import CELLS, in_cells
-from .problem import Problem, with_count
+from .problem import Problem
+from .size import with_count
 from .slopes import level_share, slope_at
 
 if TYPE_CHECKING:

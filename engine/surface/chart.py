@@ -11,6 +11,8 @@ counts as if it were just as steep; parts narrower than a cell may be missed.
 from __future__ import annotations
 
 import math
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -74,8 +76,16 @@ class Chart:
             spots = tuple(values[self._filled] for values in spots)
         self.points = SurfacePoints(self.view, *spots)
         cosine = np.abs(view.cosine[self.points.triangle])
+        self._slopes: dict[float, np.ndarray] = {}
         self.area = np.zeros(self.shape)
         self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
+
+    def with_mesh(self, mesh: TriangleMesh) -> Chart:
+        """Return the chart of a mesh of the same shape: only what it says at its points may be another."""
+        chart, view = copy(self), copy(self.view)
+        view.mesh = mesh
+        chart.view, chart.points = view, replace(self.points, view=view)
+        return chart
 
     @property
     def stretch(self) -> np.ndarray:
@@ -84,8 +94,10 @@ class Chart:
 
     def slope(self, align: float) -> np.ndarray:
         """Return the slopes of planes that lean so far, from 0 to 1, from level towards the surface, shape ``[rows, columns, 2]``."""
-        slope = slope_of_normal(self.points.normal, align)
-        return np.stack([self.continued(along) for along in slope.T], axis=-1)
+        if align not in self._slopes:
+            slope = slope_of_normal(self.points.normal, align)
+            self._slopes[align] = np.stack([self.continued(along) for along in slope.T], axis=-1)
+        return self._slopes[align]
 
     def continued(self, values: np.ndarray) -> np.ndarray:
         """Return values of :attr:`points` over the whole rectangle, shape ``shape``, float32.

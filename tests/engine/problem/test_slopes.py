@@ -5,10 +5,13 @@ import math
 import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import footprints_of
 from esh.engine.problem.cover import cover_of
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.problem.slopes import (
     foreshortened,
     lengthened,
