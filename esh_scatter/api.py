@@ -50,14 +50,26 @@ from ..engine.surface.instances import Instances
 from ..engine.surface.triangle_mesh import TriangleMesh
 from .amount import Amount
 from .densities import (
+    AltitudeDensity,
     AttributeDensity,
+    CameraDensity,
+    ClassDensity,
     Density,
+    DensityLayer,
+    DensityReader,
+    DensityStack,
+    DistanceDensity,
+    FacingDensity,
     ImageDensity,
-    StoredImage,
+    InsideDensity,
+    NoiseDensity,
+    SlopeDensity,
     VertexGroupDensity,
+    attribute_names,
     image_pixels,
     read_density,
 )
+from .density_source import Known
 from .footprint import read_source
 from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
@@ -65,27 +77,34 @@ from .references import Reference
 from .result import CLASS_NAMES, find_result, write_result
 from .standing import Ground, draw, stand
 from .survey import Survey
-from .target import check_exists, check_target, is_result, read_target
+from .target import check_exists, check_target, is_result, members_of, read_target
 
 __all__ = [
+    "AltitudeDensity",
     "Amount",
     "AttributeDensity",
+    "CameraDensity",
+    "ClassDensity",
+    "DensityLayer",
+    "DensityStack",
+    "DistanceDensity",
     "EshError",
+    "FacingDensity",
     "ImageDensity",
+    "InsideDensity",
     "Line",
+    "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
+    "SlopeDensity",
     "Standing",
     "Unsharp",
     "VertexGroupDensity",
     "scatter",
 ]
-
-# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
-_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
 # Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
@@ -149,8 +168,9 @@ class ScatterClass(ClassSettings):
         default=1.0,
         metadata=setting(
             "Where many objects of this class stand, and where few, per area of surface",
-            more="A number (the same everywhere), an image, a vertex group or an attribute; an image of Blender or an array "
-            "``[height, width]`` by itself is stretched over the target seen from above",
+            more="A number (the same everywhere), one of the densities below (:class:`~esh.ImageDensity` and so on), or several as "
+            "layers of a :class:`~esh.DensityStack`; an image of Blender or an array ``[height, width]`` by itself is stretched over "
+            "the target seen from above",
             check=as_given,
         ),
     )
@@ -342,7 +362,7 @@ class ScatterJob:
         numbers: dict[int, int] = {}
         # Sizes that place the same objects, and classes that follow the same image, have it looked at once.
         meshes: dict[int, TriangleMesh | ProblemError] = {}
-        images: dict[int, StoredImage] = {}
+        known: Known = {}
         sources: list[list[_Source]] = []
         for scatter_class in self.classes:
             of_class = []
@@ -355,8 +375,8 @@ class ScatterJob:
                         self._sources.append(Reference(member, "object to place"))
                 self.variants.append([numbers[member.session_uid] for member in members])
             sources.append(of_class)
-        densities = [read_density(c.density, f'`density` of class "{c.name}"', images) for c in self.classes]
-        names = {str(d.name) for d in densities if isinstance(d, VertexGroupDensity | AttributeDensity)}
+        densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
+        names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
         return _Reading(read_target(self.target, context, names), sources, densities, directions)
 
@@ -372,6 +392,8 @@ class ScatterJob:
         self._target_name = reading.target.name
         self.chart = survey.begin(reading.target)
         domain = survey.domain(self.chart)
+        names = [scatter_class.name for scatter_class in self.classes]
+        reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
         shapes_of_classes, values_of_classes = [], []
         for number, scatter_class in enumerate(self.classes):
             shapes = [
@@ -379,8 +401,7 @@ class ScatterJob:
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
             self.shapes += shapes
-            key = f'`density` of class "{scatter_class.name}"'
-            values_of_classes.append(survey.density(reading.densities[number], self.chart, key))
+            values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
         self.problem = Problem(
             domain,
@@ -708,14 +729,14 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
     if isinstance(source, bpy.types.Collection):
-        where = f'collection "{source.name}"'
-        members = [item for item in source.all_objects if item.type in _INSTANCED_TYPES]
+        members = members_of(source)
         if not members:
+            where = f'collection "{source.name}"'
             raise ProblemError(f"`source` of {key} must hold objects with geometry; {where} has none")
     elif isinstance(source, bpy.types.Object):
-        where, members = f'object "{source.name}"', [source]
-        if source.type not in _INSTANCED_TYPES:
-            raise ProblemError(f"`source` of {key} must have geometry; {where} is of type {source.type}")
+        members = members_of(source)
+        if not members:
+            raise ProblemError(f'`source` of {key} must have geometry; object "{source.name}" is of type {source.type}')
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
     for member in members:
@@ -725,7 +746,7 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
-    return sorted(members, key=lambda member: member.name_full)
+    return members
 
 
 def _read_size(
