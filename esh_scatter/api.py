@@ -74,7 +74,7 @@ from .footprint import read_source
 from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .references import Reference
-from .result import CLASS_NAMES, find_result, write_result
+from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
 from .survey import Survey
 from .target import check_exists, check_target, is_result, members_of, read_target
@@ -651,6 +651,7 @@ class ScatterJob:
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
+            **_overlapping(placement),
         }
 
 
@@ -851,6 +852,15 @@ def _with_any_outline(size: Size, shape: _Shape) -> Size:
 
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:
     return Size(size.name, shape.area, size.count, size.share, size.distribution, shape.line)
+
+
+def _overlapping(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attribute that says of every point whether its object overlaps another; none where no two do."""
+    if placement.report is None or not placement.report.overlapping:
+        return {}
+    overlaps = np.zeros(len(placement.position), bool)
+    overlaps[list(placement.report.overlapping)] = True
+    return {OVERLAPPING: ("BOOLEAN", overlaps)}
 
 
 def _rgba(color: Sequence[float] | None) -> tuple[float, ...]:

@@ -76,6 +76,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         deepest_overlap=overlaps.deepest,
         deepest_pair=overlaps.pair,
         deepest_place=overlaps.place,
+        overlapping=overlaps.bodies,
         covered=covered,
         classes=_class_reports(placement, errors),
         notes=tuple(notes),

@@ -22,6 +22,8 @@ __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_
 TOLERANCE = 1e-3
 # No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
 MOST_OVERLAPS_PER_BODY = 200
+# Bodies that are named.
+MOST_NAMED = 10_000
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
@@ -38,12 +40,14 @@ class Overlaps:
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
         place: The middle between the two [m].
+        bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
     place: tuple[float, float] | None = None
+    bodies: tuple[int, ...] = ()
 
 
 def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
@@ -179,7 +183,8 @@ def find_overlaps(
     if domain.periodic:
         middle = np.mod(middle, domain.size)
     pair = (min(one, other), max(one, other))
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])))
+    named = np.argsort(-depth, kind="stable")[: min(MOST_NAMED, int((depth > 0.0).sum()))]
+    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
 def _bodies(
