@@ -46,7 +46,8 @@ class Given:
     """What outlines bodies have: shape, factor on it, how it is turned, and of lines the length of the axis and the thickness.
 
     Corners of the shapes, one shape after the other from ``start`` on, and their roundings, reaches and widths without roundings. The
-    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on all of it.
+    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on all of it. ``slope`` is that of the plane
+    that it lies in; there is none where all planes are horizontal.
     """
 
     shape: wp.array(dtype=wp.int32)
@@ -61,6 +62,18 @@ class Given:
     shape_reach: wp.array(dtype=wp.float64)
     shape_width: wp.array(dtype=wp.float64)
     capsule: wp.int32
+    slope: wp.array(dtype=wp.vec2d)
+
+
+@wp.func
+def seen_from_above(p: wp.vec2d, c: wp.float64, s: wp.float64, slope: wp.vec2d):
+    """A point of an outline that is turned by the angle of this cosine and sine, and leans as the plane that it lies in."""
+    at = wp.vec2d(p[0] * c - p[1] * s, p[0] * s + p[1] * c)
+    square = wp.dot(slope, slope)
+    if square == ZERO:
+        return at
+    # 1 - cosine, over the square.
+    return at - slope * (wp.dot(at, slope) / (ONE + square + wp.sqrt(ONE + square)))
 
 
 @wp.kernel
@@ -85,14 +98,24 @@ def lay_out(
     shapes.width[i] = given.shape_width[shape] * scale + wp.float64(2.0) * rounding
     c = wp.cos(given.angle[i])
     s = wp.sin(given.angle[i])
+    slope = wp.vec2d(ZERO, ZERO)
+    if given.slope.shape[0] > 0:
+        slope = given.slope[i]
+        if given.length[i] > ZERO:
+            # The angle of a line is that of its axis as it is seen from above.
+            way = wp.vec2d(c, s)
+            way = way + slope * (wp.dot(way, slope) / (ONE + wp.sqrt(ONE + wp.dot(slope, slope))))
+            way = wp.normalize(way)
+            c = way[0]
+            s = way[1]
     begin = given.start[shape]
     count = given.start[shape + 1] - begin
     to = shapes.first_corner[i]
     for k in range(count):
         p = given.corner[begin + k] * scale
         q = given.corner[begin + (k + 1) % count] * scale
-        at = wp.vec2d(p[0] * c - p[1] * s, p[0] * s + p[1] * c)
-        edge = wp.vec2d(q[0] * c - q[1] * s, q[0] * s + q[1] * c) - at
+        at = seen_from_above(p, c, s, slope)
+        edge = seen_from_above(q, c, s, slope) - at
         size = wp.length(edge)
         if size == ZERO:
             size = ONE

@@ -22,6 +22,8 @@ __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_
 TOLERANCE = 1e-3
 # No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
 MOST_OVERLAPS_PER_BODY = 200
+# Bodies that are named.
+MOST_NAMED = 10_000
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Parts in which bodies are sorted into cells on a GPU; threads of a processor have one each.
@@ -40,12 +42,14 @@ class Overlaps:
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
         place: The middle between the two [m].
+        bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
     place: tuple[float, float] | None = None
+    bodies: tuple[int, ...] = ()
 
 
 def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
@@ -136,7 +140,9 @@ def find_overlaps(
     if n == 0:
         return Overlaps(0)
     device = launcher.device
-    shapes = _laid_out(footprints, position, angle, length, width, np.ones(n) if smaller is None else smaller, launcher)
+    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else np.zeros((0, 2))
+    factor = np.ones(n) if smaller is None else smaller
+    shapes = _laid_out(footprints, position, angle, length, width, factor, slope, launcher)
     stays = np.zeros(n, np.int32) if fixed is None else fixed.astype(np.int32)
     shapes.fixed = wp.array(stays, dtype=wp.int32, device=device)
     reach = shapes.reach.numpy()
@@ -164,7 +170,9 @@ def find_overlaps(
     other = int(partner.numpy()[one])
     middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
     pair = (min(one, other), max(one, other))
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])))
+    lying = np.flatnonzero(depth > 0.0)
+    named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
+    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
 def _laid_out(
@@ -174,9 +182,10 @@ def _laid_out(
     length: np.ndarray,
     width: np.ndarray,
     smaller: np.ndarray,
+    slope: np.ndarray,
     launcher: Launcher,
 ) -> kernels_overlaps.Shapes:
-    """What lies where, but for what is fixed."""
+    """What lies where, but for what is fixed; without slopes all lies in horizontal planes."""
     device, n = launcher.device, len(position)
 
     def numbers(values: np.ndarray) -> wp.array:
@@ -196,6 +205,7 @@ def _laid_out(
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
+    given.slope = wp.array(slope, dtype=wp.vec2d, device=device)
     first = np.zeros(n + 1, np.int32)
     np.cumsum(np.diff(start)[shape], out=first[1:])
     shapes = kernels_overlaps.Shapes()
