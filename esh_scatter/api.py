@@ -50,15 +50,18 @@ from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
+from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
 from .footprint import measure_footprint
 from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .on_whole_surface import class_on_surface, mean_footprint
 from .references import Reference
 from .result import CLASS_NAMES, find_result, write_result
 from .standing import Ground, draw, stand
-from .target import check_exists, check_target, is_result, read_target
+from .target import check_exists, is_result
+from .targets import Target, Targets, chart_of, read_targets, stuck_attributes
 
 __all__ = [
     "Amount",
@@ -216,11 +219,16 @@ class ScatterResult:
 
 
 class _Placed(NamedTuple):
-    """Where objects stand, and what is known of their points; ``lift`` is the way from point to origin [m], ``[n, 3]``, float32."""
+    """Where objects stand, and what is known of their points.
+
+    ``lift`` is the way from point to origin [m], shape ``[n, 3]``, float32; ``stuck`` are attributes that tell where on the target's
+    mesh points are.
+    """
 
     instances: Instances
     ground: Ground
     lift: np.ndarray
+    stuck: dict[str, tuple[str, np.ndarray]]
 
 
 @takes(ScatterSettings)
@@ -242,7 +250,7 @@ class ScatterJob:
 
     def __init__(
         self,
-        target: bpy.types.Object,
+        target: Target,
         classes: Sequence[ScatterClass],
         settings: ScatterSettings | None = None,
         *,
@@ -257,7 +265,7 @@ class ScatterJob:
         self.name = check_name(name, "`name`")
         self.device = resolve_device(self.settings.device).alias
         self._scene = Reference(context.scene, "scene")
-        self._target = Reference(check_target(target, context), "target")
+        self._targets = Targets(target, context)
         replaced = _check_result(result)
         self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = _check_classes(classes)
@@ -275,7 +283,7 @@ class ScatterJob:
         for scatter_class in self.classes:
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
-                members = _source_objects(size.source, self.target, key)
+                members = _source_objects(size.source, self._targets.objects, key)
                 self.shapes.append(_shape(size, scatter_class, members, context, key, measured))
                 for member in members:
                     if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
@@ -284,21 +292,26 @@ class ScatterJob:
         names = {
             str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
         }
-        self.chart = Chart(read_target(self.target, context, names))
+        self.chart = chart_of(read_targets(self._targets.objects, context, names, self.settings), self.settings)
+        if isinstance(self.chart, WholeSurface):
+            # What is long by its outline counts as a disc of its area there.
+            given = [size.line for c in self.classes for size in c.sizes]
+            self.shapes = [
+                shape if line else replace(shape, line=None) for shape, line in zip(self.shapes, given, strict=True)
+            ]
         shape = iter(self.shapes)
-        domain = Domain((float(self.chart.size[0]), float(self.chart.size[1])))
         self.problem = Problem(
-            domain,
-            [self._prepare_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
+            self.chart.surface if isinstance(self.chart, WholeSurface) else _rectangle(self.chart),
+            [self._prepare_class(c, [next(shape) for _ in c.sizes]) for c in self.classes],
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
         )
         self.placement: Placement | None = None
 
     @property
-    def target(self) -> bpy.types.Object:
-        """The mesh to scatter on; raises ProblemError once it is no longer in the file."""
-        return self._target.get()
+    def target(self) -> bpy.types.Object | bpy.types.Collection:
+        """What is scattered on, of several objects the first; raises ProblemError once it is no longer in the file."""
+        return self._targets.owner
 
     @property
     def result(self) -> bpy.types.Object | None:
@@ -343,30 +356,37 @@ class ScatterJob:
         item.data[SEED] = self.settings.seed
         return ScatterResult(item, self.placement.report, self.placement, placed.instances, tuple(sources))
 
-    def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> PreparedClass:
-        """Return what the engine is to place: densities and counts as the slopes of the surface make them."""
+    def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape]) -> PreparedClass | BodyClass:
+        """Return what the engine is to place."""
+        if isinstance(self.chart, WholeSurface):
+            sizes = [_engine_size(size, shape) for size, shape in zip(scatter_class.sizes, shapes, strict=True)]
+            return class_on_surface(self.chart, scatter_class, sizes, self._densities)
+        return self._prepare_from_above(self.chart, scatter_class, shapes)
+
+    def _prepare_from_above(self, chart: Chart, scatter_class: ScatterClass, shapes: list[_Shape]) -> PreparedClass:
+        """Return a class with densities and counts as the slopes of the surface make them."""
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
-        values = self._density_on_surface(c.density, key)
+        values = self._density_on_surface(chart, c.density, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
         count = 1 if isinstance(c.count, Amount) else c.count
         asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
         surface = prepare_density(asked)
         if isinstance(c.count, Amount):
-            asked = replace(asked, count=self._number(c.count, asked, surface.image))
-        density = surface.image * self.chart.stretch
+            asked = replace(asked, count=_number(chart, c.count, asked, surface.image))
+        density = surface.image * chart.stretch
         mean = float(density.mean())
         if not mean > 0.0:
-            raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
-        sizes = list(count_sizes(asked, domain.area * mean))
+            raise ProblemError(f"{key} must be above 0 somewhere on {chart.view.mesh.name}; it is 0 everywhere")
+        sizes = list(count_sizes(asked, _rectangle(chart).area * mean))
         if self.settings.avoid_overlap:
             sizes = [self._with_outlines(size, shape, c) for size, shape in zip(sizes, shapes, strict=True)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
         if lines and isinstance(c.direction, str) and c.direction == "density":
-            direction = self._edge_directions(surface.image)
+            direction = _edge_directions(chart, surface.image)
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
@@ -398,32 +418,14 @@ class ScatterJob:
         random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
         return (random[identity, 0] * number).astype(int)
 
-    def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
+    def _density_on_surface(self, chart: Chart, density: Density, key: str) -> np.ndarray:
         """Return a class's density on the chart; it was read once where several classes have the same."""
         same = id(density) if isinstance(density, np.ndarray) else density
         if not isinstance(same, Hashable):
-            return self.chart.continued(density_at(density, self.chart.points, key))
+            return chart.continued(density_at(density, chart.points, key))
         if same not in self._densities:
-            self._densities[same] = self.chart.continued(density_at(density, self.chart.points, key))
+            self._densities[same] = chart.continued(density_at(density, chart.points, key))
         return self._densities[same]
-
-    def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
-        """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
-        if density.min() == density.max():
-            return "none"
-        cell_width, cell_height = (float(length) for length in self.chart.cell)
-        edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
-        weight = np.where(self.chart.area > 0.0, edges.weight, 0.0)
-        if not weight.any():
-            return "none"
-        weight /= weight.max()
-        return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
-
-    def _number(self, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
-        """Return how many bodies an amount is on this surface."""
-        area = float((np.minimum(density, 1.0) * self.chart.area).sum())
-        footprint = 1.0 / sum((size.share or 0.0) / size.mean_area for size in asked.sizes)
-        return amount.number(area, footprint, f'class "{asked.name}"')
 
     def _place(self, placement: Placement) -> _Placed:
         """Choose every point's variant, and stand it on the surface."""
@@ -431,7 +433,9 @@ class ScatterJob:
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         outlined_sizes = [size.footprint is not None for c in self.problem.classes for size in c.sizes]
         group = first[placement.class_index] + placement.size_index
-        surface = self.chart.lift(placement.position)
+        surface = (
+            self.chart.lift(placement) if isinstance(self.chart, WholeSurface) else self.chart.lift(placement.position)
+        )
         ground = Ground(
             np.arange(count, dtype=np.int32),
             surface.normal,
@@ -471,7 +475,7 @@ class ScatterJob:
                 scatter_class.standing or everyones, ground.part(own), self.settings.seed
             )
         position = (surface.position + lift).astype(np.float32)
-        return _Placed(Instances(position, rotation, scale, source), ground, lift)
+        return _Placed(Instances(position, rotation, scale, source), ground, lift, stuck_attributes(surface))
 
     def _attributes(self, placement: Placement, placed: _Placed) -> dict[str, tuple[str, np.ndarray]]:
         instances, ground = placed.instances, placed.ground
@@ -485,12 +489,13 @@ class ScatterJob:
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
+            **placed.stuck,
         }
 
 
 @takes(ScatterSettings)
 def scatter(
-    target: bpy.types.Object,
+    target: Target,
     classes: Sequence[ScatterClass],
     settings: ScatterSettings | None = None,
     *,
@@ -502,8 +507,8 @@ def scatter(
     """Place objects on a mesh, all classes and sizes at once.
 
     Args:
-        target: Mesh object of the current view layer, used with its modifiers and as it stands in the world. It is seen
-            from above: where it overhangs itself, the topmost surface counts.
+        target: Mesh object of the current view layer, several of them, or a collection of them, used with their modifiers and as
+            they stand in the world. Several are one surface where they touch. Seen from above, the topmost surface counts.
         classes: What to place, how many, following which densities.
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
@@ -522,6 +527,30 @@ def scatter(
     job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
     job.solve(progress)
     return job.write()
+
+
+def _rectangle(chart: Chart) -> Domain:
+    """Return the domain of a problem that is seen from above."""
+    return Domain((float(chart.size[0]), float(chart.size[1])))
+
+
+def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
+    """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
+    if density.min() == density.max():
+        return "none"
+    cell_width, cell_height = (float(length) for length in chart.cell)
+    edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
+    weight = np.where(chart.area > 0.0, edges.weight, 0.0)
+    if not weight.any():
+        return "none"
+    weight /= weight.max()
+    return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
+
+
+def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
+    """Return how many bodies an amount is on this surface."""
+    area = float((np.minimum(density, 1.0) * chart.area).sum())
+    return amount.number(area, mean_footprint(asked), f'class "{asked.name}"')
 
 
 def _check_result(result: object) -> bpy.types.Object | None:
@@ -558,7 +587,7 @@ def _check_classes(classes: object) -> list[ScatterClass]:
     return list(classes)
 
 
-def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[bpy.types.Object]:
+def _source_objects(source: object, targets: list[bpy.types.Object], key: str) -> list[bpy.types.Object]:
     """Return the objects that a size instances: the source itself, or the variants in a collection, by name."""
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
@@ -574,9 +603,9 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
     for member in members:
-        if member == target:
+        if member in targets:
             raise ProblemError(
-                f'`source` of {key} must not hold the target "{target.name}", which would stand on itself'
+                f'`source` of {key} must not hold the target "{member.name}", which would stand on itself'
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
