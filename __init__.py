@@ -25,16 +25,21 @@ if TYPE_CHECKING:
     from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
+    from .engine.problem.balance import Balance
+    from .engine.problem.body_class import BodyClass, Unsharp
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.cover import Cover, cover_of
+    from .engine.problem.domain import Domain
     from .engine.problem.fixed_bodies import FixedBodies, FixedBody
     from .engine.problem.footprint import Footprint, Footprints
+    from .engine.problem.line import Line
     from .engine.problem.obstacles import Obstacle
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
-    from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+    from .engine.problem.problem import Problem
     from .engine.problem.report import ClassReport, Report, SizeReport
     from .engine.problem.scatter_settings import ScatterSettings, Standing
+    from .engine.problem.size import Size
     from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
     from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
     from .engine.scenes.solve_many import solve_many
@@ -135,15 +140,15 @@ __all__ = [
 _MODULES = {
     "Amount": ".esh_scatter.amount",
     "AttributeDensity": ".esh_scatter.densities",
-    "Balance": ".engine.problem.problem",
+    "Balance": ".engine.problem.balance",
     "Bodies": ".engine.files.bodies",
-    "BodyClass": ".engine.problem.problem",
+    "BodyClass": ".engine.problem.body_class",
     "BodyFlags": ".engine.solver.body_flags",
     "ClassReport": ".engine.problem.report",
     "Cover": ".engine.problem.cover",
     "Density": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
-    "Domain": ".engine.problem.problem",
+    "Domain": ".engine.problem.domain",
     "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
     "Footprint": ".engine.problem.footprint",
@@ -155,7 +160,7 @@ _MODULES = {
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
     "Instances": ".engine.surface.instances",
-    "Line": ".engine.problem.problem",
+    "Line": ".engine.problem.line",
     "Outline": ".engine.surface.footprint",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
@@ -172,7 +177,7 @@ _MODULES = {
     "ScatterResult": ".esh_scatter.api",
     "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
-    "Size": ".engine.problem.problem",
+    "Size": ".engine.problem.size",
     "SizeReport": ".engine.problem.report",
     "Solver": ".engine.solver.solver",
     "Standing": ".engine.problem.scatter_settings",
@@ -183,7 +188,7 @@ _MODULES = {
     "SurfaceMesh": ".engine.problem.surface",
     "SurfaceState": ".engine.solver.surface_state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
-    "Unsharp": ".engine.problem.problem",
+    "Unsharp": ".engine.problem.body_class",
     "VertexGroupDensity": ".esh_scatter.densities",
     "cover_of": ".engine.problem.cover",
     "draw_plan": ".engine.drawing.plan",

@@ -17,24 +17,19 @@ import numpy as np
 
 from ..engine.device.launcher import resolve_device
 from ..engine.errors import EshError, ProblemError
+from ..engine.problem.balance import Balance
+from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.domain import Domain
 from ..engine.problem.footprint import Footprint, Footprints
+from ..engine.problem.line import Line
 from ..engine.problem.placement import Placement
 from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
-from ..engine.problem.problem import (
-    Balance,
-    BodyClass,
-    ClassSettings,
-    Domain,
-    Line,
-    Problem,
-    SamplingSettings,
-    Size,
-    Unsharp,
-)
+from ..engine.problem.problem import Problem, SamplingSettings
 from ..engine.problem.report import Report
 from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
+from ..engine.problem.size import Size
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .problem import Problem, Size
+from .problem import Problem
+from .size import Size
 
 __all__ = ["BodyCharges", "charges_of"]
 

@@ -13,8 +13,9 @@ import numpy as np
 from ..device.launcher import Launcher, resolve_device
 from ..device.profile import Profile
 from ..errors import ProblemError
+from ..problem.domain import Domain
 from ..problem.placement import Placement
-from ..problem.problem import Domain, Problem
+from ..problem.problem import Problem
 from ..problem.surface import Surface
 from .descent import Descent
 from .edit import CarriedOver, carry_lines, carry_over

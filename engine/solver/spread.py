@@ -7,8 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..problem.balance import Balance
+from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Balance, Domain, Problem, Size
+from ..problem.problem import Problem
+from ..problem.size import Size
 from .descent import Descent
 from .final_placement import position_in_metres
 from .model import Model

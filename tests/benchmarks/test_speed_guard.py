@@ -14,7 +14,11 @@ import pytest
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.field.kernels_field import CELLS_PER_CUTOFF
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.descent import Descent
 from esh.engine.solver.model import Model

@@ -6,7 +6,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import properties, registration  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.properties.body_class import CLASS_COLORS  # noqa: E402
+from esh.esh_scatter.properties.names import unused_name  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -61,18 +63,14 @@ def test_names_in_a_list_differ(scatter):
     ],
 )
 def test_unused_names_count_as_blender_does(name, taken, expected):
-    assert (
-        properties.unused_name(name, taken) == expected
-        if name != "a.001"
-        else properties.unused_name(name, taken) not in taken
-    )
+    assert unused_name(name, taken) == expected if name != "a.001" else unused_name(name, taken) not in taken
 
 
 def test_new_classes_get_colours_of_their_own(scatter):
-    for _ in range(len(properties.CLASS_COLORS) - 2):
+    for _ in range(len(CLASS_COLORS) - 2):
         scatter.add_class()
     colours = {tuple(round(v, 3) for v in c.color) for c in scatter.classes}
-    assert len(colours) == len(properties.CLASS_COLORS)
+    assert len(colours) == len(CLASS_COLORS)
 
 
 def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):

@@ -14,7 +14,10 @@ from esh.engine.device import launcher as launching
 from esh.engine.device.launcher import Launcher, core_count, resolve_device
 from esh.engine.device.profile import Profile
 from esh.engine.errors import DeviceError
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.space.cell_sort import CellSort
 

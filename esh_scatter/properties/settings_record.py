@@ -8,6 +8,8 @@ from typing import Any
 
 import bpy
 
+from .influence import WITHOUT_INFLUENCE
+
 __all__ = ["changes", "record"]
 
 # What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
@@ -71,8 +73,6 @@ def _differing(before: dict[str, Any], now: dict[str, Any], group: Any) -> list[
 @lru_cache(maxsize=8)
 def _influential(group: Any) -> tuple[str, ...]:
     """Return the names of the properties of a group that have an influence on the result."""
-    from .properties import WITHOUT_INFLUENCE
-
     names = (told.identifier for told in group.bl_rna.properties if told.type != "COLLECTION")
     return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
 
