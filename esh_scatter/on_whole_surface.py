@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..engine.errors import ProblemError
+from ..engine.problem.body_class import BodyClass, ClassSettings
 from ..engine.problem.prepared_class import prepare
-from ..engine.problem.problem import BodyClass, ClassSettings, Size
 from ..engine.problem.settings import values_of
+from ..engine.problem.size import Size
 from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 from .densities import Density, density_at

@@ -202,8 +202,8 @@ def _outward(mesh: TriangleMesh, item: bpy.types.Object, context: bpy.types.Cont
     """Return a mesh whose triangles look to the same side as its faces, also where the object is mirrored."""
     if np.linalg.det(world_matrix(item, context)[:3, :3]) >= 0.0:
         return mesh
-    turned = {name: np.ascontiguousarray(getattr(mesh, name)[:, [0, 2, 1]]) for name in ("triangle", "corner")}
-    return replace(mesh, **turned)
+    triangle, corner = (np.ascontiguousarray(values[:, [0, 2, 1]]) for values in (mesh.triangle, mesh.corner))
+    return replace(mesh, triangle=triangle, corner=corner)
 
 
 def _name_of(objects: Sequence[bpy.types.Object]) -> str:

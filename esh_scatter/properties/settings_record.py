@@ -10,7 +10,7 @@ import bpy
 
 from .influence import WITHOUT_INFLUENCE
 
-__all__ = ["changes", "record"]
+__all__ = ["changes", "completed", "record"]
 
 # What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("random_turn", "scale_jitter")
@@ -35,6 +35,15 @@ def record(scatter: Any, classes: Sequence[Any], target: Any) -> dict[str, Any]:
             str(c.uid): {"values": _values(c, more), "sizes": [_values(size) for size in c.sizes]} for c in classes
         },
     }
+
+
+def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
+    """Return a record with what settings that are newer than it would have had then: their defaults."""
+    if not before:
+        return before
+    kind: Any = type(scatter)
+    names = _influential(kind)
+    return {**before, "scatter": {**{name: _default(scatter, name) for name in names}, **before["scatter"]}}
 
 
 def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[str]:
@@ -68,6 +77,13 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
 def _differing(before: dict[str, Any], now: dict[str, Any], group: Any) -> list[str]:
     properties = group.bl_rna.properties
     return [properties[name].name.lower() for name, value in now.items() if before.get(name) != value]
+
+
+def _default(group: Any, name: str) -> Any:
+    told = group.bl_rna.properties[name]
+    if told.type == "POINTER":
+        return None
+    return list(told.default_array) if getattr(told, "is_array", False) else told.default
 
 
 @lru_cache(maxsize=8)

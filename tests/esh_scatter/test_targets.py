@@ -363,3 +363,23 @@ def test_several_classes_of_several_sizes_do_not_overlap_on_a_torus():
     result.object.data.attributes["scale"].data.foreach_get("vector", scale)
     scale = scale.reshape(-1, 3)[values(result.object, "class_index") == 1, 0]
     assert scale.max() / scale.min() > 2.0
+
+
+def test_the_sidebar_scatters_on_a_whole_surface_and_shows_its_report():
+    from esh.esh_scatter import registration, words
+
+    registration.register()
+    try:
+        settings = bpy.context.scene.esh_scatter.add_scatter(added("torus"))
+        settings.add_class().sizes[0].source_object = chip()
+        settings.classes[0].sizes[0].count, settings.device = 150, "CPU"
+        settings.surface, settings.max_steps = "AUTO", 30
+        assert bpy.ops.esh.scatter() == {"FINISHED"}
+        below = points(settings.result)[:, 2] < -0.05
+        assert 40 < below.sum() < 110
+        assert "150 placed · no overlap · very even" in words.summary(settings.report)
+        assert not settings.outdated
+        settings.both_sides = True
+        assert settings.changes() == ["both sides"]
+    finally:
+        registration.unregister()
