@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,6 @@ from ..engine.problem.settings import values_of
 from ..engine.problem.size import Size
 from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
-from .densities import Density, density_at
 
 if TYPE_CHECKING:
     from .api import ScatterClass
@@ -24,7 +23,7 @@ __all__ = ["class_on_surface", "mean_footprint"]
 
 
 def class_on_surface(
-    chart: WholeSurface, scatter_class: ScatterClass, sizes: Sequence[Size], read: dict[object, np.ndarray]
+    chart: WholeSurface, scatter_class: ScatterClass, sizes: Sequence[Size], values: np.ndarray
 ) -> BodyClass:
     """Return a class as the engine takes it.
 
@@ -32,17 +31,16 @@ def class_on_surface(
         chart: The target.
         scatter_class: What is asked.
         sizes: Its sizes as the engine takes them.
-        read: Densities that have been read, by what they are; those of this class are added.
+        values: Its density at the points of the chart, shape ``[n]``.
 
     Raises:
-        ProblemError: A density that cannot be read, or what is not known on whole surfaces.
+        ProblemError: What is not known on whole surfaces.
     """
     c = scatter_class
     if c.unsharp is not None:
         raise ProblemError(
             f'`unsharp` of class "{c.name}" must be None on a whole surface; densities are sharpened only from above'
         )
-    values = _density(chart, c.density, f'`density` of class "{c.name}"', read)
     even = values.min() == values.max()
     density = float(values[0]) if even else chart.density(values)
     if not isinstance(c.count, Amount):
@@ -56,12 +54,3 @@ def class_on_surface(
 def mean_footprint(asked: BodyClass) -> float:
     """Return the mean ground that one body of a class takes [m²]."""
     return 1.0 / sum((size.share or 0.0) / size.mean_area for size in asked.sizes)
-
-
-def _density(chart: WholeSurface, density: Density, key: str, read: dict[object, np.ndarray]) -> np.ndarray:
-    same = id(density) if isinstance(density, np.ndarray) else density
-    if not isinstance(same, Hashable):
-        return density_at(density, chart.points, key)
-    if same not in read:
-        read[same] = density_at(density, chart.points, key)
-    return read[same]

@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.errors import ProblemError
 from ..engine.problem.scatter_settings import TargetSettings
 from ..engine.problem.validation import show
-from ..engine.surface.chart import Chart
+from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.joined_mesh import joined, limited, two_sided
 from ..engine.surface.surface_points import SurfacePoints
 from ..engine.surface.triangle_mesh import TriangleMesh
@@ -122,8 +122,8 @@ def read_targets(
     return two_sided(mesh) if settings.both_sides else mesh
 
 
-def chart_of(mesh: TriangleMesh, settings: TargetSettings) -> Chart | WholeSurface:
-    """Return the part of a target that is scattered on, as the settings choose it.
+def chart_of(mesh: TriangleMesh, settings: TargetSettings, resolution: int = RESOLUTION) -> Chart | WholeSurface:
+    """Return the part of a target that is scattered on, as the settings choose it; with so many cells along a chart's longer side.
 
     Raises:
         ProblemError: There is nothing of it.
@@ -131,11 +131,11 @@ def chart_of(mesh: TriangleMesh, settings: TargetSettings) -> Chart | WholeSurfa
     if settings.surface == "whole" or settings.both_sides:
         return WholeSurface(mesh)
     if settings.surface == "above":
-        return Chart(mesh)
+        return Chart(mesh, resolution)
     corner = mesh.position[mesh.triangle]
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum()
     try:
-        chart = Chart(mesh)
+        chart = Chart(mesh, resolution)
     except ProblemError:  # nothing is seen from above
         return WholeSurface(mesh)
     return chart if chart.area.sum() > UPPER_SIDE * area else WholeSurface(mesh)

@@ -6,6 +6,9 @@ the solver can ask for them anywhere.
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 
 from ..problem.placement import Placement
@@ -57,6 +60,13 @@ class WholeSurface:
                 _lattice(cuts), (len(own), 1)
             )
         self.points = self._points(triangle, weight)
+
+    def with_mesh(self, mesh: TriangleMesh) -> WholeSurface:
+        """Return the surface of a mesh of the same shape: only what it says at its points may be another."""
+        whole = copy(self)
+        whole.mesh = mesh
+        whole.points = replace(self.points, view=whole)
+        return whole
 
     @property
     def area(self) -> float:

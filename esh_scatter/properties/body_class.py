@@ -231,6 +231,12 @@ class ESH_PG_class(PropertyGroup):
     size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
 
     @property
+    def unused(self) -> set[str]:
+        """Images that have no influence as the other settings are."""
+        unused = set() if self.density_kind == "IMAGE" else {"image"}
+        return unused if self.direction_kind == "IMAGE" else unused | {"direction_image"}
+
+    @property
     def count(self) -> int:
         """Number of bodies in all sizes, as far as it is known before the run."""
         return self.total if self.count_kind == "TOTAL" else sum(size.count for size in self.sizes)

@@ -3,8 +3,6 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
-from typing import Any
-
 import bpy
 from bpy.props import EnumProperty, PointerProperty
 
@@ -78,12 +76,3 @@ class WithTarget:
         if scene.objects.get(self.target.name) != self.target:
             return f'"{self.target.name}" is no longer in this scene; choose another target'
         return None
-
-    def target_state(self) -> list[Any] | None:
-        """Return what a result depends on of the target, ready for JSON: names, vertex counts, where they stand."""
-        found = [
-            [item.name_full, len(item.data.vertices), [list(row) for row in item.matrix_world]] for item in self.targets
-        ]
-        if not found:
-            return None
-        return found[0] if self.target_kind == "OBJECT" else found
