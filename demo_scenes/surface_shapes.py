@@ -159,7 +159,7 @@ def icing(radius: float, thickness: float, depth: float, seed: int) -> tuple[Sha
     thick = depth * np.sqrt(np.maximum(1.0 - edge**9, 0.0)) - np.where(edge > 0.999, 0.7 * depth, 0.0)
     vertex = _on_ring(around, about, radius, thickness + thick)
     face = grid_faces(rows, columns, round_rows=True)
-    return (vertex, face), np.tile(edge, 1)[face].max(axis=1) < 0.86
+    return (vertex, face), edge[face].max(axis=1) < 0.86
 
 
 def _angles(rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
@@ -199,13 +199,9 @@ def hull(length: float, beam: float, draft: float, board: float) -> tuple[Shape,
     rows, columns = 220, 161
     along = np.linspace(-1.0, 1.0, rows)[:, None]
     girth = np.linspace(-1.0, 1.0, columns)
-    width = (
-        0.5
-        * beam
-        * np.where(
-            along > -0.2, np.maximum(1.0 - ((along + 0.2) / 1.2) ** 2.3, 0.0) ** 0.75, 1.0 - 0.2 * (along + 0.2) ** 2
-        )
-    )
+    fore = np.maximum((along + 0.2) / 1.2, 0.0)
+    aft = np.minimum(along + 0.2, 0.0)
+    width = 0.5 * beam * np.maximum(1.0 - fore**2.3, 0.0) ** 0.75 * (1.0 - 0.2 * aft**2)
     width = np.maximum(width, 0.012)
     keel = -draft * (1.0 - 0.75 * np.maximum(along, 0.0) ** 3 - 0.45 * np.maximum(-along, 0.0) ** 2)
     rail = board * (1.0 + 0.55 * np.maximum(along, 0.0) ** 2 + 0.12 * along**2)

@@ -152,9 +152,9 @@ def doughnut(device: str) -> list[Scattered]:
         ),
     )
     table.data.materials.append(glossy("Table", (0.22, 0.39, 0.42), roughness=0.7, coat=0.0))
-    set_light(scene, (-0.5, 0.35, 0.75), 2.6, (0.8, 0.86, 0.95), 0.55)
+    set_light(scene, (-0.55, 0.15, 0.7), 3.6, (0.86, 0.9, 0.97), 0.8)
     camera = add_camera(scene, "Doughnut", (0.13, -0.185, 0.16), (-0.022, 0.03, 0.013), lens=48.0, clip_end=20.0)
-    camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 0.232, 5.6
+    camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 0.225, 16.0
     scene.camera = camera
     return [Scattered(first, [iced[0]]), Scattered(second, [iced[1]])]
 
@@ -199,7 +199,7 @@ def rocks(device: str) -> list[Scattered]:
             * above
             * np.clip(2.2 * (0.5 + 0.5 * shapes.waves(place, 0.35, 60)) - 0.7, 0.0, 1.0),
         )
-    green = leafy("Moss", [(0.0, (0.075, 0.13, 0.012)), (0.5, (0.14, 0.2, 0.018)), (1.0, (0.26, 0.27, 0.03))])
+    green = leafy("Moss", [(0.0, (0.13, 0.22, 0.02)), (0.5, (0.25, 0.34, 0.03)), (1.0, (0.42, 0.44, 0.05))])
     crust = leafy(
         "Lichen",
         [(0.0, (0.72, 0.36, 0.05)), (0.45, (0.78, 0.5, 0.12)), (0.55, (0.55, 0.58, 0.47)), (1.0, (0.66, 0.68, 0.6))],
@@ -261,7 +261,7 @@ def rocks(device: str) -> list[Scattered]:
         bump=0.03,
     )
     _object("Soil", (flat, shapes.grid_faces(181, 181)), soil)
-    set_light(scene, (0.75, -0.5, 0.62), 3.4, (0.55, 0.68, 0.85), 0.5)
+    set_light(scene, (0.2, -0.62, 0.8), 4.2, (0.62, 0.74, 0.9), 1.0)
     camera = add_camera(scene, "Rocks", (-1.75, -3.7, 1.25), (0.08, -0.1, 0.36), lens=50.0, clip_end=60.0)
     camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 3.6, 4.0
     scene.camera = camera
@@ -355,8 +355,6 @@ def boat(device: str) -> list[Scattered]:
     for x in (-1.15, 0.55):
         block = _object("Block", shapes.box((0.3, 1.1, 0.2)), wood, smooth=False)
         block.location = (x, 0.0, 0.1)
-    rail = _object("Rail", (vertex[vertex[:, 2] > 0.0], np.zeros((0, 4), int)))
-    bpy.data.objects.remove(rail)
     concrete = mottled(
         "Concrete", [(0.3, (0.26, 0.25, 0.235)), (0.7, (0.38, 0.37, 0.35))], 1.4, roughness=0.9, bump=0.01, fine=0.05
     )
