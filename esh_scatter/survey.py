@@ -6,7 +6,7 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from ..engine.problem.problem import Domain
+from ..engine.problem.domain import Domain
 from ..engine.problem.scatter_settings import TargetSettings
 from ..engine.problem.surface import Surface
 from ..engine.surface.chart import RESOLUTION, Chart
