@@ -333,6 +333,10 @@ def test_every_setting_of_the_sidebar_is_drawn():
         for cls, by_hand in ((ScatterSettings, BY_HAND), (ClassSettings, ()))
         for shown in shown_settings(cls, by_hand)
     }
+    # With both kinds of target, each shows what is chosen from its mesh.
+    holder = bpy.data.collections.new("Grounds")
+    holder.objects.link(scatter.target)
+    scatter.target_collection = holder
     for group in (scatter, body_class, body_class.sizes[0]):
         hidden = {"rna_type", "name", "classes", "sizes", "color", "version"} | {
             told.identifier for told in group.bl_rna.properties if told.is_hidden
