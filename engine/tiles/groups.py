@@ -9,7 +9,8 @@ import numpy as np
 
 from ..problem.interaction import group_bodies
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Problem, Size, with_count
+from ..problem.problem import Problem
+from ..problem.size import Size, with_count
 
 __all__ = ["TileGroups", "group_tiles", "random_shares"]
 

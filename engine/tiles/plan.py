@@ -13,8 +13,10 @@ from ..errors import ProblemError
 from ..files.window_images import Georeference
 from ..files.windowed_recipe import WindowedRecipe, read_windowed_recipe
 from ..problem.direction_field import direction_field
+from ..problem.domain import Domain
+from ..problem.line import Line
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Domain, Line, Problem
+from ..problem.problem import Problem
 from ..space.density import box_integrals
 from .coarse import CoarseGrid
 from .density_windows import ArraySource, Source, units_along

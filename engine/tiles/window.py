@@ -12,10 +12,14 @@ import numpy as np
 from ..device.launcher import Launcher, resolve_device
 from ..errors import ProblemError
 from ..field.field import FieldTarget
+from ..problem.balance import Balance
+from ..problem.domain import Domain
 from ..problem.interaction import Groups
+from ..problem.line import Line
 from ..problem.obstacles import Obstacle
 from ..problem.prepared_class import PreparedClass, cut_out
-from ..problem.problem import Balance, Domain, Line, Problem, Size, with_count
+from ..problem.problem import Problem
+from ..problem.size import Size, with_count
 from ..solver.body_flags import BodyFlags
 from ..solver.descent import Descent
 from ..solver.final_placement import position_in_metres
