@@ -36,7 +36,7 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
     """Read a recipe; see :func:`~.recipe.read_recipe`.
 
     Densities that are ``.npy`` or GeoTIFF files are opened and not read, unless the class needs to know all of one: for sharpening,
-    a covered share or a count of ``"cover"``.
+    a covered share, a count of ``"cover"`` or lines along its edges.
 
     Raises:
         InputFileError: As there, or a GeoTIFF of such a class.
@@ -54,6 +54,7 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
             continue
         whole = [key for key in WHOLE if table.get(key)]
         whole += ["count"] if table.get("count") == "cover" else []
+        whole += ["size"] if any(_follows_edges(size) for size in _tables(table.get("size"))) else []
         if whole and ending in GEOTIFF:
             raise InputFileError(
                 f"{parsed.path}: `class[{number + 1}].{whole[0]}` must not be given for a GeoTIFF, which is never read as a whole; "
@@ -67,6 +68,16 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
     entries = parsed.entries | ({"class": changed} if tables else {})
     problem = read_recipe(replace(parsed, entries=entries), seed=seed)
     return WindowedRecipe(problem, windowed, _georeference(parsed, problem, windowed))
+
+
+def _tables(value: Any) -> list[dict[str, Any]]:
+    return [entry for entry in value if isinstance(entry, dict)] if isinstance(value, list) else []
+
+
+def _follows_edges(size: dict[str, Any]) -> bool:
+    """Whether bodies are lines along the edges of the density, which are measured against its strongest one."""
+    line = size.get("line")
+    return isinstance(line, dict) and line.get("direction", "density") == "density"
 
 
 def _georeference(

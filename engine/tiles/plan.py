@@ -29,8 +29,8 @@ __all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "make_plan", "read_scene"]
 SPACINGS_PER_TILE = {"cpu": 100.0, "cuda": 1000.0}
 SPACINGS_OF_RAREST = 30.0
 MOST_IN_TILE = {"cpu": 90_000, "cuda": 2_000_000}
-# Shorter tiles than so many spacings are all margin.
-FEWEST_SPACINGS = 24.0
+# Of shorter tiles, in spacings, the margins of all passes meet somewhere, and bodies there are never free; with contact and without.
+FEWEST_SPACINGS = {True: 60.0, False: 30.0}
 # Windows are shifted along the diagonal, so that every place is far from the cuts of one pass at least; the last pass is of the tiles
 # themselves. Where contact parts footprints, one more pass comes after the last warp.
 SHIFTS = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (0.0, 0.0))
@@ -139,13 +139,6 @@ def read_scene(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
                 raise ProblemError(f"`footprint` {where} must not be given for tiles: bodies are discs and capsules")
             if size.line is not None and size.line.straightness is not None:
                 raise ProblemError(f"`line.straightness` {where} must not be given for tiles: lines are straight")
-    for number in scene.windowed:
-        for size in problem.classes[number].sizes:
-            if size.line is not None and isinstance(size.line.direction, str) and size.line.direction == "density":
-                raise ProblemError(
-                    f'`line.direction` of size "{size.name}" of class "{problem.classes[number].name}" must be "none", an angle or an '
-                    'image for tiles whose density is read by window; "density" looks at all of it'
-                )
     return scene
 
 
@@ -169,11 +162,10 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
         rarest = math.sqrt(problem.rectangle.area / int(groups.count.min()))
         wide = min(SPACINGS_OF_RAREST * rarest, math.sqrt(MOST_IN_TILE[kind]) * fine)
         length = max(SPACINGS_PER_TILE[kind] * fine, wide)
-    elif not (math.isfinite(length) and length >= FEWEST_SPACINGS * fine) and length < max(size):
-        raise ProblemError(
-            f"`tile` must be at least {FEWEST_SPACINGS:g} spacings long, {FEWEST_SPACINGS * fine:.4g} m; got {length:g}"
-        )
-    return max(1, round(size[0] / length)), max(1, round(size[1] / length))
+    fewest = FEWEST_SPACINGS[problem.avoid_overlap]
+    if not (math.isfinite(length) and length >= fewest * fine) and length < max(size):
+        raise ProblemError(f"`tile` must be at least {fewest:g} spacings long, {fewest * fine:.4g} m; got {length:g}")
+    return max(1, int(size[0] / length + 1e-9)), max(1, int(size[1] / length + 1e-9))
 
 
 def passes_of(problem: Problem, groups: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:

@@ -32,18 +32,18 @@ density = "pine.npy"
 [[class.size]]
 name = "large"
 area = 2.0
-count = 501
+count = 1001
 [[class.size]]
 name = "small"
 area = 0.5
-count = 1003
+count = 2003
 [[class]]
 name = "beech"
 density = "beech.png"
 [[class.size]]
 name = "any"
 area = [0.5, 1.5]
-count = 1200
+count = 2400
 """
 
 
@@ -64,7 +64,7 @@ def recipe(tmp_path) -> Path:
 
 
 def solved(recipe, folder, **options) -> dict[str, np.ndarray]:
-    options = {"device": "cpu", "ending": ".npz", "tile": 27.0, "steps": (6, 4, 4), "workers": 0} | options
+    options = {"device": "cpu", "ending": ".npz", "tile": 24.0, "steps": (6, 4, 4), "workers": 0} | options
     esh.solve_tiles(recipe, folder, **options)
     return joined(folder)
 
@@ -84,17 +84,17 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_every_body_is_there_once_and_inside_its_tile_and_density(recipe, tmp_path):
     out = tmp_path / "out"
     bodies = solved(recipe, out)
-    assert np.array_equal(bodies["id"], np.arange(501 + 1003 + 1200))
-    assert np.bincount(bodies["class_index"] * 2 + bodies["size_index"]).tolist() == [501, 1003, 1200]
+    assert np.array_equal(bodies["id"], np.arange(1001 + 2003 + 2400))
+    assert np.bincount(bodies["class_index"] * 2 + bodies["size_index"]).tolist() == [1001, 2003, 2400]
     # The areas of the range are those of one solve.
-    assert np.allclose(bodies["area"][1504:], np.linspace(0.5, 1.5, 1200))
+    assert np.allclose(bodies["area"][3004:], np.linspace(0.5, 1.5, 2400))
     x, y = bodies["position"].T
     pine = np.load(recipe.parent / "pine.npy")
     own = bodies["class_index"] == 0
     row, column = ((1.0 - y[own] / 48.0) * 96).astype(int).clip(0, 95), (x[own] / 0.5).astype(int).clip(0, 127)
     assert (pine[row, column] > 0.0).all()
     index = json.loads((out / "index.json").read_text())
-    assert index["bodies"] == index["counted"] == 2704
+    assert index["bodies"] == index["counted"] == 5404
     assert len(index["tiles"]) == 4
     for tile in index["tiles"]:
         place = np.load(out / tile["file"])["position"]
@@ -106,7 +106,7 @@ def test_counts_follow_the_density(recipe, tmp_path):
     bodies = solved(recipe, tmp_path / "out")
     beech = bodies["position"][bodies["class_index"] == 1]
     dark = 20 * 40 / (20 * 40 + 44 * 200)
-    assert (beech[:, 0] < 20.0).sum() == pytest.approx(1200 * dark, abs=12)
+    assert (beech[:, 0] < 20.0).sum() == pytest.approx(2400 * dark, abs=20)
 
 
 def test_any_number_of_workers_makes_the_same_bytes(recipe, tmp_path):
@@ -116,7 +116,7 @@ def test_any_number_of_workers_makes_the_same_bytes(recipe, tmp_path):
 
 
 def test_a_run_that_is_killed_goes_on(recipe, tmp_path):
-    options = ["--tile", "27", "--steps", "6,4,4", "--as", ".npz", "--device", "cpu", "--workers", "1"]
+    options = ["--tile", "24", "--steps", "6,4,4", "--as", ".npz", "--device", "cpu", "--workers", "1"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     assert command_line.main(["tiles", str(recipe), "-o", str(whole), "--quiet", *options]) == 0
     kills = 0
@@ -166,7 +166,7 @@ def test_a_folder_of_another_run_is_left_alone(recipe, tmp_path):
         solved(recipe, out, steps=(7, 4, 4))
     with pytest.raises(EshError, match="differs in its seed"):
         solved(recipe, out, seed=9)
-    recipe.write_text(RECIPE.replace("1003", "1004"))
+    recipe.write_text(RECIPE.replace("2003", "2004"))
     with pytest.raises(EshError, match="differs in its recipe"):
         solved(recipe, out)
     assert contents(out) == before
@@ -235,10 +235,10 @@ def test_rare_bodies_are_spread_over_all_tiles(tmp_path):
     many = esh.BodyClass("many", [esh.Size("one", area=1.0, count=9_936)])
     rare = esh.BodyClass("rare", [esh.Size("one", area=1.0, count=64)])
     problem = esh.Problem(esh.Domain((100.0, 100.0)), [many, rare], seed=1)
-    bodies = solved(problem, tmp_path / "out", tile=25.0)
-    place = (bodies["position"][bodies["class_index"] == 1] / 25.0).astype(int)
-    number = np.bincount(place[:, 1] * 4 + place[:, 0], minlength=16)
-    assert number.min() >= 3 and number.max() <= 5
+    bodies = solved(problem, tmp_path / "out", tile=33.0)
+    place = (bodies["position"][bodies["class_index"] == 1] / 33.34).astype(int)
+    number = np.bincount(place[:, 1] * 3 + place[:, 0], minlength=9)
+    assert number.min() >= 5 and number.max() <= 9
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the largest memory that a process had")
@@ -271,7 +271,7 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     # A world file: pixels of 5 m, the middle of the first at (1002.5, 7997.5).
     (recipe.parent / "pine.npyw").write_text("5.0\n0.0\n0.0\n-5.0\n1002.5\n7997.5\n")
-    esh.solve_tiles(recipe, tmp_path / "geo", tile=27.0, steps=(2, 2, 2), device="cpu", workers=0)
+    esh.solve_tiles(recipe, tmp_path / "geo", tile=24.0, steps=(2, 2, 2), device="cpu", workers=0)
     plain = solved(recipe, tmp_path / "plain", steps=(2, 2, 2))
     tables = [parquet.read_table(path) for path in sorted((tmp_path / "geo").glob("tile-*.parquet"))]
     described = json.loads(tables[0].schema.metadata[b"geo"])
@@ -291,7 +291,7 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
     ("change", "message"),
     [
         (("size = [64.0, 48.0]", 'size = [64.0, 48.0]\nboundary = "periodic"'), "periodic"),
-        (("count = 1200", "count = 1200\nfootprint = { disc = 0.5 }"), "`footprint`"),
+        (("count = 2400", "count = 2400\nfootprint = { disc = 0.5 }"), "`footprint`"),
         (('[[class]]\nname = "beech"', '[[fixed]]\nposition = [[1.0, 1.0]]\n[[class]]\nname = "beech"'), "`fixed`"),
     ],
 )
@@ -319,9 +319,9 @@ def test_values_without_meaning_are_refused(recipe, tmp_path):
 
 def test_the_command_says_what_it_did(recipe, tmp_path, capsys):
     out = tmp_path / "out"
-    arguments = ["tiles", str(recipe), "-o", str(out), "--tile", "27", "--steps", "2,2,2", "--as", ".npz"]
+    arguments = ["tiles", str(recipe), "-o", str(out), "--tile", "24", "--steps", "2,2,2", "--as", ".npz"]
     assert command_line.main([*arguments, "--device", "cpu", "--workers", "0"]) == 0
-    assert "2,704 bodies are placed in 4 tiles, 2 by 2" in capsys.readouterr().out
+    assert "5,404 bodies are placed in 4 tiles, 2 by 2" in capsys.readouterr().out
     assert command_line.main([*arguments[:-1], ".csv"]) == 2
     assert "--as must be .parquet or .npz" in capsys.readouterr().err
     shutil.rmtree(out)
