@@ -13,6 +13,8 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_pla
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
+from ..problem.slopes import foreshortened, lengthened
+from ..space.space import Space
 from . import kernels_overlaps
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_of"]
@@ -21,6 +23,8 @@ __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_
 TOLERANCE = 1e-3
 # No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
 MOST_OVERLAPS_PER_BODY = 200
+# Bodies that are named.
+MOST_NAMED = 10_000
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
@@ -37,12 +41,14 @@ class Overlaps:
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
         place: The middle between the two [m].
+        bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
     place: tuple[float, float] | None = None
+    bodies: tuple[int, ...] = ()
 
 
 def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
@@ -134,7 +140,8 @@ def find_overlaps(
         return Overlaps(0)
     device = launcher.device
     factor = np.ones(n) if smaller is None else smaller
-    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor)
+    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else None
+    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor, slope)
     shapes = kernels_overlaps.Shapes()
     shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
     shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
@@ -144,20 +151,16 @@ def find_overlaps(
     )
     stays = np.zeros(n, bool) if fixed is None else fixed
     shapes.fixed = wp.array(stays.astype(np.int32), dtype=wp.int32, device=device)
-    level, lattice = _lattice(position, reach, domain, device)
-    images = [
-        min(MOST_IMAGES, int(min(2.0 * reach.max() / side + 0.5, 1e6))) if domain.periodic else 0
-        for side in domain.size
-    ]
+    lattice = _lattice(position, reach, domain, device)
+    space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
     launcher.launch(
         kernels_overlaps.find_overlaps,
         n,
         [
             shapes,
-            wp.array(level, dtype=wp.int32, device=device),
             lattice,
-            wp.vec2i(*images),
+            wp.vec2i(*space.images_within(2.0 * float(reach.max()), MOST_IMAGES)),
             TOLERANCE,
             MOST_OVERLAPS_PER_BODY,
         ],
@@ -170,18 +173,19 @@ def find_overlaps(
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
-    way = position[other] - position[one]
-    if domain.periodic:
-        way -= np.array(domain.size) * np.round(way / np.array(domain.size))
-    middle = position[one] + 0.5 * way
-    if domain.periodic:
-        middle = np.mod(middle, domain.size)
+    middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
     pair = (min(one, other), max(one, other))
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])))
+    named = np.argsort(-depth, kind="stable")[: min(MOST_NAMED, int((depth > 0.0).sum()))]
+    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
 def _bodies(
-    footprints: BodyFootprints, angle: np.ndarray, length: np.ndarray, width: np.ndarray, factor: np.ndarray
+    footprints: BodyFootprints,
+    angle: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+    factor: np.ndarray,
+    slope: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """First corner, corners with normals, rounding, reach and smallest width of every body."""
     lines = footprints.shape == CAPSULE
@@ -193,6 +197,11 @@ def _bodies(
     core_width = np.zeros(len(angle))
     reach = np.where(lines, 0.5 * (length + width) * factor, 0.0)
     cos, sin = np.cos(angle), np.sin(angle)
+    if slope is not None:
+        # The angle of a line is that of its axis as it is seen from above.
+        leaning = np.flatnonzero((length > 0.0) & slope.any(axis=1))
+        way = lengthened(np.stack([cos, sin], axis=1)[leaning], slope[leaning])
+        cos[leaning], sin[leaning] = (way / np.hypot(*way.T)[:, None]).T
     for number in [CAPSULE, *range(len(footprints.shapes))]:
         own = np.flatnonzero(footprints.shape == number)
         if not len(own):
@@ -209,6 +218,8 @@ def _bodies(
             reach[own] = outline.circumradius * scale[own]
         x = core[..., 0] * cos[own, None] - core[..., 1] * sin[own, None]
         y = core[..., 0] * sin[own, None] + core[..., 1] * cos[own, None]
+        if slope is not None:
+            x, y = np.moveaxis(foreshortened(np.stack([x, y], axis=-1), slope[own, None]), -1, 0)
         edge_x, edge_y = np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
         size = np.hypot(edge_x, edge_y)
         size[size == 0.0] = 1.0
@@ -217,10 +228,8 @@ def _bodies(
     return first, corner, rounding, reach, core_width + 2.0 * rounding
 
 
-def _lattice(
-    position: np.ndarray, reach: np.ndarray, domain: Domain, device: wp.Device
-) -> tuple[np.ndarray, kernels_overlaps.Lattice]:
-    """Levels of the bodies, and the cells that they lie in."""
+def _lattice(position: np.ndarray, reach: np.ndarray, domain: Domain, device: wp.Device) -> kernels_overlaps.Lattice:
+    """The cells that bodies lie in, by levels of size."""
     n = len(position)
     level = np.clip(np.floor(np.log2(reach.max() / reach)), 0, MOST_LEVELS - 1).astype(np.int64)
     level = np.unique(level, return_inverse=True)[1].ravel()
@@ -243,4 +252,4 @@ def _lattice(
         setattr(lattice, name, wp.array(values.astype(np.int32), dtype=wp.int32, device=device))
     lattice.size = wp.vec2d(*domain.size)
     lattice.periodic = int(domain.periodic)
-    return level.astype(np.int32), lattice
+    return lattice
