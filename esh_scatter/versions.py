@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -38,8 +39,21 @@ def _stand_by_class(settings: Any) -> None:
             scatter.ran_with = scatter.fingerprint()
 
 
+def _layers_of_densities(settings: Any) -> None:
+    """From 2 to 3: a density is a stack of layers. What was one density is one layer."""
+    for scatter in settings.scatters:
+        # As the step before leaves it.
+        current = scatter.report_json and scatter.ran_with == scatter.fingerprint()
+        for body_class in scatter.classes:
+            _add_stored_layer(body_class)
+        if current:
+            scatter.ran_with = scatter.fingerprint()
+        elif scatter.report_json:
+            scatter.ran_with = _with_layers(scatter.ran_with)
+
+
 # From each version to the next; a new one goes to the end.
-MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current, _stand_by_class)
+MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current, _stand_by_class, _layers_of_densities)
 VERSION = len(MIGRATIONS)
 
 
@@ -146,11 +160,66 @@ def _fingerprint_of_version_1(scatter: Any) -> str:
     return hashlib.sha256(repr([mesh, told]).encode()).hexdigest()
 
 
-def _stored(scatter: Any, name: str) -> Any:
-    """Return what a file holds of a property that a scatter no longer has, or its default."""
+# What a class said of its density up to version 2, and the words that numbers in a file stand for.
+_DENSITY_2 = {
+    "density_kind": "UNIFORM",
+    "image": None,
+    "mapping": "POSITION",
+    "uv_map": "",
+    "vertex_group": "",
+    "attribute": "",
+    "invert": False,
+}
+_WORDS_2 = {"density_kind": ("UNIFORM", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"), "mapping": ("POSITION", "UV")}
+_DEFAULTS = {**_STANDING_1, **_DENSITY_2}
+
+
+def _add_stored_layer(body_class: Any) -> None:
+    """Add the layer that a class of version 2 stands for."""
+    values = {name: _stored(body_class, name) for name in _DENSITY_2}
+    kind = values.pop("density_kind")
+    if kind != "UNIFORM":
+        values["image_mapping"] = values.pop("mapping")
+        body_class.add_layer(kind, **values)
+
+
+def _with_layers(ran_with: str) -> str:
+    """Return what version 2 noted of a run as this version notes it; what cannot be read stays as it is."""
+    from .properties.layer import ESH_PG_layer
+    from .properties.settings_record import plain_default
+
+    try:
+        record = json.loads(ran_with)
+        classes = record["classes"]
+    except (json.JSONDecodeError, TypeError, KeyError):
+        return ran_with
+    for uid, one in classes.items():
+        values = one["values"]
+        if "density_kind" not in values:
+            continue
+        given = {name: values.pop(name) for name in _DENSITY_2 if name in values}
+        kind = given.pop("density_kind")
+        given["image_mapping"] = given.pop("mapping")
+        layers = []
+        if kind != "UNIFORM":
+            names = ESH_PG_layer.influential_of(kind)
+            told = {name: given[name] if name in given else plain_default(ESH_PG_layer, name) for name in names}
+            layers = [{"kind": kind, **told, "curve": []}]
+        classes[uid] = {"values": values, "layers": layers, "sizes": one["sizes"]}
+    return json.dumps(record, separators=(",", ":"))
+
+
+def _stored(group: Any, name: str) -> Any:
+    """Return what a file holds of a property that a group no longer has, or its default."""
     # From Blender 5.0 on, properties that an extension defines lie apart from those that users add.
-    stored = scatter.bl_system_properties_get() if hasattr(scatter, "bl_system_properties_get") else scatter
-    return _STANDING_1[name] if stored is None else stored.get(name, _STANDING_1[name])
+    stored = group.bl_system_properties_get() if hasattr(group, "bl_system_properties_get") else group
+    value = _DEFAULTS[name] if stored is None else stored.get(name, _DEFAULTS[name])
+    if name in _WORDS_2 and isinstance(value, int):
+        return _WORDS_2[name][value]
+    if name == "image":
+        # What pointed to nothing is not nothing in a file.
+        return value if isinstance(value, bpy.types.Image) else None
+    return bool(value) if name == "invert" else value
 
 
 def _values(group: Any, names: tuple[str, ...]) -> list[Any]:

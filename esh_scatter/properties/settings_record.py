@@ -10,7 +10,7 @@ import bpy
 
 from .influence import WITHOUT_INFLUENCE
 
-__all__ = ["changes", "record"]
+__all__ = ["changes", "layer_record", "plain_default", "record"]
 
 # What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("random_turn", "scale_jitter")
@@ -32,9 +32,20 @@ def record(scatter: Any, classes: Sequence[Any], target: Any) -> dict[str, Any]:
         "target": target,
         "scatter": _values(scatter),
         "classes": {
-            str(c.uid): {"values": _values(c, more), "sizes": [_values(size) for size in c.sizes]} for c in classes
+            str(c.uid): {
+                "values": _values(c, more),
+                "layers": [layer_record(layer) for layer in c.layers if layer.use],
+                "sizes": [_values(size) for size in c.sizes],
+            }
+            for c in classes
         },
     }
+
+
+def layer_record(layer: Any) -> dict[str, Any]:
+    """Return what of a layer's settings has an influence: those of its kind."""
+    values = {name: _plain(getattr(layer, name)) for name in ("kind", *layer.influential_of(layer.kind))}
+    return {**values, "curve": layer.curve_record()}
 
 
 def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[str]:
@@ -53,6 +64,14 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
             found.append(f"{group.name} is new")
             continue
         found += [f"{what} of {group.name}" for what in _differing(old[uid]["values"], one["values"], group)]
+        layers = [layer for layer in group.layers if layer.use]
+        layers_before = old[uid].get("layers", [])
+        if [layer["kind"] for layer in layers_before] != [layer["kind"] for layer in one["layers"]]:
+            found.append(f"density of {group.name}")
+        else:
+            for layer_before, layer_now, layer in zip(layers_before, one["layers"], layers, strict=True):
+                where = group.name if len(layers) == 1 else f"{group.name}, {layer.label}"
+                found += [f"{what} of {where}" for what in _differing(layer_before, layer_now, layer)]
         if len(old[uid]["sizes"]) != len(one["sizes"]):
             found.append(f"sizes of {group.name}")
             continue
@@ -78,13 +97,19 @@ def _influential(group: Any) -> tuple[str, ...]:
 
 
 def _values(group: Any, more: Sequence[str] = ()) -> dict[str, Any]:
-    values = {}
     kind: Any = type(group)
-    for name in (*_influential(kind), *more):
-        value = getattr(group, name)
-        if isinstance(value, bpy.types.ID):
-            value = value.name_full
-        elif isinstance(value, bpy.types.bpy_prop_array):
-            value = list(value)
-        values[name] = value
-    return values
+    return {name: _plain(getattr(group, name)) for name in (*_influential(kind), *more)}
+
+
+def plain_default(group: Any, name: str) -> Any:
+    """Return the default of a property of a group as records have it."""
+    told = group.bl_rna.properties[name]
+    if told.type == "POINTER":
+        return None
+    return list(told.default_array) if getattr(told, "is_array", False) else told.default
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bpy.types.ID):
+        return value.name_full
+    return list(value) if isinstance(value, bpy.types.bpy_prop_array) else value
