@@ -75,7 +75,7 @@ from .references import Reference
 from .result import CLASS_NAMES, find_result, write_result
 from .standing import Ground, draw, stand
 from .survey import Survey
-from .target import check_exists, check_target, is_result, read_target
+from .target import check_exists, check_target, is_result, members_of, read_target
 
 __all__ = [
     "AltitudeDensity",
@@ -103,9 +103,6 @@ __all__ = [
     "VertexGroupDensity",
     "scatter",
 ]
-
-# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
-_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
 # Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
@@ -658,14 +655,14 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
     if isinstance(source, bpy.types.Collection):
-        where = f'collection "{source.name}"'
-        members = [item for item in source.all_objects if item.type in _INSTANCED_TYPES]
+        members = members_of(source)
         if not members:
+            where = f'collection "{source.name}"'
             raise ProblemError(f"`source` of {key} must hold objects with geometry; {where} has none")
     elif isinstance(source, bpy.types.Object):
-        where, members = f'object "{source.name}"', [source]
-        if source.type not in _INSTANCED_TYPES:
-            raise ProblemError(f"`source` of {key} must have geometry; {where} is of type {source.type}")
+        members = members_of(source)
+        if not members:
+            raise ProblemError(f'`source` of {key} must have geometry; object "{source.name}" is of type {source.type}')
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
     for member in members:
@@ -675,7 +672,7 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
-    return sorted(members, key=lambda member: member.name_full)
+    return members
 
 
 def _read_size(

@@ -5,11 +5,11 @@ import atexit
 import bpy
 
 from . import density_preview, exchange_operators, lists, menus, operators, painting, panels, running, versions
-from .properties import body_class, layer, scatter, scene, size
+from .properties import body_class, layer, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (size, layer, body_class, scatter, scene, lists, operators, menus, panels, exchange_operators)
+_MODULES = (size, layer, body_class, placed, scatter, scene, lists, operators, menus, panels, exchange_operators)
 
 
 def register() -> None:

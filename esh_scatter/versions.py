@@ -40,16 +40,14 @@ def _stand_by_class(settings: Any) -> None:
 
 
 def _layers_of_densities(settings: Any) -> None:
-    """From 2 to 3: a density is a stack of layers. What was one density is one layer."""
+    """From 2 to 3: a density is a stack of layers, and a run's settings say what images and meshes hold. One density is one layer."""
     for scatter in settings.scatters:
         # As the step before leaves it.
         current = scatter.report_json and scatter.ran_with == scatter.fingerprint()
         for body_class in scatter.classes:
             _add_stored_layer(body_class)
-        if current:
+        if current or _same_in_version_2(scatter):
             scatter.ran_with = scatter.fingerprint()
-        elif scatter.report_json:
-            scatter.ran_with = _with_layers(scatter.ran_with)
 
 
 # From each version to the next; a new one goes to the end.
@@ -183,30 +181,41 @@ def _add_stored_layer(body_class: Any) -> None:
         body_class.add_layer(kind, **values)
 
 
-def _with_layers(ran_with: str) -> str:
-    """Return what version 2 noted of a run as this version notes it; what cannot be read stays as it is."""
-    from .properties.layer import ESH_PG_layer
-    from .properties.settings_record import plain_default
+_SCATTER_2 = ("target", "class_separation", "size_emphasis", "seed", "avoid_overlap", "device", "max_steps")
+_CLASS_2 = (
+    *(
+        "mute",
+        *_DENSITY_2,
+        "direction_kind",
+        "direction_angle",
+        "direction_image",
+        "may_overlap",
+        "count_kind",
+        "total",
+    ),
+    *("per_area", "distance", "cover_share", "density_correction", "use_unsharp", "unsharp_amount", "unsharp_radius"),
+)
 
+
+def _same_in_version_2(scatter: Any) -> bool:
+    """Tell whether what version 2 noted of a scatter's run is what it would note now."""
     try:
-        record = json.loads(ran_with)
-        classes = record["classes"]
-    except (json.JSONDecodeError, TypeError, KeyError):
-        return ran_with
-    for uid, one in classes.items():
-        values = one["values"]
-        if "density_kind" not in values:
-            continue
-        given = {name: values.pop(name) for name in _DENSITY_2 if name in values}
-        kind = given.pop("density_kind")
-        given["image_mapping"] = given.pop("mapping")
-        layers = []
-        if kind != "UNIFORM":
-            names = ESH_PG_layer.influential_of(kind)
-            told = {name: given[name] if name in given else plain_default(ESH_PG_layer, name) for name in names}
-            layers = [{"kind": kind, **told, "curve": []}]
-        classes[uid] = {"values": values, "layers": layers, "sizes": one["sizes"]}
-    return json.dumps(record, separators=(",", ":"))
+        noted = json.loads(scatter.ran_with)
+        before = noted["target"], noted["scatter"], list(noted["classes"].items())
+    except (json.JSONDecodeError, TypeError, KeyError, AttributeError):
+        return False
+    target = scatter.target
+    mesh = target and [target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world]]
+    more = ("random_turn", "scale_jitter") if scatter.avoid_overlap else ()
+    classes = []
+    for body_class in scatter.ready_classes():
+        sizes = [_named(size, _SIZE_1) for size in body_class.sizes]
+        classes.append((str(body_class.uid), {"values": _named(body_class, (*_CLASS_2, *more)), "sizes": sizes}))
+    return before == (mesh, _named(scatter, _SCATTER_2), classes)
+
+
+def _named(group: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    return dict(zip(names, _values(group, names), strict=True))
 
 
 def _stored(group: Any, name: str) -> Any:

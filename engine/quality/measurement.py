@@ -48,11 +48,12 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher)
-    cover = cover_of(problem) if problem.avoid_overlap else None
-    if cover is not None and overlaps.count:
+    # Why bodies still overlap is looked into where they do.
+    warning = cover_of(problem).warning if problem.avoid_overlap and overlaps.count else None
+    if problem.avoid_overlap and overlaps.count:
         notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
-    if cover is not None and cover.warning is not None and overlaps.count:
-        notes.append(cover.warning)
+    if warning is not None:
+        notes.append(warning)
     elif covered > 1.0:
         notes.append(
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
@@ -127,7 +128,7 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
     device = bodies.launcher.device
     images = [c.density_image for c in problem.classes]
     per_pixel = [
-        c.body_count / (bodies.size[0] * bodies.size[1] * float(image.mean(dtype=np.float64)))
+        c.body_count / (bodies.space.area * float(image.mean(dtype=np.float64)))
         for c, image in zip(problem.classes, images, strict=True)
     ]
     result = bodies.launcher.empty(bodies.count, float)
@@ -137,8 +138,8 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
         [
             bodies.pose,
             wp.array(per_pixel, dtype=float, device=device),
-            images_for_kernels(bodies.launcher, images, bodies.size, to_support=False),
-            wp.vec2(*bodies.size),
+            images_for_kernels(bodies.launcher, images, bodies.space.size, to_support=False),
+            wp.vec2(*bodies.space.size),
         ],
         [result],
     )

@@ -195,6 +195,11 @@ class ESH_PG_class(PropertyGroup):
     size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
 
     @property
+    def unused(self) -> set[str]:
+        """Images that have no influence as the other settings are."""
+        return set() if self.direction_kind == "IMAGE" else {"direction_image"}
+
+    @property
     def count(self) -> int:
         """Number of bodies in all sizes, as far as it is known before the run."""
         return self.total if self.count_kind == "TOTAL" else sum(size.count for size in self.sizes)

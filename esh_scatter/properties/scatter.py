@@ -13,10 +13,12 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import settings_of
+from .. import checksums
 from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
 from .names import scatter_renamed, unused_name
+from .placed import ESH_PG_placed, remember_placed, replaced
 from .shown_at_once import show_class_anew
 from .size import in_a_scene
 
@@ -57,6 +59,7 @@ class ESH_PG_scatter(PropertyGroup):
     )
     report_json: StringProperty(options={"HIDDEN"})
     ran_with: StringProperty(options={"HIDDEN"})
+    placed: CollectionProperty(type=ESH_PG_placed, options={"HIDDEN"})
 
     @property
     def active_class(self) -> ESH_PG_class | None:
@@ -70,14 +73,21 @@ class ESH_PG_scatter(PropertyGroup):
 
     @property
     def outdated(self) -> bool:
-        """Whether a setting differs from what the last run was made with. Cheap enough to ask while drawing."""
-        return bool(self.report_json) and self.ran_with != self.fingerprint()
+        """Whether something differs from what the last run was made with. Cheap enough to ask while drawing."""
+        if not self.report_json:
+            return False
+        return bool(replaced(self)) or not settings_record.same(_parse_record(self.ran_with), self.record())
 
     def changes(self) -> list[str]:
         """Name what differs from what the last run was made with: "count of Pine"; empty where nothing does, or before a run."""
-        if not self.outdated:
+        if not self.report_json:
             return []
-        return settings_record.changes(_parse_record(self.ran_with), json.loads(self.fingerprint()), self)
+        before, now, others = _parse_record(self.ran_with), self.record(), replaced(self)
+        if settings_record.same(before, now):
+            return others
+        # What another object has changed with it need not be said.
+        found = settings_record.changes(before, now, self)
+        return list(dict.fromkeys([*others, *found]))
 
     def names_in_report(self) -> list[str]:
         """Return the names of the report's classes, as they are called now."""
@@ -180,13 +190,17 @@ class ESH_PG_scatter(PropertyGroup):
         ]
         return None if all(all(row) for row in apart) else apart
 
-    def remember(self, result: bpy.types.Object, report: dict) -> None:
-        """Keep what a run made and reached."""
+    def remember(self, result: bpy.types.Object, report: dict, ran_with: str | None = None) -> None:
+        """Keep what a run made and reached; ``ran_with`` is the fingerprint that it began with, None that of now."""
         from ..kept_ground import CLASSES_OF_POINTS
 
         self.result = result
         self.report_json = json.dumps(report)
-        self.ran_with = self.fingerprint()
+        if ran_with is None:
+            with checksums.now():
+                ran_with = self.fingerprint()
+        self.ran_with = ran_with
+        remember_placed(self)
         ready = self.ready_classes()
         if isinstance(result.data, bpy.types.Mesh):
             result.data[CLASSES_OF_POINTS] = [body_class.uid for body_class in ready]
@@ -202,14 +216,15 @@ class ESH_PG_scatter(PropertyGroup):
 
             remove_result(result)
 
+    def record(self) -> dict:
+        """Return every setting that changes the result, and what the things hold that it names, ready for JSON."""
+        ready = self.ready_classes() if self.target is not None and self.target.type == "MESH" else []
+        # As it is after it was written and read, so that it can be compared.
+        return json.loads(json.dumps(settings_record.record(self, ready)))
+
     def fingerprint(self) -> str:
-        """Return every setting that changes the result, and the target's place and vertex count, as JSON."""
-        target = self.target
-        mesh, ready = None, []
-        if target is not None and target.type == "MESH":
-            mesh = [target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world]]
-            ready = self.ready_classes()
-        return json.dumps(settings_record.record(self, ready, mesh), separators=(",", ":"))
+        """Return :meth:`record` as JSON."""
+        return json.dumps(self.record(), separators=(",", ":"))
 
 
 def _close(color: tuple, other: tuple) -> bool:
@@ -230,7 +245,8 @@ def _parse_record(text: str) -> dict:
         found = json.loads(text)
     except json.JSONDecodeError:  # by another version
         return {}
-    return found if isinstance(found, dict) else {}
+    # Those of earlier versions have no names.
+    return found if isinstance(found, dict) and "names" in found else {}
 
 
 CLASSES = (ESH_PG_scatter,)

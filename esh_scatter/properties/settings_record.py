@@ -2,59 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
 import bpy
 
+from .. import checksums
+from ..target import members_of
 from .influence import WITHOUT_INFLUENCE
 
-__all__ = ["changes", "layer_record", "plain_default", "record"]
+__all__ = ["changes", "record", "same"]
+
+# What is said of an image or weights, and of an object or a collection, whose contents have changed.
+PAINTED, EDITED = " painted", " edited"
 
 # What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("random_turn", "scale_jitter")
 
 
-def record(scatter: Any, classes: Sequence[Any], target: Any) -> dict[str, Any]:
-    """Return every setting that has an influence on a result.
+def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
+    """Return every setting that has an influence on a result, and what the things that it names hold.
 
     Args:
         scatter: The settings.
         classes: Those of its classes that take part.
-        target: What is known of the mesh.
 
     Returns:
-        Ready for JSON: ``target``, ``scatter``, and ``classes`` by their numbers, in their order, with their ``sizes``.
+        Ready for JSON: ``target``, ``scatter``, and ``classes`` by their numbers, in their order, with their ``sizes``; ``names`` of
+        what was looked into, which have no influence.
     """
     more = OF_OUTLINES if scatter.avoid_overlap else ()
+    target = scatter.target if scatter.target is not None and scatter.target.type == "MESH" else None
+    names: dict[str, str] = {}
     return {
-        "target": target,
-        "scatter": _values(scatter),
+        "target": target and [checksums.of_shape(target), checksums.place_of(target)],
+        "scatter": _values(scatter, names, "scatter"),
         "classes": {
             str(c.uid): {
-                "values": _values(c, more),
-                "layers": [layer_record(layer) for layer in c.layers if layer.use],
-                "sizes": [_values(size) for size in c.sizes],
+                "values": _values(c, names, str(c.uid), more),
+                "layers": [
+                    _layer(layer, target, names, f"{c.uid}.layer {number}")
+                    for number, layer in enumerate(layer for layer in c.layers if layer.use)
+                ],
+                "sizes": [_values(size, names, f"{c.uid}.{number}") for number, size in enumerate(c.sizes)],
             }
             for c in classes
         },
+        "names": names,
     }
 
 
-def layer_record(layer: Any) -> dict[str, Any]:
-    """Return what of a layer's settings has an influence: those of its kind."""
-    values = {name: _plain(getattr(layer, name)) for name in ("kind", *layer.influential_of(layer.kind))}
-    return {**values, "curve": layer.curve_record()}
+def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Tell whether two records stand for the same result: names do not count."""
+    equal = all(before.get(key) == value for key, value in now.items() if key != "names")
+    return equal and list(before["classes"]) == list(now["classes"])
 
 
 def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[str]:
     """Name what differs between two records, with the words of the sidebar; never empty."""
     if not before:
         return ["settings"]
-    # Another mesh has another shape, which need not be said.
-    same = before["scatter"]["target"] == now["scatter"]["target"]
-    found = ["shape or place of the target"] if same and before["target"] != now["target"] else []
+    found = ["shape or place of the target"] if before["target"] != now["target"] else []
     found += _differing(before["scatter"], now["scatter"], scatter)
     old, new = before["classes"], now["classes"]
     groups = {str(c.uid): c for c in scatter.classes}
@@ -63,30 +72,62 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         if uid not in old:
             found.append(f"{group.name} is new")
             continue
-        found += [f"{what} of {group.name}" for what in _differing(old[uid]["values"], one["values"], group)]
-        layers = [layer for layer in group.layers if layer.use]
-        layers_before = old[uid].get("layers", [])
-        if [layer["kind"] for layer in layers_before] != [layer["kind"] for layer in one["layers"]]:
-            found.append(f"density of {group.name}")
-        else:
-            for layer_before, layer_now, layer in zip(layers_before, one["layers"], layers, strict=True):
-                where = group.name if len(layers) == 1 else f"{group.name}, {layer.label}"
-                found += [f"{what} of {where}" for what in _differing(layer_before, layer_now, layer)]
+
+        def told(key: str, uid: str = uid) -> str:
+            """Return what an image or object is called, if it still is called that."""
+            name = now["names"].get(f"{uid}.{key}", "")
+            return name if before["names"].get(f"{uid}.{key}") == name else ""
+
+        for what in _differing(old[uid]["values"], one["values"], group, told):
+            found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
+        found += _differing_layers(old[uid].get("layers", []), one["layers"], group, told)
         if len(old[uid]["sizes"]) != len(one["sizes"]):
             found.append(f"sizes of {group.name}")
             continue
-        for size_before, size_now, size in zip(old[uid]["sizes"], one["sizes"], group.sizes, strict=True):
+        for number, (size_before, size_now, size) in enumerate(
+            zip(old[uid]["sizes"], one["sizes"], group.sizes, strict=True)
+        ):
             where = group.name if len(group.sizes) == 1 else f"{group.name}, {size.name}"
-            found += [f"{what} of {where}" for what in _differing(size_before, size_now, size)]
+            for what in _differing(size_before, size_now, size, lambda key, k=number: told(f"{k}.{key}")):  # type: ignore[misc]
+                found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
     found += [
         f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
 
 
-def _differing(before: dict[str, Any], now: dict[str, Any], group: Any) -> list[str]:
+def _differing_layers(
+    before: list[dict[str, Any]], now: list[dict[str, Any]], group: Any, told: Callable[[str], str]
+) -> list[str]:
+    """Name what differs between the layers of a class."""
+    if [layer["kind"] for layer in before] != [layer["kind"] for layer in now]:
+        return [f"density of {group.name}"]
+    layers = [layer for layer in group.layers if layer.use]
+    found = []
+    for number, (layer_before, layer_now, layer) in enumerate(zip(before, now, layers, strict=True)):
+        where = group.name if len(layers) == 1 else f"{group.name}, {layer.label}"
+        for what in _differing(layer_before, layer_now, layer, lambda key, k=number: told(f"layer {k}.{key}")):  # type: ignore[misc]
+            found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
+    return found
+
+
+def _differing(
+    before: dict[str, Any], now: dict[str, Any], group: Any, told: Callable[[str], str] = lambda _key: ""
+) -> list[str]:
+    """Name the values that differ; ``told`` gives the name of what a value was looked into, where that is the same."""
     properties = group.bl_rna.properties
-    return [properties[name].name.lower() for name, value in now.items() if before.get(name) != value]
+    found = []
+    for name, value in now.items():
+        if before.get(name) == value:
+            continue
+        item = getattr(group, name)
+        if isinstance(item, bpy.types.ID) and name in before and told(name):
+            found.append(told(name) + (PAINTED if isinstance(item, bpy.types.Image) else EDITED))
+        elif isinstance(value, list) and isinstance(item, str) and before.get(name, [None])[:1] == value[:1]:
+            found.append((item or "UV map") + EDITED if name == "uv_map" else item + PAINTED)
+        else:
+            found.append(properties[name].name.lower())
+    return found
 
 
 @lru_cache(maxsize=8)
@@ -96,20 +137,63 @@ def _influential(group: Any) -> tuple[str, ...]:
     return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
 
 
-def _values(group: Any, more: Sequence[str] = ()) -> dict[str, Any]:
+def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the values of a group; of what it points to, the number of its contents, and in ``names`` what it is called."""
+    values: dict[str, Any] = {}
     kind: Any = type(group)
-    return {name: _plain(getattr(group, name)) for name in (*_influential(kind), *more)}
+    unused = group.unused if hasattr(group, "unused") else ()
+    for name in (*_influential(kind), *more):
+        if name in unused:
+            continue
+        value = getattr(group, name)
+        if isinstance(value, bpy.types.ID):
+            names[f"{key}.{name}"] = value.name
+            value = _contents(value)
+        elif isinstance(value, bpy.types.bpy_prop_array):
+            value = list(value)
+        values[name] = value
+    return values
 
 
-def plain_default(group: Any, name: str) -> Any:
-    """Return the default of a property of a group as records have it."""
-    told = group.bl_rna.properties[name]
-    if told.type == "POINTER":
+def _contents(item: bpy.types.ID) -> int:
+    if isinstance(item, bpy.types.Image):
+        return checksums.of_image(item)
+    if isinstance(item, bpy.types.Object | bpy.types.Collection):
+        return checksums.of_members(members_of(item))
+    return 0
+
+
+def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], key: str) -> dict[str, Any]:
+    """Return what of a layer's settings has an influence, those of its kind, and what the things hold that it names."""
+    values: dict[str, Any] = {"kind": layer.kind}
+    for name in layer.influential_of(layer.kind):
+        value = getattr(layer, name)
+        if name == "camera":
+            values[name] = _view(value)
+        elif isinstance(value, bpy.types.Object | bpy.types.Collection):
+            names[f"{key}.{name}"] = value.name
+            items = value.all_objects if isinstance(value, bpy.types.Collection) else [value]
+            # Near to them, it counts where they stand.
+            values[name] = [[checksums.of_object(item), checksums.place_of(item)] for item in items]
+        elif isinstance(value, bpy.types.ID):
+            names[f"{key}.{name}"] = value.name
+            values[name] = _contents(value)
+        elif target is not None and name == "vertex_group":
+            values[name] = [value, checksums.of_weights(target, value)]
+        elif target is not None and (name == "attribute" or (name == "uv_map" and layer.image_mapping == "UV")):
+            values[name] = [value, checksums.of_attribute(target, value)]
+        else:
+            values[name] = list(value) if isinstance(value, bpy.types.bpy_prop_array) else value
+    return {**values, "curve": layer.curve_record()}
+
+
+def _view(camera: bpy.types.Object | None) -> list[Any] | None:
+    """Return what a camera sees; of None, the scene's."""
+    scene = bpy.context.scene
+    camera = camera or scene.camera
+    if camera is None:
         return None
-    return list(told.default_array) if getattr(told, "is_array", False) else told.default
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, bpy.types.ID):
-        return value.name_full
-    return list(value) if isinstance(value, bpy.types.bpy_prop_array) else value
+    lens, render = camera.data, scene.render
+    numbers = [lens.type, lens.lens, lens.ortho_scale, lens.sensor_fit, lens.sensor_width, lens.sensor_height]
+    numbers += [lens.shift_x, lens.shift_y, render.resolution_x, render.resolution_y]
+    return [checksums.place_of(camera), *numbers, render.pixel_aspect_x, render.pixel_aspect_y]

@@ -120,6 +120,11 @@ class ESH_PG_size(PropertyGroup):
     )
 
     @property
+    def unused(self) -> set[str]:
+        """Settings that have no influence as the others are."""
+        return {"source_collection" if self.source_kind == "OBJECT" else "source_object"}
+
+    @property
     def source(self) -> bpy.types.Object | bpy.types.Collection | None:
         """The object or collection to place, or None while none is chosen."""
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection

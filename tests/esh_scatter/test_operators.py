@@ -198,7 +198,13 @@ class Window:
         )
         scene = bpy.context.scene
         self.context = SimpleNamespace(
-            window_manager=manager, scene=scene, window="window", screen=None, workspace=None
+            window_manager=manager,
+            scene=scene,
+            window="window",
+            screen=None,
+            workspace=None,
+            view_layer=bpy.context.view_layer,
+            evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         )
         monkeypatch.setattr(running.bpy, "context", self.context)
         running.start(self.context, job, scene.esh_scatter.active)

@@ -173,7 +173,6 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
         (size, "count", 7), (size, "area", 3.0), (size, "area_kind", "VALUE"), (size, "source_object", new_object("Bush")),
         (scatter, "avoid_overlap", False), (size, "shape", "LINE"), (size, "area_largest", 9.0),
         (scatter.classes[0], "direction_kind", "IMAGE"), (scatter.classes[0], "direction_angle", 0.3),
-        (scatter.classes[0], "direction_image", bpy.data.images.new("flow", 4, 4)),
         (scatter.classes[0], "density_correction", True), (scatter.classes[0], "may_overlap", "Beech"),
         (scatter.classes[0], "use_unsharp", True), (scatter.classes[0], "unsharp_amount", 0.3),
         (scatter.classes[0], "unsharp_radius", 9.0),

@@ -67,7 +67,7 @@ def test_what_was_one_density_in_version_2_is_one_layer():
     assert (group.layers[0].kind, group.layers[0].vertex_group) == ("VERTEX_GROUP", "wet")
     assert (attribute.layers[0].kind, attribute.layers[0].attribute) == ("ATTRIBUTE", "grass")
     assert not first.outdated, "nothing was changed since its run"
-    assert second.changes() == ["invert of Image"]
+    assert second.changes() == ["settings"]
     densities = [type(c.as_argument().density).__name__ for c in first.classes]
     assert densities == ["float", "ImageDensity", "VertexGroupDensity", "AttributeDensity"]
     even.add_layer("NOISE")
