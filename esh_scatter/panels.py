@@ -12,6 +12,7 @@ from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
 from . import forecast, running, words
 from .class_copy import KEPT_APART
+from .density_panel import draw_density
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -199,26 +200,10 @@ class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
     bl_label = "Density"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the density of the selected class."""
+        """Draw the layers of the density of the selected class."""
         column = self._column()
-        scatter = selected_scatter(context)
-        body_class = selected_class(context)
-        target = scatter.first_target
-        column.prop(body_class, "density_kind", text="Follow")
-        if body_class.density_kind == "UNIFORM":
-            return
-        if body_class.density_kind == "IMAGE":
-            _draw_image(column, body_class, "image")
-            column.prop(body_class, "mapping")
-            if body_class.mapping == "UV" and target:
-                column.prop_search(body_class, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
-        elif target is None:
-            column.label(text="Choose a target first", icon="ERROR")
-        elif body_class.density_kind == "VERTEX_GROUP":
-            column.prop_search(body_class, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
-        elif body_class.density_kind == "ATTRIBUTE":
-            column.prop_search(body_class, "attribute", target.data, "attributes", icon="SPREADSHEET")
-        column.prop(body_class, "invert")
+        for note in draw_density(column, selected_scatter(context), selected_class(context)):
+            _write_text(context, column, note, icon="INFO")
 
 
 class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
