@@ -83,7 +83,7 @@ class Survey:
 
 def _checksum(*arrays: np.ndarray) -> Hashable:
     """Return numbers that differ where arrays do."""
-    return tuple((array.shape, zlib.crc32(np.ascontiguousarray(array))) for array in arrays)
+    return tuple((array.shape, zlib.crc32(np.ascontiguousarray(array).data)) for array in arrays)
 
 
 def _content(density: Density, points: SurfacePoints) -> Hashable | None:
