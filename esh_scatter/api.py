@@ -307,7 +307,7 @@ class ScatterJob:
         self._sources: list[Reference] = []
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
-        self._survey = survey
+        self.survey = survey
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
@@ -345,7 +345,7 @@ class ScatterJob:
         Raises:
             EshError: Something asked for has no meaning.
         """
-        reading, survey = self._reading, self._survey or Survey()
+        reading, survey = self._reading, self.survey or Survey()
         if reading is None:
             return
         self._target_name = reading.target.name

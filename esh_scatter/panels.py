@@ -10,7 +10,7 @@ from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing
-from . import running, words
+from . import checksums, live, running, words
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -65,13 +65,21 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         if running.session is not None:
             _draw_progress(context, layout)
             return
-        button = layout.row()
+        button = layout.row(align=True)
         button.scale_y = 1.8
         result = scatter.result_in(context.scene)
         button.operator(
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
+        switch = button.row(align=True)
+        switch.ui_units_x = 3.5
+        switch.prop(scatter, "live", toggle=True)
+        if scatter.live and not live.is_live(context.scene, scatter):
+            # It was switched on in the file that was opened, or by redo.
+            live.wake()
         _draw_status(context, layout.column(align=True), scatter)
+        if checksums.is_old():
+            running.redraw_later()
 
 
 class ESH_PT_classes(_SubPanel, bpy.types.Panel):
@@ -339,7 +347,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         _write_text(context, column, "The result is no longer there", icon="INFO")
     elif report is not None:
         changes = scatter.changes()
-        if changes:
+        if changes and live.is_busy(context.scene, scatter):
+            _write_text(context, column, "Following …", icon="FILE_REFRESH")
+        elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
             _write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
         else:
@@ -349,6 +359,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 words.summary(report, words.UNBROKEN),
                 icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
+    said = live.status(context.scene, scatter)
+    if said:
+        _write_text(context, column, said, icon="ERROR")
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""

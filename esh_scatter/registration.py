@@ -4,7 +4,7 @@ import atexit
 
 import bpy
 
-from . import exchange_operators, lists, menus, operators, panels, running, versions
+from . import exchange_operators, lists, live, menus, operators, panels, running, versions
 from .properties import body_class, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
@@ -31,6 +31,7 @@ def unregister() -> None:
     # Blender as a module disables its add-ons on leaving, after Python has called us.
     if not _MODULES[0].CLASSES[0].is_registered:
         return
+    live.end(wait=True)
     running.end(wait=True)
     menus.detach()
     exchange_operators.detach()

@@ -24,6 +24,9 @@ _PATIENCE = 3.0
 # Seconds that disabling the add-on or quitting waits for the thread to come out of the engine.
 _LONGEST_JOIN = 5.0
 
+# Seconds after which what may be old is drawn again.
+_MOMENT = 1.0
+
 # Looking around is allowed during a run; changing anything is not.
 _NAVIGATION = {
     "MOUSEMOVE",
@@ -175,6 +178,12 @@ def redraw_sidebars() -> None:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()
+
+
+def redraw_later() -> None:
+    """Have the sidebars drawn anew in a moment: what they show may be old by then."""
+    if not bpy.app.background and not bpy.app.timers.is_registered(redraw_sidebars):
+        bpy.app.timers.register(redraw_sidebars, first_interval=_MOMENT)
 
 
 def _over_panel(context: bpy.types.Context, event: bpy.types.Event) -> bool:
