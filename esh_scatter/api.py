@@ -48,14 +48,26 @@ from ..engine.surface.instances import Instances
 from ..engine.surface.triangle_mesh import TriangleMesh
 from .amount import Amount
 from .densities import (
+    AltitudeDensity,
     AttributeDensity,
+    CameraDensity,
+    ClassDensity,
     Density,
+    DensityLayer,
+    DensityReader,
+    DensityStack,
+    DistanceDensity,
+    FacingDensity,
     ImageDensity,
-    StoredImage,
+    InsideDensity,
+    NoiseDensity,
+    SlopeDensity,
     VertexGroupDensity,
+    attribute_names,
     image_pixels,
     read_density,
 )
+from .density_source import Known
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
@@ -66,16 +78,26 @@ from .survey import Survey
 from .target import check_exists, check_target, is_result, members_of, read_target
 
 __all__ = [
+    "AltitudeDensity",
     "Amount",
     "AttributeDensity",
+    "CameraDensity",
+    "ClassDensity",
+    "DensityLayer",
+    "DensityStack",
+    "DistanceDensity",
     "EshError",
+    "FacingDensity",
     "ImageDensity",
+    "InsideDensity",
     "Line",
+    "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
+    "SlopeDensity",
     "Standing",
     "Unsharp",
     "VertexGroupDensity",
@@ -144,8 +166,9 @@ class ScatterClass(ClassSettings):
         default=1.0,
         metadata=setting(
             "Where many objects of this class stand, and where few, per area of surface",
-            more="A number (the same everywhere), an image, a vertex group or an attribute; an image of Blender or an array "
-            "``[height, width]`` by itself is stretched over the target seen from above",
+            more="A number (the same everywhere), one of the densities below (:class:`~esh.ImageDensity` and so on), or several as "
+            "layers of a :class:`~esh.DensityStack`; an image of Blender or an array ``[height, width]`` by itself is stretched over "
+            "the target seen from above",
             check=as_given,
         ),
     )
@@ -321,7 +344,7 @@ class ScatterJob:
         numbers: dict[int, int] = {}
         # Sizes that place the same objects, and classes that follow the same image, have it looked at once.
         meshes: dict[int, TriangleMesh | ProblemError] = {}
-        images: dict[int, StoredImage] = {}
+        known: Known = {}
         sources: list[list[_Source]] = []
         for scatter_class in self.classes:
             of_class = []
@@ -334,8 +357,8 @@ class ScatterJob:
                         self._sources.append(Reference(member, "object to place"))
                 self.variants.append([numbers[member.session_uid] for member in members])
             sources.append(of_class)
-        densities = [read_density(c.density, f'`density` of class "{c.name}"', images) for c in self.classes]
-        names = {str(d.name) for d in densities if isinstance(d, VertexGroupDensity | AttributeDensity)}
+        densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
+        names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
         return _Reading(read_target(self.target, context, names), sources, densities, directions)
 
@@ -351,6 +374,8 @@ class ScatterJob:
         self._target_name = reading.target.name
         self.chart = survey.begin(reading.target)
         domain = survey.domain(self.chart)
+        names = [scatter_class.name for scatter_class in self.classes]
+        reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
         classes = []
         for number, scatter_class in enumerate(self.classes):
             shapes = [
@@ -358,8 +383,7 @@ class ScatterJob:
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
             self.shapes += shapes
-            key = f'`density` of class "{scatter_class.name}"'
-            values = survey.density(reading.densities[number], self.chart, key)
+            values = survey.density(scatter_class.name, reader, self.chart)
             classes.append(self._prepare_class(scatter_class, shapes, domain, values))
         self.problem = Problem(
             domain,

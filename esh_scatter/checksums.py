@@ -156,7 +156,7 @@ def _worked_out(key: tuple[Any, ...], work: Callable[[], int]) -> int:
 
 
 def _crc(values: np.ndarray) -> int:
-    return zlib.crc32(np.ascontiguousarray(values))
+    return zlib.crc32(np.ascontiguousarray(values).data)
 
 
 def _image_number(image: bpy.types.Image) -> int:

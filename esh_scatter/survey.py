@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Hashable
-from typing import Any
 
 import numpy as np
 
 from ..engine.problem.problem import Domain
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
-from ..engine.surface.surface_points import SurfacePoints
 from ..engine.surface.triangle_mesh import TriangleMesh
-from .densities import AttributeDensity, Density, ImageDensity, StoredImage, VertexGroupDensity, density_at
+from .densities import DensityReader
+from .density_source import checksum
 from .footprint import outline_of
 
 __all__ = ["Survey"]
@@ -44,7 +42,7 @@ class Survey:
         self._outlines = {key: value for key, value in self._outlines.items() if key in self._used}
         self._densities = {key: value for key, value in self._densities.items() if key in self._used}
         self._used.clear()
-        shape = _checksum(mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
+        shape = checksum(mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
         if self._chart is not None and self._chart[0] == shape:
             chart = self._chart[1].with_mesh(mesh)
         else:
@@ -64,45 +62,24 @@ class Survey:
 
     def outline(self, mesh: TriangleMesh, key: str) -> Outline:
         """Return the outline of an object to place."""
-        content = _checksum(mesh.position, mesh.triangle)
+        content = checksum(mesh.position, mesh.triangle)
         self._used.add(content)
         if content not in self._outlines:
             self._outlines[content] = outline_of(mesh, key)
         return self._outlines[content]
 
-    def density(self, density: Density, chart: Chart, key: str) -> np.ndarray:
-        """Return a density over the cells of a chart, shape ``chart.shape``, float32."""
-        content = _content(density, chart.points)
+    def density(self, name: str, reader: DensityReader, chart: Chart) -> np.ndarray:
+        """Return the density of a class over the cells of a chart, shape ``chart.shape``, float32.
+
+        Args:
+            name: Of the class.
+            reader: Knows what the classes follow, and the chart's points.
+            chart: Of the last :meth:`begin`.
+        """
+        content = reader.content(name)
         if content is None:
-            return chart.continued(density_at(density, chart.points, key))
+            return chart.continued(reader.class_density(name))
         self._used.add(content)
         if content not in self._densities:
-            self._densities[content] = chart.continued(density_at(density, chart.points, key))
+            self._densities[content] = chart.continued(reader.class_density(name))
         return self._densities[content]
-
-
-def _checksum(*arrays: np.ndarray) -> Hashable:
-    """Return numbers that differ where arrays do."""
-    return tuple((array.shape, zlib.crc32(np.ascontiguousarray(array).data)) for array in arrays)
-
-
-def _content(density: Density, points: SurfacePoints) -> Hashable | None:
-    """Return what a density says, in short; None where that cannot be told."""
-    mesh = points.view.mesh
-    if isinstance(density, ImageDensity) and isinstance(density.image, StoredImage):
-        tiles = tuple((number, _checksum(pixels)) for number, pixels in density.image.tiles.items())
-        uv: Any = None
-        if density.mapping == "UV":
-            name = density.uv_map or mesh.active_uv_map
-            uv = name, _checksum(mesh.uv_map[name]) if name in mesh.uv_map else None
-        return "image", tiles, density.mapping, uv, density.invert
-    if isinstance(density, VertexGroupDensity) and density.name in mesh.vertex_group:
-        return "group", density, _checksum(mesh.vertex_group[density.name])
-    if isinstance(density, AttributeDensity) and density.name in mesh.attribute:
-        domain, values = mesh.attribute[density.name]
-        return "attribute", density, domain, _checksum(values)
-    if isinstance(density, np.ndarray):
-        return "array", _checksum(density)
-    if isinstance(density, int | float):
-        return "number", float(density)
-    return None

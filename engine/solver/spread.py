@@ -45,8 +45,8 @@ def spread(
     classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in asked]
     model = Model(Problem(domain, classes, Balance(), seed))
     descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
-    for _ in range(STEPS if model.body_count > 1 else 0):
-        descent.step.play()
+    if model.body_count > 1:
+        descent.step.play(STEPS)
     position = position_in_metres(model, descent.state)
     launcher.release(descent.step)
     for place, i in enumerate(asked):

@@ -383,9 +383,9 @@ def test_what_many_classes_share_is_read_once(monkeypatch):
     from esh.esh_scatter import api, survey
 
     read = {"density": 0, "outline": 0}
-    honest_density, honest_outline = survey.density_at, survey.outline_of
+    honest_density, honest_outline = api.DensityReader.class_density, survey.outline_of
 
-    def density_at(*arguments):
+    def class_density(*arguments):
         read["density"] += 1
         return honest_density(*arguments)
 
@@ -393,7 +393,7 @@ def test_what_many_classes_share_is_read_once(monkeypatch):
         read["outline"] += 1
         return honest_outline(*arguments)
 
-    monkeypatch.setattr(survey, "density_at", density_at)
+    monkeypatch.setattr(api.DensityReader, "class_density", class_density)
     monkeypatch.setattr(survey, "outline_of", outline_of)
     source = quad("shared", 1.0)
     image = np.linspace(0.1, 1.0, 64).reshape(8, 8)

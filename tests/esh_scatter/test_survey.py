@@ -16,6 +16,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterSize,
     VertexGroupDensity,
 )
+from esh.esh_scatter.densities import DensityReader  # noqa: E402
 from esh.esh_scatter.survey import Survey  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 5}
@@ -92,8 +93,13 @@ def test_only_what_changed_is_worked_out_again(ground, tree, monkeypatch):
 
         return count
 
-    for name, function in (("chart", "Chart"), ("density", "density_at"), ("outline", "outline_of")):
-        monkeypatch.setattr(survey, function, counted(name, getattr(survey, function)))
+    counting = [
+        ("chart", survey, "Chart"),
+        ("density", DensityReader, "class_density"),
+        ("outline", survey, "outline_of"),
+    ]
+    for name, owner, function in counting:
+        monkeypatch.setattr(owner, function, counted(name, getattr(owner, function)))
     image, kept = ramp(), Survey()
 
     def prepared():

@@ -1,9 +1,11 @@
 """After an edit most bodies are where they were; what changed is followed, by bodies that keep their identities."""
 
+import gc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Problem, ProblemError, Size, Solver
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.edit import CarriedOver, carry_over
@@ -360,3 +362,24 @@ def test_a_solver_starts_where_a_placement_was():
 def test_places_that_fit_no_body_are_refused(position, identity, named):
     with Solver(outlined_problem(), device="cpu") as solver, pytest.raises(ProblemError, match=named):
         solver.start_at(position, identity=identity)
+
+
+def test_edits_leave_nothing_behind():
+    """Neither recordings nor what they hold: a scene may be edited all day."""
+
+    def kept():
+        gc.collect()
+        objects = gc.get_objects()
+        return sum(type(o) is wp.array for o in objects), sum(type(o) is wp.Launch for o in objects)
+
+    with Solver(replace(problem_of(count=300), avoid_overlap=True), device="cpu") as solver:
+        counts = []
+        for k in range(50):
+            # Counts change, so that points are spread, too.
+            solver.edit(replace(problem_of(painted(0.2 + 0.1 * (k % 3)), 300 + 5 * (k % 4)), avoid_overlap=True))
+            if k % 12 == 11:
+                counts.append(kept())
+        tables = len(solver.launcher._team._tables)
+    print(counts, tables)
+    assert counts[0] == counts[-1]
+    assert tables < 10
