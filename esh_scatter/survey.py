@@ -6,7 +6,7 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from ..engine.problem.problem import Domain
+from ..engine.problem.domain import Domain
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.triangle_mesh import TriangleMesh

@@ -19,7 +19,7 @@ import warp as wp
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
-from ..space.space import space_for_kernels
+from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_field, kernels_splines
 from .field_meshes import charge_mesh, split_of
@@ -51,8 +51,7 @@ class Field:
 
     Args:
         launcher: Where to run.
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: Where the charges are.
         interaction: M, shape ``[group_count, group_count]``.
         targets: One per group.
         spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
@@ -77,8 +76,7 @@ class Field:
         self,
         launcher: Launcher,
         *,
-        size: tuple[float, float],
-        periodic: bool,
+        space: Space,
         interaction: np.ndarray,
         targets: Sequence[FieldTarget],
         spacing: float,
@@ -87,14 +85,12 @@ class Field:
         fewest_nodes: int | None = None,
     ) -> None:
         self.launcher = launcher
-        self.size = size
-        self.periodic = periodic
+        self.space = space
         self.group_count = len(targets)
         self.charge_count = len(charge)
         device = launcher.device
         self.layout = charge_mesh(
-            size,
-            periodic,
+            space,
             spacing,
             charge_count=self.charge_count,
             group_count=self.group_count,
@@ -128,8 +124,7 @@ class Field:
         self._influence = launcher.kept(("influence", self.layout, self.split), self._make_influence)
         self._correction = TargetCorrection(
             launcher,
-            size=size,
-            periodic=periodic,
+            space=space,
             images=images,
             attraction=attracting,
             spacing=spacing,
@@ -141,17 +136,17 @@ class Field:
         self._fine_mesh = self._correction.layout.for_kernels()
 
     def _make_influence(self) -> wp.array:
-        if self.periodic:
+        if self.space.periodic:
             # The mean potential has no force.
             return smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
         return open_influence(self._convolution, self.layout, self.split)
 
     def _choose_cells(self) -> None:
-        counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.size]
+        counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.space.size]
         cells = kernels_cells.CellGrid()
         cells.count_x, cells.count_y = counts
-        cells.inverse_size = wp.vec2(counts[0] / self.size[0], counts[1] / self.size[1])
-        cells.space = space_for_kernels(self.size, self.periodic)
+        cells.inverse_size = wp.vec2(counts[0] / self.space.size[0], counts[1] / self.space.size[1])
+        cells.space = self.space.for_kernels()
         self.cells = cells
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
@@ -218,7 +213,7 @@ class Field:
         rows = self.cells.count_y
         bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, rows // 2))
         # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
-        alone = 1 if self.periodic and bands % 2 == 1 and bands > 1 else 0
+        alone = 1 if self.space.periodic and bands % 2 == 1 and bands > 1 else 0
         rounds = [(0, (bands - alone + 1) // 2), (1, (bands - alone) // 2), (bands - 1, alone)]
         for first_band, count in rounds:
             self.launcher.launch(

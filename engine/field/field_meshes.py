@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..errors import ProblemError
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from ..space.space import Space
 from .kernels_field import CUTOFF_OVER_SPLIT
 
 __all__ = ["BLUR_OVER_MESH", "BLUR_OVER_SPACING", "FEWEST_NODES", "charge_mesh", "split_of", "target_mesh"]
@@ -26,17 +27,14 @@ FEWEST_NODES = 2**18
 REACH_OVER_SPLIT = 4.7
 
 
-def charge_mesh(
-    size: tuple[float, float], periodic: bool, spacing: float, *, charge_count: int, group_count: int, on_gpu: bool
-) -> MeshLayout:
+def charge_mesh(space: Space, spacing: float, *, charge_count: int, group_count: int, on_gpu: bool) -> MeshLayout:
     """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
 
     The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
     a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
 
     Args:
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: What it lies over.
         spacing: Typical distance of neighbouring bodies where they are dense.
         charge_count: Number of charges.
         group_count: Number of groups.
@@ -45,16 +43,16 @@ def charge_mesh(
     Raises:
         ProblemError: A periodic domain that is too long and narrow for a GPU's transforms.
     """
-    crowding = max(1.0, size[0] * size[1] / (charge_count * spacing**2))
+    crowding = max(1.0, space.area / (charge_count * spacing**2))
     coarsening = (group_count * crowding) ** 0.25
-    wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(size) / SMALLEST_MESH)
-    if not periodic:
-        return open_mesh(size, wanted, on_gpu=on_gpu)
-    most = min(size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH)
-    layout = periodic_mesh(size, min(wanted, most), on_gpu=on_gpu)
+    wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(space.size) / SMALLEST_MESH)
+    if not space.periodic:
+        return open_mesh(space, wanted, on_gpu=on_gpu)
+    most = min(space.size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH)
+    layout = periodic_mesh(space, min(wanted, most), on_gpu=on_gpu)
     if max(layout.spacing) > 1.001 * most:
         raise ProblemError(
-            f"a periodic domain must not be {max(size) / min(size):,.0f} times longer than wide on this GPU; "
+            f"a periodic domain must not be {max(space.size) / min(space.size):,.0f} times longer than wide on this GPU; "
             'use `device` "cpu"'
         )
     return layout
@@ -66,8 +64,7 @@ def split_of(layout: MeshLayout) -> float:
 
 
 def target_mesh(
-    size: tuple[float, float],
-    periodic: bool,
+    space: Space,
     spacing: float,
     *,
     charge_count: int,
@@ -76,8 +73,8 @@ def target_mesh(
     fewest_nodes: int = FEWEST_NODES,
 ) -> MeshLayout:
     """Lay a mesh that shows every detail of the targets which bodies can follow; arguments as for :func:`charge_mesh`."""
-    coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
+    coarsest = (space.area / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
     wanted = max(BLUR_OVER_SPACING / BLUR_OVER_MESH * spacing, coarsest)
-    if periodic:
-        return periodic_mesh(size, wanted, on_gpu=on_gpu)
-    return open_mesh(size, wanted, on_gpu=on_gpu, kernel_reach=REACH_OVER_SPLIT * split)
+    if space.periodic:
+        return periodic_mesh(space, wanted, on_gpu=on_gpu)
+    return open_mesh(space, wanted, on_gpu=on_gpu, kernel_reach=REACH_OVER_SPLIT * split)

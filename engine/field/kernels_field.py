@@ -7,6 +7,7 @@ import warp as wp
 
 from ..space.kernels_cells import CellGrid
 from ..space.kernels_mesh import Mesh
+from ..space.kernels_space import goes_across, number_across, shift_across
 from .kernels_splines import potential_gradient
 
 __all__ = ["CUTOFF_OVER_SPLIT", "LANES", "evaluate_field"]
@@ -154,32 +155,28 @@ def evaluate_field(
     # Cells of a row are neighbours in memory: those near the charge's are one range.
     left = cx - BESIDE
     right = cx + BESIDE
-    at_y = Heights(y)
+    at_y = Heights()
     rows = Ranges()
     begins = Ranges()
     ends = Ranges()
     for b in range(ROWS):
-        row = cy + b - BESIDE
-        if grid.space.periodic != 0 and row < 0:
-            row += grid.count_y
-            at_y[b] = y + grid.space.size[1]
-        elif grid.space.periodic != 0 and row >= grid.count_y:
-            row -= grid.count_y
-            at_y[b] = y - grid.space.size[1]
+        beside = cy + b - BESIDE
+        row = number_across(beside, grid.count_y, grid.space)
+        at_y[b] = y + shift_across(beside, grid.count_y, grid.space.size[1], grid.space)
         rows[b] = row
         if row >= 0 and row < grid.count_y:
             begins[b] = cell_start[row * grid.count_x + wp.max(left, 0)]
             ends[b] = cell_start[row * grid.count_x + wp.min(right, grid.count_x - 1) + 1]
     total += sum_near(x, at_y, begins, ends, row_start, cutoff2, weight, sorted_x, sorted_y)
-    if grid.space.periodic != 0 and (left < 0 or right >= grid.count_x):
+    if goes_across(left, right, grid.count_x, grid.space):
         # The columns of cells on the other side.
         low = left + grid.count_x
         high = grid.count_x - 1
-        shifted = x + grid.space.size[0]
         if left >= 0:
             low = 0
             high = right - grid.count_x
-            shifted = x - grid.space.size[0]
+        beyond = wp.where(left < 0, left, right)
+        shifted = x + shift_across(beyond, grid.count_x, grid.space.size[0], grid.space)
         for b in range(ROWS):
             begins[b] = cell_start[rows[b] * grid.count_x + low]
             ends[b] = cell_start[rows[b] * grid.count_x + high + 1]

@@ -13,6 +13,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..space.mesh_layout import MeshLayout
+from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from .field_meshes import BLUR_OVER_MESH, BLUR_OVER_SPACING, FEWEST_NODES, target_mesh
 from .influence import convolution_of, smoothed_influence
@@ -25,8 +26,7 @@ class TargetCorrection:
 
     Args:
         launcher: Where to run.
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: What the targets lie over.
         images: The distinct target densities.
         attraction: Charge of each image that attracts each group, shape ``[group_count, image_count]``.
         spacing: Typical distance of neighbouring bodies where they are dense.
@@ -46,8 +46,7 @@ class TargetCorrection:
         self,
         launcher: Launcher,
         *,
-        size: tuple[float, float],
-        periodic: bool,
+        space: Space,
         images: Sequence[np.ndarray],
         attraction: np.ndarray,
         spacing: float,
@@ -56,8 +55,7 @@ class TargetCorrection:
         fewest_nodes: int = FEWEST_NODES,
     ) -> None:
         self.layout = target_mesh(
-            size,
-            periodic,
+            space,
             spacing,
             charge_count=charge_count,
             split=split,

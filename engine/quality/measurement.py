@@ -128,7 +128,7 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
     device = bodies.launcher.device
     images = [c.density_image for c in problem.classes]
     per_pixel = [
-        c.body_count / (bodies.size[0] * bodies.size[1] * float(image.mean(dtype=np.float64)))
+        c.body_count / (bodies.space.area * float(image.mean(dtype=np.float64)))
         for c, image in zip(problem.classes, images, strict=True)
     ]
     result = bodies.launcher.empty(bodies.count, float)
@@ -138,8 +138,8 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
         [
             bodies.pose,
             wp.array(per_pixel, dtype=float, device=device),
-            images_for_kernels(bodies.launcher, images, bodies.size, to_support=False),
-            wp.vec2(*bodies.size),
+            images_for_kernels(bodies.launcher, images, bodies.space.size, to_support=False),
+            wp.vec2(*bodies.space.size),
         ],
         [result],
     )

@@ -13,6 +13,7 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_pla
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
+from ..space.space import Space
 from . import kernels_overlaps
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_of"]
@@ -144,20 +145,16 @@ def find_overlaps(
     )
     stays = np.zeros(n, bool) if fixed is None else fixed
     shapes.fixed = wp.array(stays.astype(np.int32), dtype=wp.int32, device=device)
-    level, lattice = _lattice(position, reach, domain, device)
-    images = [
-        min(MOST_IMAGES, int(min(2.0 * reach.max() / side + 0.5, 1e6))) if domain.periodic else 0
-        for side in domain.size
-    ]
+    lattice = _lattice(position, reach, domain, device)
+    space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
     launcher.launch(
         kernels_overlaps.find_overlaps,
         n,
         [
             shapes,
-            wp.array(level, dtype=wp.int32, device=device),
             lattice,
-            wp.vec2i(*images),
+            wp.vec2i(*space.images_within(2.0 * float(reach.max()), MOST_IMAGES)),
             TOLERANCE,
             MOST_OVERLAPS_PER_BODY,
         ],
@@ -170,12 +167,7 @@ def find_overlaps(
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
-    way = position[other] - position[one]
-    if domain.periodic:
-        way -= np.array(domain.size) * np.round(way / np.array(domain.size))
-    middle = position[one] + 0.5 * way
-    if domain.periodic:
-        middle = np.mod(middle, domain.size)
+    middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
     pair = (min(one, other), max(one, other))
     return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])))
 
@@ -217,10 +209,8 @@ def _bodies(
     return first, corner, rounding, reach, core_width + 2.0 * rounding
 
 
-def _lattice(
-    position: np.ndarray, reach: np.ndarray, domain: Domain, device: wp.Device
-) -> tuple[np.ndarray, kernels_overlaps.Lattice]:
-    """Levels of the bodies, and the cells that they lie in."""
+def _lattice(position: np.ndarray, reach: np.ndarray, domain: Domain, device: wp.Device) -> kernels_overlaps.Lattice:
+    """The cells that bodies lie in, by levels of size."""
     n = len(position)
     level = np.clip(np.floor(np.log2(reach.max() / reach)), 0, MOST_LEVELS - 1).astype(np.int64)
     level = np.unique(level, return_inverse=True)[1].ravel()
@@ -243,4 +233,4 @@ def _lattice(
         setattr(lattice, name, wp.array(values.astype(np.int32), dtype=wp.int32, device=device))
     lattice.size = wp.vec2d(*domain.size)
     lattice.periodic = int(domain.periodic)
-    return level.astype(np.int32), lattice
+    return lattice

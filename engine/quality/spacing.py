@@ -12,7 +12,6 @@ from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..problem.domain import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort, position_of
-from ..space.space import space_for_kernels
 from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
 
@@ -68,7 +67,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     if bodies.count < 2:
         return None
     n = bodies.count
-    launcher, domain = bodies.launcher, bodies.domain
+    launcher, space = bodies.launcher, bodies.space
     # A typical density; some thousand bodies tell it well enough.
     reach = 1.5 / math.sqrt(float(np.median(number_density.numpy()[:: max(1, n // 10_000)])))
     # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed. In a long and narrow
@@ -77,10 +76,10 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     nearest = launcher.empty(n, float)
     while True:
         grid = kernels_cells.CellGrid()
-        counts = [max(1, int(length / side)) for length in bodies.size]
+        counts = [max(1, int(length / side)) for length in space.size]
         grid.count_x, grid.count_y = counts
-        grid.inverse_size = wp.vec2(counts[0] / bodies.size[0], counts[1] / bodies.size[1])
-        grid.space = space_for_kernels(bodies.size, domain.periodic)
+        grid.inverse_size = wp.vec2(counts[0] / space.size[0], counts[1] / space.size[1])
+        grid.space = space.for_kernels()
         cells = CellSort(launcher, n, counts[0] * counts[1])
         cells.sort(kernels_cells.compute_cell_keys, [position_of(bodies.pose), grid])
         launcher.launch(

@@ -63,8 +63,7 @@ class Contact:
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, area)
         self._near = Neighbourhood(
             launcher,
-            model.size,
-            model.problem.rectangle.periodic,
+            model.space,
             self._radii(longest) / model.unit,
             half / model.unit,
             mass,

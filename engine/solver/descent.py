@@ -18,7 +18,6 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
 from ..field.field import Field
 from ..field.mirrored_field import COPIES, MirroredField
-from ..space.space import space_for_kernels
 from ..space.support import images_for_kernels
 from ..space.survey import typical_spacing
 from ..space.target_deposit import mix_images
@@ -66,7 +65,7 @@ class Descent:
         self.launcher = launcher
         problem = model.problem
         device = launcher.device
-        self._space = space_for_kernels(model.size, problem.rectangle.periodic)
+        self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
@@ -105,7 +104,7 @@ class Descent:
         model = self.model
         domain = model.problem.rectangle
         described: dict[str, Any] = {
-            "size": model.size,
+            "space": model.space,
             "interaction": model.interaction,
             "targets": group_targets(model),
             "spacing": typical_spacing(model.problem) / model.unit,
@@ -116,7 +115,7 @@ class Descent:
         if domain.mirrored:
             mirrored = MirroredField(self.launcher, **described)
             return mirrored.evaluate, mirrored.field
-        field = Field(self.launcher, periodic=domain.periodic, **described)
+        field = Field(self.launcher, **described)
         return field.evaluate, field
 
     def residual(self) -> float:

@@ -18,6 +18,7 @@ from ..problem.line import Line
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from ..space.space import Space
 from .body_flags import BodyFlags
 from .supports import supports_of
 
@@ -126,12 +127,10 @@ class Model:
         self.charge: BodyCharges = charges_of(problem)
         self.interaction = _within_range(self.groups.matrix, self.charge.charge)
         domain = problem.domain
-        self.size = (0.0, 0.0)
         if isinstance(domain, Surface):
             self.unit = _typical_spacing(problem, domain)
         else:
             self.unit = unit or math.sqrt(domain.area / len(self.charge.charge))
-            self.size = (domain.size[0] / self.unit, domain.size[1] / self.unit)
 
     def carry(self, old: Model, carried: CarriedOver) -> None:
         """Give bodies that were in another model before the identities and flags that they had there."""
@@ -142,6 +141,16 @@ class Model:
         flags[came] |= kept[carried.source[came]]
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
         self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
+
+    @property
+    def space(self) -> Space:
+        """Where the bodies are, in the model's unit; for problems in a rectangle."""
+        return Space.of(self.problem.rectangle, self.unit)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent of that space along x and y."""
+        return self.space.size
 
     @property
     def body_count(self) -> int:

@@ -20,7 +20,6 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from ..space.space import space_for_kernels
 from . import kernels_descent, kernels_separation
 from .body_flags import BodyFlags
 from .model import Model
@@ -205,7 +204,7 @@ class Separation:
         self._model = model
         self._count = n = model.body_count
         domain = model.problem.rectangle
-        self._space = space_for_kernels(model.size, domain.periodic)
+        self._space = model.space.for_kernels()
         self._inset = int(domain.inset)
         unit = model.unit
         given = pose.numpy()
@@ -216,7 +215,7 @@ class Separation:
         angle = np.where(self._is_line, given[:, 2], start_turn)
         offset = np.where(self._is_line, start_turn, 0.0)
         reach, skin = tables.reach / unit, SKIN * np.sqrt(tables.area) / unit
-        self._near = Neighbourhood(launcher, model.size, domain.periodic, reach + skin, np.zeros(n), np.ones(n))
+        self._near = Neighbourhood(launcher, model.space, reach + skin, np.zeros(n), np.ones(n))
         order = self._spatial_order(given)
         self._order = order
         self._near.footprints.radius.assign((reach + skin)[order].astype(np.float32))

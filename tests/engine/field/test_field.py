@@ -8,6 +8,7 @@ import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import Field, FieldTarget
+from esh.engine.space.space import Space
 
 SQUARE, WIDE, TALL = (32.0, 32.0), (64.0, 16.0), (16.0, 64.0)
 
@@ -43,8 +44,7 @@ def fast_and_direct(launcher, position, size, periodic, groups, image):
     interaction = 0.5 + 0.5 * np.eye(groups)
     targets = [FieldTarget(image, charge[group == g].sum()) for g in range(groups)]
     arguments = {
-        "size": size,
-        "periodic": periodic,
+        "space": Space(size, periodic),
         "interaction": interaction,
         "targets": targets,
         "charge": charge,
@@ -77,8 +77,7 @@ def test_direct_sum_of_two_charges_is_coulombs_law():
     position = np.array([[1.0, 2.0], [4.0, 6.0]])
     field = direct_field(
         position,
-        size=(8.0, 8.0),
-        periodic=False,
+        space=Space((8.0, 8.0)),
         interaction=np.eye(1),
         targets=[FieldTarget(np.ones((1, 1)), 0.0)],
         charge=np.array([2.0, 3.0]),
@@ -128,8 +127,7 @@ def test_forces_are_minus_the_gradient_of_the_energy():
 
     field = direct_field(
         position,
-        size=size,
-        periodic=False,
+        space=Space(size),
         interaction=interaction,
         targets=targets,
         charge=charge,
