@@ -425,6 +425,23 @@ class ScatterJob:
             raise ProblemError("a scatter must be solved before its objects have a place")
         return self._standing().instances
 
+    def colors_of_bodies(self) -> np.ndarray:
+        """Return the colour of every body's class, shape ``[n, 4]``, float32; of :attr:`problem`, in any thread."""
+        colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
+        return colors[self.problem.body_indices()[0]]
+
+    def places_of_bodies(self, position: np.ndarray, lift: float) -> np.ndarray:
+        """Return about where bodies of a run under way are in the world [m], shape ``[n, 3]``; in any thread.
+
+        Args:
+            position: As the solver tells it [m].
+            lift: How far above the surface, as a share of its extent.
+        """
+        lift *= self.chart.view.extent
+        if position.shape[1] == 3:
+            return position + (0.0, 0.0, lift)
+        return np.column_stack([position + self.chart.origin, self.chart.height_near(position) + lift])
+
     def _standing(self) -> _Placed:
         """Return where the objects of :attr:`placement` stand."""
         assert self.placement is not None

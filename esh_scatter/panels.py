@@ -435,8 +435,9 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     row = layout.row(align=True)
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
+    row.operator("esh.keep", text="Keep")
     row.operator("esh.stop", text="", icon="CANCEL")
-    _write_text(context, layout, "Esc stops the run. The scene stays as it is", icon="INFO")
+    _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 
 def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list[str]) -> None:
