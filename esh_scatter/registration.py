@@ -4,7 +4,7 @@ import atexit
 
 import bpy
 
-from . import exchange_operators, lists, live, menus, operators, panels, running, versions
+from . import exchange_operators, forecast, lists, live, menus, operators, panels, running, versions
 from .properties import body_class, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
@@ -33,6 +33,7 @@ def unregister() -> None:
         return
     live.end(wait=True)
     running.end(wait=True)
+    forecast.detach()
     menus.detach()
     exchange_operators.detach()
     versions.detach()
