@@ -15,7 +15,16 @@ from ..errors import EshError, InputFileError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 
-__all__ = ["AssetFiles", "Bodies", "Prototype", "bodies_from_columns", "bodies_of", "check_assets", "read_names"]
+__all__ = [
+    "READ_COLUMNS",
+    "AssetFiles",
+    "Bodies",
+    "Prototype",
+    "bodies_from_columns",
+    "bodies_of",
+    "check_assets",
+    "read_names",
+]
 
 AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
 
@@ -123,6 +132,14 @@ class Bodies:
         """Return the names that indices count, as JSON in ASCII on one line."""
         prototypes = [prototype.name for prototype in self.prototypes]
         return json.dumps({"class": self.class_name, "size": self.size_name, "prototype": prototypes})
+
+
+# What is read of a table from elsewhere, beside names.
+READ_COLUMNS = (
+    *("id", "x", "y", "z", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"),
+    *(f"rotation_{axis}" for axis in "wxyz"),
+    *(f"scale_{axis}" for axis in "xyz"),
+)
 
 
 def read_names(text: str) -> dict[str, Any]:
