@@ -203,7 +203,7 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
         for s, size in enumerate(body_class.sizes):
             own = np.flatnonzero((placement.class_index == c) & (placement.size_index == s))
             index[own] = len(prototypes)
-            if size.line is None:
+            if not size.kind.has_axis:
                 radius = math.sqrt(size.mean_area / math.pi)
                 length = 0.0
                 scale[own] = np.sqrt(placement.area[own] / size.mean_area)[:, None]

@@ -98,7 +98,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         begin += count
         given = size.footprint
         if given is None:
-            if size.line is not None:
+            if size.kind.has_axis:
                 first[own] = CAPSULE
             else:
                 factor[own] = np.sqrt(area[own] / math.pi)
@@ -110,7 +110,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
             [drawn.variant, np.minimum(problem.fixed.variant[fixed], len(given.outlines) - 1)]
         )
         turn[own] = np.concatenate(
-            [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.line else problem.fixed.angle[fixed]]
+            [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.kind.has_axis else problem.fixed.angle[fixed]]
         )
         outline_area = np.array([outline.area for outline in given.outlines])[variant[own]][count - int(fixed.sum()) :]
         # One whose scale is not said has its area, where that is the outline's.
@@ -121,7 +121,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         factor[own] = np.concatenate([drawn.scale, np.where(np.isnan(scale), by_area, scale)])
         first[own] = len(shapes)
         shapes.extend(given.outlines)
-        free[own] = size.line is None and isinstance(given.turn, str) and given.turn == "free"
+        free[own] = not size.kind.has_axis and isinstance(given.turn, str) and given.turn == "free"
         room[own], gap[own] = given.room, given.gap
         is_outline[own] = True
     return BodyFootprints(tuple(shapes), first + variant, factor, turn, free, is_outline, variant, room, gap)

@@ -49,9 +49,9 @@ def packable_share(sizes: Sequence[Size]) -> float:
         given = size.footprint
         if not isinstance(given, Footprints):
             # Lines lie side by side.
-            fits.append(DISCS if size.line is None else FREE)
+            fits.append(FREE if size.kind.has_axis else DISCS)
             continue
-        free = size.line is not None or (isinstance(given.turn, str) and given.turn == "free")
+        free = size.kind.has_axis or (isinstance(given.turn, str) and given.turn == "free")
         share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
         # The room that outlines keep for themselves is ground that they do not cover.
         radius = math.sqrt(size.mean_area / math.pi)
