@@ -4,7 +4,7 @@ import atexit
 
 import bpy
 
-from . import exchange_operators, lists, menus, operators, panels, running, versions
+from . import exchange_operators, forecast, lists, menus, operators, panels, running, versions
 from .properties import body_class, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
@@ -32,6 +32,7 @@ def unregister() -> None:
     if not _MODULES[0].CLASSES[0].is_registered:
         return
     running.end(wait=True)
+    forecast.detach()
     menus.detach()
     exchange_operators.detach()
     versions.detach()
