@@ -54,6 +54,7 @@ def launcher_on(device: str, process: int = 0) -> Launcher:
     return Launcher(resolve_device(device))
 
 
+@lru_cache(maxsize=8)
 def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
     """Density of a class in a part of the domain, less obstacles, shape ``[height, width]``, float32; 0 all over where nothing is."""
     image = _density(plan, class_index, box)
@@ -186,6 +187,7 @@ def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
     return margin, TAPER / MARGIN * margin
 
 
+@lru_cache(maxsize=8)
 def _density(plan: Plan, class_index: int, box: Box) -> np.ndarray:
     return sample_source(plan.sources[class_index], box.down, box.across, _pixels(plan, box))
 
