@@ -129,9 +129,6 @@ def relax(
     present = np.unique(plan.groups.group_of(bodies.identity))
     targets = _targets(plan, box, model, present, totals, scale, taper)
     descent = Descent(model, launcher, pose=pose, targets=targets)
-    # The mean length of lines is that of those that move.
-    kinds = np.bincount(model.body.kind[~pinned] + 1, minlength=len(model.kinds) + 1)[1:]
-    descent.rules.line_count.assign(np.maximum(kinds, 1).astype(np.float32) if len(kinds) else np.zeros(1, np.float32))
     try:
         for _ in range(steps):
             descent.step.play()
