@@ -156,7 +156,9 @@ def _colors(chart: Any, values: np.ndarray, normal: np.ndarray) -> Colors:
     height = position[quad, 2]
     quad = quad[np.ptp(height, axis=1) <= LARGEST_STEP * float(chart.cell.max())]
     triangle = np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
-    return Colors(position.astype(np.float32), color.astype(np.float32), triangle.astype(np.int32))
+    # Blender's buffers take them as they lie in memory.
+    position, color = (np.ascontiguousarray(values, np.float32) for values in (position, color))
+    return Colors(position, color, np.ascontiguousarray(triangle, np.int32))
 
 
 def _switched(_manager: object, _context: object) -> None:
