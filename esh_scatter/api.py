@@ -45,6 +45,7 @@ from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
+from ..engine.surface.surface_points import SurfacePoints
 from ..engine.surface.triangle_mesh import TriangleMesh
 from .amount import Amount
 from .densities import (
@@ -68,9 +69,10 @@ from .densities import (
     read_density,
 )
 from .density_source import Known
+from .following import follow_attributes
 from .footprint import read_source
 from .kept_ground import SEED, ground_attributes
-from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .node_group import INSTANCE_INDEX, ROTATION, SCALE, Followed
 from .references import Reference
 from .result import CLASS_NAMES, find_result, write_result
 from .standing import Ground, draw, stand
@@ -276,6 +278,7 @@ class _Placed(NamedTuple):
     instances: Instances
     ground: Ground
     lift: np.ndarray
+    surface: SurfacePoints
 
 
 @takes(ScatterSettings)
@@ -436,6 +439,8 @@ class ScatterJob:
             sources,
             placed.instances.position,
             self._attributes(self.placement, placed),
+            [c.name for c in self.classes],
+            Followed(target, len(self.chart.view.mesh.position)),
         )
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)
@@ -563,11 +568,13 @@ class ScatterJob:
                 scatter_class.standing or everyones, ground.part(own), self.settings.seed
             )
         position = (surface.position + lift).astype(np.float32)
-        return _Placed(Instances(position, rotation, scale, source), ground, lift)
+        return _Placed(Instances(position, rotation, scale, source), ground, lift, surface)
 
     def _attributes(self, placement: Placement, placed: _Placed) -> dict[str, tuple[str, np.ndarray]]:
         instances, ground = placed.instances, placed.ground
         colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
+        everyones = Standing(**values_of(self.settings, Standing))
+        align = np.array([(c.standing or everyones).align_to_normal for c in self.classes], np.float32)
         return {
             "id": ("INT", ground.identity),
             "class_index": ("INT", placement.class_index),
@@ -577,6 +584,7 @@ class ScatterJob:
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
+            **follow_attributes(placed.surface, align[placement.class_index]),
         }
 
 

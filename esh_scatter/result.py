@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import bpy
 import numpy as np
 
-from .node_group import build_node_group
+from .display import get_inputs, our_modifier, set_inputs
+from .node_group import Followed, build_node_group
 from .target import RESULT_TAG, RESULT_TARGET, is_result
 
 __all__ = ["CLASS_NAMES", "find_result", "remove_result", "rename_result", "write_result"]
@@ -57,6 +58,8 @@ def write_result(
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,
     attributes: Mapping[str, tuple[str, np.ndarray]],
+    classes: Sequence[str] = (),
+    followed: Followed | None = None,
 ) -> bpy.types.Object:
     """Make the result object, or give ``replaced`` new points and a new node group; both old ones are removed if unused.
 
@@ -69,9 +72,11 @@ def write_result(
         sources: What ``instance_index`` counts.
         position: Points in the world [m], shape ``[n, 3]``.
         attributes: Name -> (Blender's type, values of shape ``[n]`` or ``[n, k]``), one value for each point.
+        classes: Names of what ``class_index`` counts.
+        followed: What the points follow.
     """
     mesh = _point_mesh(name, position, attributes)
-    group = build_node_group(name, sources)
+    group = build_node_group(name, sources, classes, followed)
     if replaced is None:
         for earlier in _results(scene, target, name):
             if is_shared(earlier) and scene.collection.objects.get(earlier.name) == earlier:
@@ -81,11 +86,13 @@ def write_result(
     else:
         item = replaced
         _swap_mesh(item, mesh)
-    modifier = next((m for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)), None)
+    modifier = our_modifier(item)
     if modifier is None:
         modifier = item.modifiers.new("ESH Scatter", "NODES")
     old = modifier.node_group
+    shown = get_inputs(modifier) if old is not None else {}
     modifier.node_group = group
+    set_inputs(modifier, shown)
     if old is not None and old != group and old.users == 0:
         old_name = old.name
         bpy.data.node_groups.remove(old)
