@@ -14,8 +14,10 @@ from ..engine.problem.settings import settings_of
 from .density_curve import copy_curve
 from .properties.described import shown_settings
 
-__all__ = ["CLASS_PARTS", "copy_class", "copy_values"]
+__all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class", "copy_values"]
 
+# Settings of a class that say how much room each of its bodies takes.
+KEPT_APART = ("room", "gap")
 # Parts of a class's settings that are copied together: label, description, names of the properties.
 CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "DENSITY": (
@@ -29,13 +31,13 @@ CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "Where long ones point, and what is done to the density",
         (
             *("direction_kind", "direction_angle", "direction_image", "may_overlap"),
-            *(shown.name for shown in shown_settings(ClassSettings)),
+            *(shown.name for shown in shown_settings(ClassSettings, KEPT_APART)),
         ),
     ),
     "COUNT": (
         "Sizes and Counts",
         "What is placed, how many, and how much room each takes",
-        ("count_kind", "total", "per_area", "distance", "cover_share", "sizes"),
+        ("count_kind", "total", "per_area", "distance", "cover_share", "sizes", *KEPT_APART),
     ),
 }
 

@@ -10,7 +10,7 @@ import bpy
 from .node_group import DISPLAYS
 from .target import RESULT_TAG
 
-__all__ = ["get_inputs", "input_property", "our_modifier", "set_inputs"]
+__all__ = ["begin_with_points", "get_inputs", "input_property", "our_modifier", "set_inputs"]
 
 
 def our_modifier(item: bpy.types.Object) -> bpy.types.Modifier | None:
@@ -53,6 +53,13 @@ def set_inputs(modifier: bpy.types.Modifier, values: Mapping[str, Any]) -> None:
             value = next(number for number, word in _words(modifier).items() if word == value)
         owner[identifier] = value
     modifier.id_data.update_tag()
+
+
+def begin_with_points(item: bpy.types.Object) -> None:
+    """Show the objects of a result as points in the viewport."""
+    modifier = our_modifier(item)
+    if modifier is not None:
+        set_inputs(modifier, {"Display": DISPLAYS[2]})
 
 
 def input_property(modifier: bpy.types.Modifier, name: str) -> tuple[Any, str] | None:

@@ -10,8 +10,10 @@ from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing
-from . import running, words
+from . import forecast, running, words
+from .class_copy import KEPT_APART
 from .density_panel import draw_density
+from .display import get_inputs, input_property, our_modifier
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -158,6 +160,9 @@ class ESH_PT_class(_ClassPanel, bpy.types.Panel):
             range_column.prop(size, "area_largest")
             column.prop(size, "distribution")
         column.prop(size, "shape")
+        if selected_scatter(context).avoid_overlap:
+            for name in KEPT_APART:
+                column.prop(body_class, name)
         if len(body_class.sizes) == 1:
             column.operator("esh.size_add", text="Add a Size", icon="ADD")
 
@@ -201,7 +206,7 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         elif body_class.direction_kind == "IMAGE":
             _draw_image(column, body_class, "direction_image")
         column.separator()
-        _draw_settings(column, body_class, ClassSettings)
+        _draw_settings(column, body_class, ClassSettings, KEPT_APART)
 
 
 class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
@@ -262,6 +267,10 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         _draw_counts(layout.box(), report, scatter.names_in_report())
         facts = layout.column(align=True)
         _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
+        if report["overlaps"] and report.get("deepest_pair") is not None:
+            row = facts.row(align=True)
+            row.operator("esh.select_overlapping", text="Select")
+            row.operator("esh.frame_overlap", text="Frame Worst")
         if evenness := words.evenness(report):
             _draw_fact(facts, "Spread", evenness)
         if report.get("closest") is not None:
@@ -271,6 +280,31 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps on {report['device']}")
         for note in words.notes(report):
             _write_text(context, layout, note, icon="ERROR")
+
+
+class ESH_PT_display(_SubPanel, bpy.types.Panel):
+    """What of the result is shown: the inputs of its modifier."""
+
+    bl_label = "Display"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is shown in the viewport, and when that is less."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        modifier = our_modifier(result) if result is not None else None
+        if modifier is not None:
+            _draw_inputs(column, modifier, ("Display", "Viewport Share", "Scale", "Follow Target"))
+            column.separator()
+            culling = input_property(modifier, "Camera Culling")
+            _draw_inputs(column, modifier, ("Camera Culling",))
+            if culling and get_inputs(modifier)["Camera Culling"]:
+                _draw_inputs(column, modifier, ("Margin", "Distance"))
+            _draw_inputs(column, modifier, ("Limit Renders",))
+            column.separator()
+        column.prop(scatter, "points_above")
+        column.prop(scatter, "cap")
 
 
 class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
@@ -287,6 +321,14 @@ class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
         _draw_settings(column, scatter, RunSettings)
+
+
+def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
+    """Draw inputs of a result's modifier, as far as it has them."""
+    for name in names:
+        found = input_property(modifier, name)
+        if found is not None:
+            column.prop(*found, text=name)
 
 
 def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
@@ -334,10 +376,23 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 words.summary(report, words.UNBROKEN),
                 icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
+    _draw_forecast(context, column, scatter)
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         _write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _draw_forecast(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say before a run what cannot be placed without overlap."""
+    if not scatter.avoid_overlap:
+        return
+    cover = forecast.known(scatter, context.scene)
+    text = words.cover(cover.covered, cover.fits, cover.crowded) if cover is not None else ""
+    if cover is not None and text:
+        _write_text(context, column, text, icon="ERROR")
+        if cover.covered > cover.fits:
+            column.operator("esh.counts_to_fit")
 
 
 def _draw_source(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
@@ -471,5 +526,6 @@ CLASSES = (
     ESH_PT_overlap,
     ESH_PT_balance,
     ESH_PT_report,
+    ESH_PT_display,
     ESH_PT_advanced,
 )

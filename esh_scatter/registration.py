@@ -4,7 +4,18 @@ import atexit
 
 import bpy
 
-from . import density_preview, exchange_operators, lists, menus, operators, painting, panels, running, versions
+from . import (
+    density_preview,
+    exchange_operators,
+    forecast,
+    lists,
+    menus,
+    operators,
+    painting,
+    panels,
+    running,
+    versions,
+)
 from .properties import body_class, layer, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
@@ -34,6 +45,7 @@ def unregister() -> None:
     if not _MODULES[0].CLASSES[0].is_registered:
         return
     running.end(wait=True)
+    forecast.detach()
     menus.detach()
     exchange_operators.detach()
     painting.detach()

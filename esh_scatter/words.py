@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["UNBROKEN", "evenness", "evenness_word", "meters", "notes", "overlaps", "summary"]
+__all__ = ["UNBROKEN", "cover", "evenness", "evenness_word", "meters", "notes", "overlaps", "placed", "summary"]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07.
 VERY_EVEN = 0.04
 EVEN = 0.1
+# Share of the objects from which on a crowded region is spoken of.
+LEAST_CROWDED = 0.01
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -27,7 +29,7 @@ def evenness(report: dict[str, Any]) -> str:
 
     Classes that mix are even together and not each alone, classes that do not are even alone; the better of the two counts.
     """
-    if _placed(report) < FEWEST:
+    if placed(report) < FEWEST:
         return ""
     alone = max(entry["coverage_error"] for entry in report["classes"])
     word = evenness_word(min(report["coverage_error"], alone))
@@ -41,7 +43,7 @@ def summary(report: dict[str, Any], unbroken: str = " ") -> str:
     """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
     count = report["overlaps"]
     overlap = f"{count:,} overlap{'s' * (count != 1)}" if count else "no overlap"
-    parts = [f"{_placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
+    parts = [f"{placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
 
 
@@ -62,6 +64,21 @@ def overlaps(report: dict[str, Any]) -> str:
     return f"{count:,} pair{'s' * (count != 1)}" + (f", up to {meters(deepest)}" if deepest > 0.0 else "")
 
 
+def cover(covered: float, fits: float, crowded: float) -> str:
+    """Return what cannot be avoided, before a run: "covers 131%, about 78% fits"; empty where nothing need be said.
+
+    Args:
+        covered: Sum of the footprints over the ground that there is for them.
+        fits: Share of the ground that can be taken without overlap.
+        crowded: Share of the objects that are asked for where more is asked for than fits.
+    """
+    if covered > fits:
+        return f"Overlap is unavoidable: it covers {covered:.0%} of the ground, about {fits:.0%} fits"
+    if crowded > LEAST_CROWDED:
+        return f"Too crowded in places: {crowded:.0%} is asked for where more than {fits:.0%} of the ground would be covered"
+    return ""
+
+
 def meters(length: float) -> str:
     """Return a length with as many digits as are worth reading."""
     if length >= 100.0:
@@ -69,5 +86,6 @@ def meters(length: float) -> str:
     return f"{length:.1f} m" if length >= 10.0 else f"{length:.2f} m" if length >= 0.1 else f"{length:.2g} m"
 
 
-def _placed(report: dict[str, Any]) -> int:
-    return sum(size["placed"] for entry in report["classes"] for size in entry["sizes"])
+def placed(report: dict[str, Any] | None) -> int:
+    """Return how many objects a run has placed; 0 before the first."""
+    return sum(size["placed"] for entry in (report or {}).get("classes", ()) for size in entry["sizes"])

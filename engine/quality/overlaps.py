@@ -13,6 +13,7 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_pla
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
+from ..problem.slopes import foreshortened, lengthened
 from ..space.space import Space
 from . import kernels_overlaps
 
@@ -22,6 +23,8 @@ __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_
 TOLERANCE = 1e-3
 # No body's overlaps are counted beyond this: footprints many times larger than the space would have n² of them.
 MOST_OVERLAPS_PER_BODY = 200
+# Bodies that are named.
+MOST_NAMED = 10_000
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
@@ -38,12 +41,14 @@ class Overlaps:
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
         place: The middle between the two [m].
+        bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
     place: tuple[float, float] | None = None
+    bodies: tuple[int, ...] = ()
 
 
 def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
@@ -135,7 +140,8 @@ def find_overlaps(
         return Overlaps(0)
     device = launcher.device
     factor = np.ones(n) if smaller is None else smaller
-    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor)
+    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else None
+    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor, slope)
     shapes = kernels_overlaps.Shapes()
     shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
     shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
@@ -169,11 +175,17 @@ def find_overlaps(
     other = int(partner.numpy()[one])
     middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
     pair = (min(one, other), max(one, other))
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])))
+    named = np.argsort(-depth, kind="stable")[: min(MOST_NAMED, int((depth > 0.0).sum()))]
+    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
 def _bodies(
-    footprints: BodyFootprints, angle: np.ndarray, length: np.ndarray, width: np.ndarray, factor: np.ndarray
+    footprints: BodyFootprints,
+    angle: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+    factor: np.ndarray,
+    slope: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """First corner, corners with normals, rounding, reach and smallest width of every body."""
     lines = footprints.shape == CAPSULE
@@ -185,6 +197,11 @@ def _bodies(
     core_width = np.zeros(len(angle))
     reach = np.where(lines, 0.5 * (length + width) * factor, 0.0)
     cos, sin = np.cos(angle), np.sin(angle)
+    if slope is not None:
+        # The angle of a line is that of its axis as it is seen from above.
+        leaning = np.flatnonzero((length > 0.0) & slope.any(axis=1))
+        way = lengthened(np.stack([cos, sin], axis=1)[leaning], slope[leaning])
+        cos[leaning], sin[leaning] = (way / np.hypot(*way.T)[:, None]).T
     for number in [CAPSULE, *range(len(footprints.shapes))]:
         own = np.flatnonzero(footprints.shape == number)
         if not len(own):
@@ -201,6 +218,8 @@ def _bodies(
             reach[own] = outline.circumradius * scale[own]
         x = core[..., 0] * cos[own, None] - core[..., 1] * sin[own, None]
         y = core[..., 0] * sin[own, None] + core[..., 1] * cos[own, None]
+        if slope is not None:
+            x, y = np.moveaxis(foreshortened(np.stack([x, y], axis=-1), slope[own, None]), -1, 0)
         edge_x, edge_y = np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
         size = np.hypot(edge_x, edge_y)
         size[size == 0.0] = 1.0

@@ -17,8 +17,10 @@ __all__ = ["changes", "record", "same"]
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
 
-# What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
-OF_OUTLINES = ("random_turn", "scale_jitter")
+# Settings that came after records were first kept: at their defaults they are as good as none, so that older results stay current.
+CAME_LATER = {"room": 1.0, "gap": 0.0, "align_to_normal": 1.0}
+# What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
+OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter")
 
 
 def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
@@ -117,7 +119,9 @@ def _differing(
     """Name the values that differ; ``told`` gives the name of what a value was looked into, where that is the same."""
     properties = group.bl_rna.properties
     found = []
-    for name, value in now.items():
+    # What is at its default now, and is not kept then, may have been another value before.
+    for name in (*now, *(late for late in CAME_LATER if late in before and late not in now)):
+        value = now.get(name)
         if before.get(name) == value:
             continue
         item = getattr(group, name)
@@ -151,7 +155,8 @@ def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = (
             value = _contents(value)
         elif isinstance(value, bpy.types.bpy_prop_array):
             value = list(value)
-        values[name] = value
+        if CAME_LATER.get(name) != value:
+            values[name] = value
     return values
 
 

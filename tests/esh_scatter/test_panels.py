@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
-from esh.esh_scatter import operators, panels, registration, running  # noqa: E402
+from esh.esh_scatter import forecast, operators, panels, registration, running  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
@@ -41,9 +41,10 @@ class Layout:
         self.drawn.append(text)
 
     def prop(self, data, name, *, text=None, icon="NONE", **_options):
-        assert name in data.bl_rna.properties, name
+        # Up to Blender 5.1, a modifier's inputs are custom properties.
+        assert name in data.bl_rna.properties or name[2:-2] in data.keys(), name  # noqa: SIM118
         self._check_icon(icon)
-        self.drawn.append(name)
+        self.drawn.append(text if name.startswith('["') else name)
 
     def prop_search(self, data, name, search_data, search_name, *, icon="NONE", **_options):
         assert hasattr(search_data, search_name)
@@ -240,6 +241,20 @@ def test_the_status_is_one_line_under_the_button():
     other.mute = True
     drawn = draw_all(500)
     assert drawn[drawn.index("esh.scatter") + 1] == 'Class "Pine": choose its density image'
+
+
+def test_overlap_is_said_before_a_run_and_shown_after_it():
+    scatter = ready_scatter()
+    scatter.classes[0].sizes[0].count = 3
+    forecast.look(bpy.context.scene, 0)
+    drawn = draw_all(800)
+    text = "Overlap is unavoidable: it covers 300% of the ground, about"
+    assert any(line.startswith(text) for line in drawn) and "esh.counts_to_fit" in drawn
+    assert {"room", "gap"} <= set(drawn) and "esh.frame_overlap" not in drawn
+    scatter.remember(new_result(scatter.target), report(overlaps=2, deepest_pair=[0, 1], deepest_overlap=0.1))
+    assert {"esh.select_overlapping", "esh.frame_overlap"} <= set(draw_all())
+    scatter.avoid_overlap = False
+    assert not {"esh.counts_to_fit", "room", "gap"} & set(draw_all())
 
 
 def test_a_deleted_result_leaves_no_report():
