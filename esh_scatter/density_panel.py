@@ -49,7 +49,7 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
 
 
 def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any) -> None:
-    target = scatter.target if scatter.target and scatter.target.type == "MESH" else None
+    target = scatter.first_target if scatter.first_target and scatter.first_target.type == "MESH" else None
     column.prop(layer, "kind")
     _draw_source(column, scatter, layer, target)
     for shown in shown_settings(layer.told.settings, layer.told.by_hand, layer.told.prefix):

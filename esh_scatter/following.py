@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import bpy
 import numpy as np
 
 from ..engine.surface.surface_points import SurfacePoints
-from .node_group import ALIGN, CORNERS, EDGE, FACE_NORMAL, GROUND_POINT, WEIGHTS
+from ..engine.surface.triangle_mesh import TriangleMesh
+from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed
 
-__all__ = ["follow_attributes"]
+__all__ = ["follow_attributes", "followed"]
+
+
+def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh) -> list[Followed]:
+    """Return what the points on targets follow, each with the vertices that it had.
+
+    Args:
+        targets: In the order of ``esh_target``.
+        mesh: All of them as one.
+    """
+    count = np.diff([*mesh.first_vertex, len(mesh.position)])
+    return [Followed(item, int(vertices)) for item, vertices in zip(targets, count, strict=True)]
 
 
 def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the attributes that tie points to the triangles that they stand on.
+    """Return what is to be known of the triangles that points stand on, besides which they are, to follow them.
 
     Args:
         points: Where they stand on the target.
@@ -23,8 +38,6 @@ def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tup
     edge = b - a
     normal = np.cross(edge, c - a)
     return {
-        **{name: ("INT", corner[:, k]) for k, name in enumerate(CORNERS)},
-        WEIGHTS: ("FLOAT_VECTOR", points.weight),
         GROUND_POINT: ("FLOAT_VECTOR", points.position),
         EDGE: ("FLOAT_VECTOR", _of_length_1(edge)),
         FACE_NORMAL: ("FLOAT_VECTOR", _of_length_1(normal)),

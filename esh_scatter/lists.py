@@ -43,8 +43,7 @@ class ESH_UL_classes(bpy.types.UIList):
             source.label(text=_sources(item))
         count = text.row(align=True)
         count.alignment = "RIGHT"
-        on_mesh = data.target is not None and data.target.type == "MESH"
-        if on_mesh and not item.mute and item.obstacle(data.target):
+        if not item.mute and data.obstacle_of(item):
             count.label(text="", icon="ERROR")
         else:
             count.label(text=item.amount)

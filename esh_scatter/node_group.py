@@ -37,27 +37,20 @@ ROTATION = "rotation"
 SCALE = "scale"
 HIDE_VIEWPORT = "hide_viewport"
 HIDE_RENDER = "hide_render"
-# What ties a point to the target: the vertices and weights of the triangle that it stands on, where that point of the ground was, and
-# the triangle's first edge and normal, all in the world; and how far the object follows the slope.
-CORNERS = ("ground_vertex_1", "ground_vertex_2", "ground_vertex_3")
-WEIGHTS, GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = (
-    "ground_weights",
-    "ground_point",
-    "ground_edge",
-    "ground_face",
-    "align",
-)
+# What ties a point to a target: the vertices and weights of the triangle that it stands on, and which of several targets; where that
+# point of the ground was, and the triangle's first edge and normal, all in the world; and how far the object follows the slope.
+CORNERS, WEIGHTS, TARGET = ("esh_vertex_0", "esh_vertex_1", "esh_vertex_2"), "esh_barycentric", "esh_target"
+GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_face", "align"
 
 # What is drawn of every object, in the order of the menu.
 DISPLAYS = ("Objects", "Bounds", "Points")
 # Radius of points, as a share of the objects' scale [m].
 POINT_RADIUS = 0.1
-# Three vectors of a triangle are summed up by their weights.
 UP = (0.0, 0.0, 1.0)
 
 
 class Followed(NamedTuple):
-    """What points follow: the target, and how many vertices it had."""
+    """What points follow: a target, and how many vertices it had."""
 
     target: bpy.types.Object
     vertices: int
@@ -81,7 +74,7 @@ def build_node_group(
     name: str,
     sources: Sequence[bpy.types.Object],
     classes: Sequence[str] = (),
-    followed: Followed | None = None,
+    followed: Sequence[Followed] = (),
 ) -> bpy.types.NodeTree:
     """Make a node group that instances ``sources[instance_index]`` on each point, turned and scaled by attributes.
 
@@ -93,18 +86,18 @@ def build_node_group(
         name: Of the group.
         sources: What ``instance_index`` counts.
         classes: Names of what ``class_index`` counts; each can be hidden by an input.
-        followed: What the points follow; None leaves them where they are.
+        followed: What the points follow, in the order of ``esh_target``; nothing leaves them where they are.
     """
     tree = Tree(name)
     group = tree.group
     group[RESULT_TAG] = True
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    _take_inputs(tree, classes, followed is not None)
+    _take_inputs(tree, classes, bool(followed))
     tree.begin()
     inputs = tree.inputs
     points, rotation = inputs["Geometry"], tree.attribute(ROTATION, "QUATERNION")
-    if followed is not None:
+    if followed:
         points, rotation = _follow(tree, points, rotation, followed)
     tree.column(8)
     in_viewport = tree.call("GeometryNodeIsViewport")
@@ -235,29 +228,38 @@ def _seen(tree: Tree) -> Socket:
     return tree.both(inside, in_front, tree.either(near, unlimited))
 
 
-def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Followed) -> tuple[Socket, Socket]:
+def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Followed]) -> tuple[Socket, Socket]:
     """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground."""
     tree.column(1)
-    info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
-    info.inputs["Object"].default_value = followed.target
-    size = tree.add("GeometryNodeAttributeDomainSize", component="MESH")
-    tree.link(info.outputs["Geometry"], size.inputs[0])
-    same = tree.compare("EQUAL", size.outputs["Point Count"], followed.vertices, "INT")
+    infos, same = [], []
+    for target, vertices in followed:
+        info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
+        info.inputs["Object"].default_value = target
+        size = tree.add("GeometryNodeAttributeDomainSize", component="MESH")
+        tree.link(info.outputs["Geometry"], size.inputs[0])
+        infos.append(info)
+        same.append(tree.compare("EQUAL", size.outputs["Point Count"], vertices, "INT"))
     # Points that are not tied to the ground have no weights.
     weights = tree.attribute(WEIGHTS, "FLOAT_VECTOR")
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
-    follows = tree.both(tree.inputs["Follow Target"], same, tied)
+    follows = tree.both(tree.inputs["Follow Target"], tied, *same)
     tree.column(2)
     position = tree.call("GeometryNodeInputPosition")
+    number = tree.attribute(TARGET, "INT")
     corners = []
     for name in CORNERS:
-        sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
-        sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
-        tree.link(info.outputs["Geometry"], sockets["Geometry"])
-        tree.link(position, sockets["Value"])
-        tree.link(tree.attribute(name, "INT"), sockets["Index"])
-        value = next(socket for socket in sampled.outputs if socket.enabled)
-        corners.append(tree.call("FunctionNodeTransformPoint", value, info.outputs["Transform"]))
+        corner: Any = None
+        for target_number, info in enumerate(infos):
+            sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
+            sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
+            tree.link(info.outputs["Geometry"], sockets["Geometry"])
+            tree.link(position, sockets["Value"])
+            tree.link(tree.attribute(name, "INT"), sockets["Index"])
+            value = next(socket for socket in sampled.outputs if socket.enabled)
+            there = tree.call("FunctionNodeTransformPoint", value, info.outputs["Transform"])
+            own = tree.compare("EQUAL", number, target_number, "INT")
+            corner = there if corner is None else tree.switch("VECTOR", own, corner, there)
+        corners.append(corner)
     tree.column(3)
     a, b, c = corners
     ground = None

@@ -9,7 +9,7 @@ import bpy
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
-from ..engine.problem.scatter_settings import RunSettings, Standing
+from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
 from . import forecast, running, words
 from .class_copy import KEPT_APART
 from .density_panel import draw_density
@@ -20,6 +20,14 @@ from .properties.scatter import BY_HAND, ESH_PG_scatter
 from .properties.scene import active_scatter, selected_class, selected_scatter
 
 __all__ = ["CLASSES"]
+
+
+# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn.
+FACES = {
+    "face_material": (True, "materials", "MATERIAL"),
+    "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
+    "face_attribute": (True, "attributes", "SPREADSHEET"),
+}
 
 
 class _Panel:
@@ -61,9 +69,11 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         top = layout.column()
         top.enabled = running.session is None
         _draw_active_scatter(context, top.row(align=True), scatter)
-        row = top.row()
-        row.alert = scatter.target is None
-        row.prop(scatter, "target")
+        row = top.row(align=True)
+        choice = row.row()
+        choice.alert = scatter.chosen_target is None
+        choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection")
+        row.prop(scatter, "target_kind", text="", icon_only=True)
         layout.separator(factor=0.5)
         if running.session is not None:
             _draw_progress(context, layout)
@@ -75,6 +85,24 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
         _draw_status(context, layout.column(align=True), scatter)
+
+
+class ESH_PT_surface(_SubPanel, bpy.types.Panel):
+    """Which part of the target is scattered on."""
+
+    bl_label = "Surface"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw which side, and which faces."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        target = scatter.first_target
+        _draw_settings(column, scatter, TargetSettings, FACES)
+        if target is None:
+            return
+        for name, (of_mesh, where, icon) in FACES.items():
+            column.prop_search(scatter, name, target.data if of_mesh else target, where, icon=icon)
 
 
 class ESH_PT_classes(_SubPanel, bpy.types.Panel):
@@ -518,6 +546,7 @@ def _write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 
 CLASSES = (
     ESH_PT_scatter,
+    ESH_PT_surface,
     ESH_PT_classes,
     ESH_PT_class,
     ESH_PT_density,

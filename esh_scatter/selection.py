@@ -35,9 +35,11 @@ class Measured(NamedTuple):
     upright: bool
 
 
-def sources_in(candidates: Iterable[bpy.types.Object], target: bpy.types.Object | None) -> list[bpy.types.Object]:
-    """Return those of some objects that can be placed on a target, by name."""
-    found = [item for item in candidates if item != target and item.type in SCATTERED_TYPES and not is_result(item)]
+def sources_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return those of some objects that can be placed on targets, by name."""
+    found = [
+        item for item in candidates if item not in targets and item.type in SCATTERED_TYPES and not is_result(item)
+    ]
     return sorted(found, key=lambda item: item.name_full)
 
 

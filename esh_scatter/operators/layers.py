@@ -40,7 +40,7 @@ class ESH_OT_layer_add(ClassEdit):
         """Add it, with values that fit the target."""
         scatter = selected_scatter(context)
         layer = selected_class(context).add_layer(self.kind)
-        target = scatter.target
+        target = scatter.first_target
         if target is not None and target.type == "MESH":
             heights = [(target.matrix_world @ Vector(corner)).z for corner in target.bound_box]
             # The upper half of the ground, and patches of a tenth of it.
@@ -117,7 +117,7 @@ class ESH_OT_layer_paint(ClassEdit):
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
-        target = scatter.target if scatter and scatter.active_class else None
+        target = scatter.first_target if scatter and scatter.active_class else None
         return target if target is not None and target.type == "MESH" and target.library is None else None
 
     _missing = "Choose a target that can be changed, and select a class first"
@@ -134,7 +134,7 @@ class ESH_OT_layer_paint(ClassEdit):
             self.report({"ERROR"}, "Select a layer that follows an image or a vertex group, or paint a new one")
             return {"CANCELLED"}
         try:
-            begin_to_paint(context, scatter.target, layer, body_class.name, self.resolution)
+            begin_to_paint(context, scatter.first_target, layer, body_class.name, self.resolution)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}

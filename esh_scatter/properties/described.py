@@ -12,7 +12,7 @@ from dataclasses import MISSING
 from typing import Any, NamedTuple, TypeVar
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import Described, settings_of
@@ -104,6 +104,8 @@ def property_of(one: Described, **changes: Any) -> Any:
         told["items"] = [(c.identifier, c.label, c.help[:1].upper() + c.help[1:]) for c in described.choices]
         told["default"] = next(c.identifier for c in described.choices if c.value == one.default)
         return EnumProperty(**{**told, **changes})
+    if one.kind == "text":
+        return StringProperty(**{**told, **changes})
     if one.kind == "switch":
         return BoolProperty(**{**told, **changes})
     if one.kind == "numbers":

@@ -12,7 +12,7 @@ from .. import checksums
 from ..target import members_of
 from .influence import WITHOUT_INFLUENCE
 
-__all__ = ["changes", "record", "same"]
+__all__ = ["changes", "completed", "record", "same"]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
@@ -35,10 +35,10 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         what was looked into, which have no influence.
     """
     more = OF_OUTLINES if scatter.avoid_overlap else ()
-    target = scatter.target if scatter.target is not None and scatter.target.type == "MESH" else None
+    target = scatter.first_target
     names: dict[str, str] = {}
     return {
-        "target": target and [checksums.of_shape(target), checksums.place_of(target)],
+        "target": target and _state_of(scatter),
         "scatter": _values(scatter, names, "scatter"),
         "classes": {
             str(c.uid): {
@@ -53,6 +53,21 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         },
         "names": names,
     }
+
+
+def _state_of(scatter: Any) -> list[Any]:
+    """Return what the targets look like and where they stand; of a single object without a further list."""
+    found = [[checksums.of_shape(item), checksums.place_of(item)] for item in scatter.targets]
+    return found[0] if scatter.target_kind == "OBJECT" else found
+
+
+def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
+    """Return a record with what settings that are newer than it would have had then: their defaults."""
+    if not before:
+        return before
+    kind: Any = type(scatter)
+    names = _influential(kind)
+    return {**before, "scatter": {**{name: _default(scatter, name) for name in names}, **before["scatter"]}}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
@@ -134,6 +149,13 @@ def _differing(
     return found
 
 
+def _default(group: Any, name: str) -> Any:
+    told = group.bl_rna.properties[name]
+    if told.type == "POINTER":
+        return None
+    return list(told.default_array) if getattr(told, "is_array", False) else told.default
+
+
 @lru_cache(maxsize=8)
 def _influential(group: Any) -> tuple[str, ...]:
     """Return the names of the properties of a group that have an influence on the result."""
@@ -155,7 +177,7 @@ def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = (
             value = _contents(value)
         elif isinstance(value, bpy.types.bpy_prop_array):
             value = list(value)
-        if CAME_LATER.get(name) != value:
+        if name not in CAME_LATER or CAME_LATER[name] != value:
             values[name] = value
     return values
 

@@ -249,3 +249,21 @@ def test_renders_are_whole_unless_they_are_told_otherwise(scattered, tmp_path):
     whole = covered()
     assert whole > 0.0 and covered(Viewport_Share=0.0, Display="Points") == pytest.approx(whole)
     assert covered(Limit_Renders=True, Display="Objects") == 0.0
+
+
+def test_each_of_several_targets_is_followed_by_what_stands_on_it():
+    square = [(0, 0, 0), (5, 0, 0), (5, 5, 0), (0, 5, 0)]
+    left, right = (new_object(name, square, [(0, 1, 2, 3)]) for name in ("Left", "Right"))
+    right.location.x = 8.0
+    stone = new_object("Stone", [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    bpy.context.view_layer.update()
+    item = esh.scatter(
+        [left, right], [esh.ScatterClass("stone", [esh.ScatterSize("s", 40, stone)])], max_steps=3
+    ).object
+    before = matrices(item)[:, :3, 3]
+    right.location.z = 3.0
+    bpy.context.view_layer.update()
+    after = matrices(item)[:, :3, 3]
+    on_right = before[:, 0] > 6.5
+    assert on_right.any() and not on_right.all()
+    np.testing.assert_allclose(after[:, 2], before[:, 2] + 3.0 * on_right, atol=1e-5)

@@ -345,6 +345,10 @@ def test_every_setting_of_the_sidebar_is_drawn():
         for cls, by_hand in ((ScatterSettings, BY_HAND), (ClassSettings, ()))
         for shown in shown_settings(cls, by_hand)
     }
+    # With both kinds of target, each shows what is chosen from its mesh.
+    holder = bpy.data.collections.new("Grounds")
+    holder.objects.link(scatter.target)
+    scatter.target_collection = holder
     layer = body_class.add_layer("IMAGE", image_mapping="UV")
     for group in (scatter, body_class, body_class.sizes[0], layer):
         hidden = {"rna_type", "name", "classes", "sizes", "color", "version"} | {

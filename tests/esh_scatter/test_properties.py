@@ -333,6 +333,45 @@ def test_counts_can_be_said_in_other_ways(scatter, kind, name, value, told):
     assert getattr(amount, {"cover_share": "cover"}.get(name, name)) == pytest.approx(value)
 
 
+def test_a_collection_is_a_target(scatter):
+    scene = bpy.context.scene
+    scatter.target_kind = "COLLECTION"
+    assert "Choose a collection" in scatter.obstacle(scene)
+    scatter.target_collection = holder = bpy.data.collections.new("Rocks")
+    assert '"Rocks" has no mesh in this scene' in scatter.obstacle(scene)
+    scene.collection.children.link(holder)
+    rocks = [new_object(name) for name in ("Rock", "Boulder")]
+    for rock in rocks:
+        holder.objects.link(rock)
+    assert scatter.obstacle(scene) is None and scatter.targets == rocks[::-1]
+    assert scatter.arguments(scene)[0][0] == holder
+    # One of them has what a class asks for.
+    scatter.classes[0].add_layer("VERTEX_GROUP", vertex_group="moss")
+    assert "Pine is left out: choose a vertex group" in scatter.left_out()[0]
+    rocks[0].vertex_groups.new(name="moss")
+    assert scatter.left_out() == []
+    scatter.remember(rocks[0], {"steps": 3})
+    assert not scatter.outdated
+    rocks[1].location.x += 1.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["shape or place of the target"]
+    rocks[1].location.x -= 1.0
+    scatter.target_kind = "OBJECT"
+    bpy.context.view_layer.update()
+    assert "target kind" in scatter.changes()
+
+
+def test_a_setting_that_is_newer_than_a_result_had_its_default_then(scatter):
+    scatter.remember(new_object("Result"), {"steps": 3})
+    record = json.loads(scatter.ran_with)
+    for name in ("surface", "both_sides", "face_material", "target_kind", "target_collection"):
+        del record["scatter"][name]
+    scatter.ran_with = json.dumps(record)
+    assert not scatter.outdated and scatter.changes() == []
+    scatter.surface = "WHOLE"
+    assert scatter.outdated and scatter.changes() == ["surface"]
+
+
 def test_layers_become_what_scripts_take(scatter):
     pine, beech = scatter.classes
     assert pine.as_argument().density == 1.0
