@@ -22,13 +22,15 @@ from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
 from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.line import Line
+from ..engine.problem.packing import packable_share, scale_to_fit
 from ..engine.problem.placement import Placement
-from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
+from ..engine.problem.prepared_class import PreparedClass, PreparedDensity, count_sizes, prepare_density
 from ..engine.problem.problem import Problem, SamplingSettings
 from ..engine.problem.report import Report
 from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.size import Size
+from ..engine.problem.slopes import LEVEL, normal_of_slope, slope_at
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,
@@ -73,7 +75,7 @@ from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .on_whole_surface import class_on_surface, mean_footprint
 from .references import Reference
-from .result import CLASS_NAMES, find_result, write_result
+from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
 from .survey import Survey
 from .target import check_exists, is_result, members_of
@@ -272,6 +274,22 @@ class ScatterResult:
     sources: tuple[bpy.types.Object, ...]
 
 
+class _Asked(NamedTuple):
+    """A class on its way to the engine.
+
+    Attributes:
+        asked: As the engine is asked for it.
+        surface: Its density, per area of surface.
+        density: The same, per area of the plan view.
+        most: What of the ground its bodies can cover, per area of the plan view, where it is to cover as much as that; else None.
+    """
+
+    asked: BodyClass
+    surface: PreparedDensity
+    density: np.ndarray
+    most: np.ndarray | None
+
+
 class _Placed(NamedTuple):
     """Where objects stand, and what is known of their points.
 
@@ -341,6 +359,7 @@ class ScatterJob:
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
+        self._slopes: dict[float, np.ndarray | None] = {}
         self.placement: Placement | None = None
         if prepare:
             self.prepare()
@@ -383,7 +402,7 @@ class ScatterJob:
         domain = survey.domain(self.chart)
         names = [scatter_class.name for scatter_class in self.classes]
         reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
-        classes = []
+        shapes_of_classes, values_of_classes = [], []
         for number, scatter_class in enumerate(self.classes):
             shapes = [
                 _shape(size, source, reading.directions[number], survey)
@@ -396,11 +415,11 @@ class ScatterJob:
                     for shape, size in zip(shapes, scatter_class.sizes, strict=True)
                 ]
             self.shapes += shapes
-            values = survey.density(scatter_class.name, reader, self.chart)
-            classes.append(self._prepare_class(scatter_class, shapes, values))
+            values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
+            shapes_of_classes.append(shapes)
         self.problem = Problem(
             domain,
-            classes,
+            self._prepare_classes(shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
         )
@@ -456,22 +475,29 @@ class ScatterJob:
         item.data[SEED] = self.settings.seed
         return ScatterResult(item, self.placement.report, self.placement, placed.instances, tuple(sources))
 
-    def _prepare_class(
-        self, scatter_class: ScatterClass, shapes: list[_Shape], values: np.ndarray
-    ) -> PreparedClass | BodyClass:
-        """Return what the engine is to place: the density, ``values`` on the chart, and counts."""
-        if isinstance(self.chart, WholeSurface):
-            sizes = [_engine_size(size, shape) for size, shape in zip(scatter_class.sizes, shapes, strict=True)]
-            return class_on_surface(self.chart, scatter_class, sizes, values)
-        return self._prepare_from_above(self.chart, scatter_class, shapes, values)
+    def _prepare_classes(
+        self, shapes: list[list[_Shape]], values: list[np.ndarray]
+    ) -> list[PreparedClass] | list[BodyClass]:
+        """Return what the engine is to place: densities, ``values`` at the chart's points, and counts as slopes make them."""
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return [
+                class_on_surface(
+                    chart, c, [_engine_size(*pair) for pair in zip(c.sizes, of_class, strict=True)], density
+                )
+                for c, of_class, density in zip(self.classes, shapes, values, strict=True)
+            ]
+        asked = [self._ask(chart, *one) for one in zip(self.classes, shapes, values, strict=True)]
+        share = self._share_of_cover([one for one in asked if one.most is not None])
+        return [
+            self._prepare_from_above(chart, number, one, shapes[number], 1.0 if one.most is None else share)
+            for number, one in enumerate(asked)
+        ]
 
-    def _prepare_from_above(
-        self, chart: Chart, scatter_class: ScatterClass, shapes: list[_Shape], values: np.ndarray
-    ) -> PreparedClass:
-        """Return a class with density and counts as the slopes of the surface make them."""
-        c = scatter_class
-        key = f'`density` of class "{c.name}"'
+    def _ask(self, chart: Chart, c: ScatterClass, shapes: list[_Shape], values: np.ndarray) -> _Asked:
+        """Return a class as the engine is asked for it, its density on the surface, and what of it the plan view shows."""
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
+        key = f'`density` of class "{c.name}"'
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
         count = 1 if isinstance(c.count, Amount) else c.count
         asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
@@ -479,42 +505,77 @@ class ScatterJob:
         if isinstance(c.count, Amount):
             asked = replace(asked, count=_number(chart, c.count, asked, surface.image))
         density = surface.image * chart.stretch
-        mean = float(density.mean())
-        if not mean > 0.0:
+        if not float(density.mean()) > 0.0:
             raise ProblemError(f"{key} must be above 0 somewhere on {self._target_name}; it is 0 everywhere")
-        sizes = list(count_sizes(asked, float(chart.size[0]) * float(chart.size[1]) * mean))
+        most = None
+        if asked.count == "cover" and self.settings.avoid_overlap:
+            standing = self._standing_of(c)
+            outlined = [_with_any_outline(size, shape) for size, shape in zip(sizes, shapes, strict=True)]
+            most = packable_share(outlined, c.room, c.gap) * _ground_for(chart, standing, outlined)
+            density = np.minimum(density, most)
+        return _Asked(asked, surface, density, most)
+
+    @staticmethod
+    def _share_of_cover(asked: list[_Asked]) -> float:
+        """What classes that are to cover the ground, and keep apart on it, can have of what each of them alone could cover."""
+        if not asked:
+            return 1.0
+        return scale_to_fit([one.density / one.most for one in asked if one.most is not None], 1.0)
+
+    def _prepare_from_above(
+        self, chart: Chart, number: int, one: _Asked, shapes: list[_Shape], share: float
+    ) -> PreparedClass:
+        c = self.classes[number]
+        area = float(chart.size[0]) * float(chart.size[1])
+        sizes = list(count_sizes(one.asked, share * area * float(one.density.mean())))
         if self.settings.avoid_overlap:
-            sizes = [self._with_outlines(size, shape, c) for size, shape in zip(sizes, shapes, strict=True)]
+            sizes = [self._with_outlines(chart, (number, s), size, shapes[s]) for s, size in enumerate(sizes)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
         if lines and isinstance(c.direction, str) and c.direction == "density":
-            direction = _edge_directions(chart, surface.image)
+            direction = _edge_directions(chart, one.surface.image)
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
-        return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
+        density = check_density(one.density, f'`density` of class "{c.name}"')
+        return PreparedClass(c.name, tuple(sizes), density, one.surface.notes, room=c.room, gap=c.gap)
 
-    def _with_outlines(self, size: Size, shape: _Shape, scatter_class: ScatterClass) -> Size:
-        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand."""
+    def _standing_of(self, scatter_class: ScatterClass) -> Standing:
+        return scatter_class.standing or Standing(**values_of(self.settings, Standing))
+
+    def _with_outlines(self, chart: Chart, where: tuple[int, int], size: Size, shape: _Shape) -> Size:
+        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand.
+
+        Args:
+            chart: What it stands on.
+            where: Number of its class, and its own.
+            size: With its whole count.
+            shape: What its bodies look like.
+        """
         identity = np.arange(self._counted, self._counted + (size.count or 0))
         self._counted += len(identity)
         if not shape.own_outlines or not len(identity):
             return size
-        standing = scatter_class.standing or Standing(**values_of(self.settings, Standing))
+        standing = self._standing_of(self.classes[where[0]])
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self.settings.seed)
-        ranged = isinstance(shape.area, tuple)
-        variants = [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+        variants = _variant_footprints(shape)
         variant = self._variants_of(identity, len(variants))
+        if isinstance(shape.area, tuple):
+            # What gives each object its area; its jitter comes on top of that.
+            area = size.areas([self.settings.seed, 2, *where])
+            factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         footprints = Footprints(
-            variants,
-            variant=variant,
-            # Of a range, what gives each object its area; its jitter comes on top of that.
-            scale=None if ranged else factor,
-            turn=turn,
-            room=1.0 + standing.scale_jitter if ranged else 1.0,
+            variants, variant=variant, scale=factor, turn=turn, slope=self._slope(chart, standing.align_to_normal)
         )
         return replace(size, footprint=footprints)
+
+    def _slope(self, chart: Chart, align: float) -> np.ndarray | None:
+        """Return the slope of the planes that outlines lie in, which lean so far towards the ground; None where all are horizontal."""
+        if align not in self._slopes:
+            slope = chart.slope(align) if align > 0.0 else None
+            self._slopes[align] = slope if slope is not None and np.abs(slope).max() > LEVEL else None
+        return self._slopes[align]
 
     def _variants_of(self, identity: np.ndarray, number: int) -> np.ndarray:
         """Return which of so many variants points have."""
@@ -537,9 +598,10 @@ class ScatterJob:
             np.zeros(count, bool),
             np.ones(count, np.float32),
             np.zeros((count, 2), np.float32),
+            np.zeros(count, np.float32),
         )
         source = np.empty(count, np.int32)
-        everyones = Standing(**values_of(self.settings, Standing))
+        chart = self.chart
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
             outlined, identity = outlined_sizes[number], placement.id[own]
@@ -547,27 +609,34 @@ class ScatterJob:
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
             ground.long[own] = shape.line is not None and bool(outlines)
-            if outlined and len(own):
+            standing = self._standing_of(self.classes[int(placement.class_index[own[0]])]) if len(own) else None
+            if outlined and standing is not None and isinstance(chart, Chart):
+                align = standing.align_to_normal
+                if (slope := self._slope(chart, align)) is not None:
+                    # The normals that contact knew: between the chart's cells they differ a little from those of the faces.
+                    ground.normal[own] = normal_of_slope(
+                        slope_at(slope, placement.position[own], self.problem.rectangle.size), align
+                    )
                 # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
                 # that were drawn for this body.
-                standing = self.classes[int(placement.class_index[own[0]])].standing or everyones
                 factor, turn = draw(standing, identity, ground.long[own], self.settings.seed)
                 ground.heading[own] -= turn.astype(np.float32)
-                ground.fit[own] = placement.scale[own] / (1.0 if isinstance(shape.area, tuple) else factor)
+                ground.fit[own] = placement.scale[own] / factor
             elif isinstance(shape.area, tuple) and outlines:
                 ground.fit[own] = np.sqrt(
                     placement.area[own] / np.array([outline.area for outline in outlines])[variant]
                 )
             if shape.line is not None and outlines:
                 # Of lines, the outline's middle lies on the point.
-                ground.heading[own] -= np.array([outline.angle for outline in outlines])[variant]
+                ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
+                ground.heading[own] -= ground.axis[own]
                 ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
         rotation, lift = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
         scale = np.empty(count, np.float32)
         for number, scatter_class in enumerate(self.classes):
             own = np.flatnonzero(placement.class_index == number)
             rotation[own], scale[own], lift[own] = stand(
-                scatter_class.standing or everyones, ground.part(own), self.settings.seed
+                self._standing_of(scatter_class), ground.part(own), self.settings.seed
             )
         position = (surface.position + lift).astype(np.float32)
         return _Placed(Instances(position, rotation, scale, source), ground, lift, stuck_attributes(surface))
@@ -584,6 +653,7 @@ class ScatterJob:
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
+            **_overlapping(placement),
             **placed.stuck,
         }
 
@@ -641,6 +711,15 @@ def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray)
     """Return how many bodies an amount is on this surface."""
     area = float((np.minimum(density, 1.0) * chart.area).sum())
     return amount.number(area, mean_footprint(asked), f'class "{asked.name}"')
+
+
+def _ground_for(chart: Chart, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
+    """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
+    if not all(isinstance(size.footprint, Footprints) for size in sizes):
+        # Discs and capsules lie in the plan.
+        return np.ones(chart.shape)
+    steep = np.arccos(1.0 / np.maximum(chart.stretch, 1.0))
+    return 1.0 / np.cos(standing.align_to_normal * steep)
 
 
 def _check_result(result: object) -> bpy.types.Object | None:
@@ -792,8 +871,27 @@ def _footprint(outline: Outline, long: bool) -> Footprint:
     return Footprint.polygon(corners)
 
 
+def _variant_footprints(shape: _Shape) -> list[Footprint]:
+    """Return the outlines of what a size places."""
+    return [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+
+
+def _with_any_outline(size: Size, shape: _Shape) -> Size:
+    """Return a size whose bodies have the outlines of what is placed there, turned and chosen somehow."""
+    return replace(size, footprint=Footprints(_variant_footprints(shape), turn=0.0)) if shape.own_outlines else size
+
+
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:
     return Size(size.name, shape.area, size.count, size.share, size.distribution, shape.line)
+
+
+def _overlapping(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attribute that says of every point whether its object overlaps another; none where no two do."""
+    if placement.report is None or not placement.report.overlapping:
+        return {}
+    overlaps = np.zeros(len(placement.position), bool)
+    overlaps[list(placement.report.overlapping)] = True
+    return {OVERLAPPING: ("BOOLEAN", overlaps)}
 
 
 def _rgba(color: Sequence[float] | None) -> tuple[float, ...]:

@@ -45,7 +45,7 @@ def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, 
     }
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
-        kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, np.zeros(len(ground.middle), np.float32)]))
+        kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
     if (ground.fit != 1.0).any():
         kept[_FIT] = ("FLOAT", ground.fit)
     return kept
@@ -73,6 +73,7 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
         _read(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
         _read(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
         middle[:, :2],
+        middle[:, 2],
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
     lift, position = _read(mesh, _LIFT), _read(mesh, "position")

@@ -10,7 +10,9 @@ from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
-from . import running, words
+from . import forecast, running, words
+from .class_copy import KEPT_APART
+from .density_panel import draw_density
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -185,6 +187,9 @@ class ESH_PT_class(_ClassPanel, bpy.types.Panel):
             range_column.prop(size, "area_largest")
             column.prop(size, "distribution")
         column.prop(size, "shape")
+        if selected_scatter(context).avoid_overlap:
+            for name in KEPT_APART:
+                column.prop(body_class, name)
         if len(body_class.sizes) == 1:
             column.operator("esh.size_add", text="Add a Size", icon="ADD")
 
@@ -195,26 +200,10 @@ class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
     bl_label = "Density"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the density of the selected class."""
+        """Draw the layers of the density of the selected class."""
         column = self._column()
-        scatter = selected_scatter(context)
-        body_class = selected_class(context)
-        target = scatter.first_target
-        column.prop(body_class, "density_kind", text="Follow")
-        if body_class.density_kind == "UNIFORM":
-            return
-        if body_class.density_kind == "IMAGE":
-            _draw_image(column, body_class, "image")
-            column.prop(body_class, "mapping")
-            if body_class.mapping == "UV" and target:
-                column.prop_search(body_class, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
-        elif target is None:
-            column.label(text="Choose a target first", icon="ERROR")
-        elif body_class.density_kind == "VERTEX_GROUP":
-            column.prop_search(body_class, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
-        elif body_class.density_kind == "ATTRIBUTE":
-            column.prop_search(body_class, "attribute", target.data, "attributes", icon="SPREADSHEET")
-        column.prop(body_class, "invert")
+        for note in draw_density(column, selected_scatter(context), selected_class(context)):
+            _write_text(context, column, note, icon="INFO")
 
 
 class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
@@ -244,7 +233,7 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         elif body_class.direction_kind == "IMAGE":
             _draw_image(column, body_class, "direction_image")
         column.separator()
-        _draw_settings(column, body_class, ClassSettings)
+        _draw_settings(column, body_class, ClassSettings, KEPT_APART)
 
 
 class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
@@ -305,6 +294,10 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         _draw_counts(layout.box(), report, scatter.names_in_report())
         facts = layout.column(align=True)
         _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
+        if report["overlaps"] and report.get("deepest_pair") is not None:
+            row = facts.row(align=True)
+            row.operator("esh.select_overlapping", text="Select")
+            row.operator("esh.frame_overlap", text="Frame Worst")
         if evenness := words.evenness(report):
             _draw_fact(facts, "Spread", evenness)
         if report.get("closest") is not None:
@@ -377,10 +370,23 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 words.summary(report, words.UNBROKEN),
                 icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
+    _draw_forecast(context, column, scatter)
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         _write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _draw_forecast(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say before a run what cannot be placed without overlap."""
+    if not scatter.avoid_overlap:
+        return
+    cover = forecast.known(scatter, context.scene)
+    text = words.cover(cover.covered, cover.fits, cover.crowded) if cover is not None else ""
+    if cover is not None and text:
+        _write_text(context, column, text, icon="ERROR")
+        if cover.covered > cover.fits:
+            column.operator("esh.counts_to_fit")
 
 
 def _draw_source(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:

@@ -10,12 +10,14 @@ import numpy as np
 from .node_group import build_node_group
 from .target import RESULT_TAG, RESULT_TARGET, is_result
 
-__all__ = ["CLASS_NAMES", "find_result", "remove_result", "rename_result", "write_result"]
+__all__ = ["CLASS_NAMES", "OVERLAPPING", "find_result", "remove_result", "rename_result", "write_result"]
 
 # Custom property of a result: the name that it was made with.
 NAME = "esh_scatter_name"
 # And what its indices count: names of classes, and for each the names of its sizes, as JSON.
 CLASS_NAMES = "esh_scatter_classes"
+# Attribute of points: whether the object there overlaps another; absent where no two do.
+OVERLAPPING = "overlapping"
 
 _WRITTEN = {
     "FLOAT": "value",

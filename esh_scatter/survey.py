@@ -57,6 +57,11 @@ class Survey:
         self._chart = shape, chart
         return chart
 
+    @property
+    def shape(self) -> Hashable:
+        """What the target's mesh is, in short."""
+        return None if self._chart is None else self._chart[0]
+
     def domain(self, chart: Chart | WholeSurface) -> Domain | Surface:
         """Return where bodies lie: the rectangle of a chart, that of the one before where they differ by rounding only."""
         if isinstance(chart, WholeSurface):

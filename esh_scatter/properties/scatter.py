@@ -191,7 +191,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         from ..kept_ground import CLASSES_OF_POINTS
 
         self.result = result
-        self.report_json = json.dumps(report)
+        # Which objects overlap, the points say.
+        self.report_json = json.dumps({name: value for name, value in report.items() if name != "overlapping"})
         if ran_with is None:
             with checksums.now():
                 ran_with = self.fingerprint()
