@@ -305,7 +305,7 @@ def boat(device: str) -> list[Scattered]:
             continue
         depth = lift - place[:, 2]
         colony = np.clip(0.75 * shapes.waves(place, 1.1, 5) + 0.45, 0.0, 1.0)
-        _values(item, "growth", np.clip(depth / 0.12 - 0.1, 0.0, 1.0) * (0.15 + colony))
+        _values(item, "growth", np.clip(depth / 0.12 - 0.1, 0.0, 1.0) * (0.25 + colony))
         _values(
             item, "band", np.clip(1.0 - np.abs(depth - 0.16) / 0.13, 0.0, 1.0) * np.clip(2.5 * colony - 0.7, 0.0, 1.0)
         )
@@ -317,7 +317,7 @@ def boat(device: str) -> list[Scattered]:
             [
                 esh.ScatterSize(
                     "any",
-                    1900,
+                    1600,
                     _sources("Barnacle", [shapes.barnacle(0.02, n) for n in range(5)], lime),
                     area=(0.0002, 0.0024),
                     distribution="linear",
