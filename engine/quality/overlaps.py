@@ -212,10 +212,12 @@ def _bodies(
             core[:, 0, 0], core[:, 1, 0] = -half, half
         else:
             outline = footprints.shapes[number]
-            core = outline.corners[None] * scale[own, None, None]
+            # What is smaller is so about its middle.
+            stays = outline.middle * (footprints.factor[own] - scale[own])[:, None]
+            core = outline.corners[None] * scale[own, None, None] + stays[:, None]
             rounding[own] = outline.rounding * scale[own]
             core_width[own] = (outline.width - 2.0 * outline.rounding) * scale[own]
-            reach[own] = outline.circumradius * scale[own]
+            reach[own] = np.hypot(core[..., 0], core[..., 1]).max(axis=1) + rounding[own]
         x = core[..., 0] * cos[own, None] - core[..., 1] * sin[own, None]
         y = core[..., 0] * sin[own, None] + core[..., 1] * cos[own, None]
         if slope is not None:

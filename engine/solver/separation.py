@@ -128,17 +128,20 @@ def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.n
         length: Length of every line's axis [m].
         width: Thickness of every line [m].
     """
-    cores = [outline.corners for outline in footprints.shapes]
+    is_line = footprints.shape == CAPSULE
+    kinds, kind = np.unique(np.stack([footprints.shape, footprints.room])[:, ~is_line], axis=1, return_inverse=True)
+    outlines = [footprints.shapes[int(number)].with_room(float(room)) for number, room in kinds.T]
+    cores = [outline.corners for outline in outlines]
     # The axis of a line, of half length 1.
     cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
     capsule = len(cores) - 1
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    is_line = footprints.shape == CAPSULE
-    shape = np.where(is_line, capsule, footprints.shape).astype(np.int32)
+    shape = np.full(len(is_line), capsule, np.int32)
+    shape[~is_line] = kind.ravel()
     room, around = footprints.room, 0.5 * footprints.gap
     half = 0.5 * length * room
-    factor = np.where(is_line, half, footprints.factor * room)
-    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in footprints.shapes]
+    factor = np.where(is_line, half, footprints.factor)
+    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in outlines]
     rounding, narrow, reach, square = np.array([*own, (0.0, 0.0, 1.0, 0.0)]).T[:, shape]
     rounding = np.where(is_line, 0.5 * width * room, rounding * factor) + around
     area = footprints.areas(length, width, apart=True)
