@@ -51,6 +51,9 @@ MOST_ROUNDS = 2500
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
+# Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
+TOO_CROWDED = 0.86
+ROUNDS_OF_THE_TOO_CROWDED = 500
 # Where footprints cover more than the ground, none of this helps: so many rounds, of many bodies as many as this has of all bodies.
 ROUNDS_OF_THE_HOPELESS = 150
 FEWEST_ROUNDS = 15
@@ -365,7 +368,7 @@ class Separation:
         """
         self._again = again
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._covered <= 1.0 and self._swappable:
+        if parted is False and self._fixed and self._covered <= TOO_CROWDED and self._swappable:
             self._place.assign(self._start)
             self._home.assign(self._start)
             parted = self._try(go_on, hot=True)
@@ -388,7 +391,7 @@ class Separation:
     def _most_rounds(self) -> int:
         if self._covered > 1.0:
             return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
-        return MOST_ROUNDS
+        return MOST_ROUNDS if self._covered <= TOO_CROWDED else ROUNDS_OF_THE_TOO_CROWDED
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
