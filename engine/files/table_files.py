@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputFileError
-from .bodies import Bodies, bodies_from_columns, read_names
+from .bodies import READ_COLUMNS, Bodies, bodies_from_columns, read_names
 from .extras import import_extra
 
 __all__ = ["read_geojson", "read_parquet", "read_ply", "write_geojson", "write_parquet", "write_ply"]
@@ -91,6 +91,14 @@ def read_parquet(path: Path) -> Bodies:
     try:
         table = parquet.read_table(path)
         names = read_names((table.schema.metadata or {}).get(KEY.encode(), b"").decode("utf-8", "replace"))
+        for place, key in enumerate(table.column_names):
+            if key == "geometry" and hasattr(table.schema.field(place).type, "num_fields"):
+                # Points of GeoParquet: their parts become columns.
+                parts = table[key].combine_chunks().flatten()
+                names_of_parts = [table.schema.field(place).type.field(k).name for k in range(len(parts))]
+                table = table.remove_column(place)
+                for name, values in zip(names_of_parts, parts, strict=True):
+                    table = table.append_column(name, values)
         columns = {key: table[key].to_numpy() for key in table.column_names if key not in ("class_name", "size_name")}
     except (ValueError, OSError, NotImplementedError) as error:  # pyarrow's own errors are of these kinds
         raise InputFileError(f"{path} cannot be read as a Parquet file: {_brief(error)}") from None
@@ -133,9 +141,7 @@ def read_geojson(path: Path) -> Bodies:
         raise InputFileError(f"{path} cannot be read as a GeoJSON file of points: {_brief(error)}") from None
     columns: dict[str, Any] = dict(zip("xyz", np.reshape(np.array(place, np.float64), (-1, 3)).T, strict=True))
     properties = [f.get("properties") or {} for f in features]
-    keys = ["id", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"]
-    keys += [f"rotation_{axis}" for axis in "wxyz"] + [f"scale_{axis}" for axis in "xyz"]
-    for key in keys:
+    for key in (key for key in READ_COLUMNS if key not in columns):
         # A property of the same name that somebody else gave another meaning is none of ours.
         values = [p.get(key) for p in properties]
         if properties and all(isinstance(v, (int, float)) or (key == "area" and v is None) for v in values):

@@ -79,6 +79,7 @@ class Model:
         problem: What is to be placed.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
         unit: Metres per unit of length; None for that in which charges have a mean number density of 1.
+        groups: Groups of the bodies, where they are some of a larger problem's; None for those of this one.
 
     Attributes:
         problem: The problem.
@@ -95,15 +96,22 @@ class Model:
         size: Extent of the rectangle in units; 0 on a surface.
     """
 
-    def __init__(self, problem: Problem, flags: np.ndarray | None = None, *, unit: float | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        flags: np.ndarray | None = None,
+        *,
+        unit: float | None = None,
+        groups: Groups | None = None,
+    ) -> None:
         self.problem = problem
         sizes = [(c, size) for c in problem.classes for size in c.sizes]
         counts = [size.count or 0 for _, size in sizes]
         is_line = [size.line is not None for _, size in sizes]
         self.kinds = tuple(LineKind(c, size.line) for c, size in sizes if size.line is not None)
         kind = np.where(is_line, np.cumsum(is_line) - 1, -1)
-        longest = np.array([0.0 if size.line is None else size.line.longest for _, size in sizes])
-        self.groups: Groups = group_bodies(problem)
+        longest = np.array([size.kind.longest for _, size in sizes])
+        self.groups: Groups = groups or group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
         area = problem.body_areas()
@@ -179,10 +187,7 @@ class Model:
         return np.bincount(self.body.group[self.charge.body], weights=self.charge.charge, minlength=self.groups.count)
 
     def widths(self, length: np.ndarray) -> np.ndarray:
-        """Thickness of every body [m], shape ``[n]``, 0 for dots.
-
-        Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
-        image.
+        """Thickness of every body [m], shape ``[n]``, 0 for dots; see :meth:`.line.Line.thickness`.
 
         Args:
             length: Length of every body's axis [m], shape ``[n]``.
@@ -190,13 +195,7 @@ class Model:
         width = np.zeros(self.body_count)
         for number, kind in enumerate(self.kinds):
             own = np.flatnonzero(self.body.kind == number)
-            mean = float(length[own].mean())
-            # length * width + pi width² / 4 = area
-            width[own] = (
-                2.0 / math.pi * (np.sqrt(mean**2 + math.pi * self.body.area[own]) - mean)
-                if kind.line.width is None
-                else kind.line.width
-            )
+            width[own] = kind.line.thickness(self.body.area[own], float(length[own].mean()))
         return width
 
 
