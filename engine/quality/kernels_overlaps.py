@@ -46,7 +46,7 @@ class Given:
     """What outlines bodies have: shape, factor on it, how it is turned, and of lines the length of the axis and the thickness.
 
     Corners of the shapes, one shape after the other from ``start`` on, and their roundings, reaches and widths without roundings. The
-    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on all of it, about the ``middle`` of its shape.
+    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on it about the ``middle`` of the shape.
     ``slope`` is that of the plane that it lies in; there is none where all planes are horizontal.
     """
 
