@@ -6,7 +6,7 @@ whose equations are named below, is Schmaltz, Gwosdek and Weickert, Multi-Class 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -29,6 +29,7 @@ def direct_field(
     charge: np.ndarray,
     charge_group: np.ndarray,
     blur: float,
+    variance: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Force per unit charge on every charge, equations 1, 2 and 7 of the paper.
 
@@ -40,7 +41,10 @@ def direct_field(
         targets: One per group.
         charge: Charges, shape ``[n]``.
         charge_group: Group of every charge, shape ``[n]``.
-        blur: Standard deviation of the Gaussian that smooths the targets; they are summed over points half as far apart.
+        blur: Standard deviation of the Gaussian that smooths what acts between two charges, and between a charge and the
+            target. Targets are summed over points half as far apart.
+        variance: Where the blur differs from place to place: that of a charge or a piece of target at positions, shape
+            ``[m, 2]``; what acts between two has the sum of their variances. ``blur`` then is the narrowest.
 
     Returns:
         Field, shape ``[n, 2]``, float64.
@@ -52,33 +56,37 @@ def direct_field(
     y = (np.arange(rows) + 0.5) / rows * size[1]
     x = (np.arange(columns) + 0.5) / columns * size[0]
     points = np.stack([np.tile(x, rows), np.repeat(y, columns)], axis=1)
+    of_charge = np.full(len(position), 0.5 * blur**2) if variance is None else variance(position)
+    of_point = np.full(len(points), 0.5 * blur**2) if variance is None else variance(points)
     # A point stands for a cell of the grid; a Gaussian that is wider by the cell's own variance makes up for its extent.
-    width = float(np.sqrt(blur**2 + (size[0] / columns * size[1] / rows) / 12.0))
+    of_point = of_point + (size[0] / columns * size[1] / rows) / 12.0
     image_charge = np.stack([t.charge * box_integrals(t.image, (rows, columns)).ravel() for t in targets])
     result = np.zeros((len(position), 2))
     for g in range(len(targets)):
         own = np.flatnonzero(charge_group == g)
         pulling = -interaction[g] @ image_charge
         pushing = charge * interaction[g, charge_group]
-        sources = ((position, pushing, 0.0), (points, pulling, width))
+        sources = ((position, pushing, of_charge), (points, pulling, of_point))
         total = np.zeros((len(own), 2))
-        for source, strength, smoothing in sources:
+        for source, strength, variances in sources:
             if periodic:
-                total += _periodic_sum(position[own], source, strength, smoothing, size)
+                total += _periodic_sum(position[own], of_charge[own], source, strength, variances, size)
             else:
-                total += _plane_sum(position[own], source, strength, smoothing)
+                total += _plane_sum(position[own], of_charge[own], source, strength, variances)
         result[own] = total
     return result
 
 
-def _plane_sum(at: np.ndarray, source: np.ndarray, strength: np.ndarray, width: float) -> np.ndarray:
+def _plane_sum(
+    at: np.ndarray, own_variance: np.ndarray, source: np.ndarray, strength: np.ndarray, variance: np.ndarray
+) -> np.ndarray:
     result = np.empty_like(at)
     for part in _parts(len(at), len(source)):
         dx = at[part, None, 0] - source[None, :, 0]
         dy = at[part, None, 1] - source[None, :, 1]
         r2 = dx**2 + dy**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            factor = strength / r2 if width == 0.0 else -strength * np.expm1(-r2 / (2.0 * width**2)) / r2
+            factor = -strength * np.expm1(-0.5 * r2 / (own_variance[part, None] + variance)) / r2
         factor[r2 == 0.0] = 0.0
         result[part, 0] = (factor * dx).sum(axis=1)
         result[part, 1] = (factor * dy).sum(axis=1)
@@ -86,7 +94,12 @@ def _plane_sum(at: np.ndarray, source: np.ndarray, strength: np.ndarray, width: 
 
 
 def _periodic_sum(
-    at: np.ndarray, source: np.ndarray, strength: np.ndarray, width: float, size: tuple[float, float]
+    at: np.ndarray,
+    own_variance: np.ndarray,
+    source: np.ndarray,
+    strength: np.ndarray,
+    variance: np.ndarray,
+    size: tuple[float, float],
 ) -> np.ndarray:
     """Ewald summation; both sums are cut where their terms fall below 1e-9."""
     # Wide enough that one ring of images suffices in real space.
@@ -98,9 +111,7 @@ def _periodic_sum(
                 dx = at[part, None, 0] - source[None, :, 0] + shift_x * size[0]
                 dy = at[part, None, 1] - source[None, :, 1] + shift_y * size[1]
                 r2 = dx**2 + dy**2
-                decay = np.exp(-r2 / (2.0 * split**2))
-                if width:
-                    decay = decay - np.exp(-r2 / (2.0 * width**2))
+                decay = np.exp(-r2 / (2.0 * split**2)) - np.exp(-0.5 * r2 / (own_variance[part, None] + variance))
                 with np.errstate(divide="ignore", invalid="ignore"):
                     factor = strength * decay / r2
                 factor[r2 == 0.0] = 0.0

@@ -80,7 +80,7 @@ def group_bodies(problem: Problem, levels: int = LEVELS) -> Groups:
     index = np.array(class_index)
     for c in range(len(problem.classes)):
         e[index == c] /= e[index == c].min()
-    between = problem.balance.class_factors(len(problem.classes))[np.ix_(index, index)]
+    between = problem.balance.class_factors([c.body_count for c in problem.classes])[np.ix_(index, index)]
     return Groups(body_group, index, between * np.minimum(e[:, None], e[None, :]))
 
 

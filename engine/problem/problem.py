@@ -103,6 +103,10 @@ class Domain(Settings):
         return self.boundary == "mirror"
 
 
+# Times that a class counts as rarer than the largest, at most: few bodies need no more to be even.
+MOST_RARE = 100.0
+
+
 @described
 @dataclass(frozen=True, eq=False)
 class Balance(Settings):
@@ -147,6 +151,17 @@ class Balance(Settings):
         ),
     )
 
+    rare_emphasis: float = field(
+        default=1.0,
+        metadata=setting(
+            "How evenly classes of few bodies are spread among themselves, beside others of many. 0 treats all classes alike",
+            more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
+            label="Rare Classes",
+            low=0.0,
+            high=2.0,
+        ),
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.non_overlap is not None:
@@ -155,10 +170,15 @@ class Balance(Settings):
     def _key(self, name: str) -> str:
         return f"`balance.{name}`"
 
-    def class_factors(self, class_count: int) -> np.ndarray:
-        """Factors between classes, shape ``[class_count, class_count]``, float64."""
-        apart = np.ones((class_count, class_count)) if self.non_overlap is None else np.asarray(self.non_overlap)
-        return (1.0 - self.class_separation) * np.eye(class_count) + self.class_separation * apart
+    def class_factors(self, counts: Sequence[int]) -> np.ndarray:
+        """Factors between classes of so many bodies, shape ``[class_count, class_count]``, float64.
+
+        (1 - alpha) identity + alpha non_overlap, where the identity of a class that is rarer than the largest is raised.
+        """
+        count = np.asarray(counts, np.float64)
+        apart = np.ones((len(count), len(count))) if self.non_overlap is None else np.asarray(self.non_overlap)
+        rarity = np.minimum(count.max() / count, MOST_RARE) ** self.rare_emphasis
+        return (1.0 - self.class_separation) * np.diag(rarity) + self.class_separation * apart
 
 
 @described
@@ -598,6 +618,16 @@ class SamplingSettings(Settings):
             "Push footprints apart that touch. Counts stay as they are. The report says how many still overlap"
         ),
     )
+    regularity: float = field(
+        default=0.6,
+        metadata=setting(
+            "How regular the pattern is. 1: as near to a lattice as bodies come. 0: organic, with rows in no direction. Counts and "
+            "densities are kept",
+            unit="share",
+            low=0.0,
+            high=1.0,
+        ),
+    )
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -611,6 +641,8 @@ class Problem(SamplingSettings):
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
         avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
+        regularity: How regular the pattern is, 1 to 0: from as near to a lattice as bodies come to organic; counts and densities
+            are kept.
         fixed: Bodies that are there already: they take part in everything, and do not move. The rest of their class makes room:
             where they already are what the density asks for, no more are placed. Kept as a :class:`FixedTable`, in class, then
             size order. A size may have a ``count`` of 0 if there are such bodies of it.
@@ -638,6 +670,7 @@ class Problem(SamplingSettings):
         seed: int = 0,
         avoid_overlap: bool = False,
         *,
+        regularity: float = 0.6,
         fixed: FixedBodies | Sequence[FixedBody | FixedBodies] = (),
         include_fixed: bool = False,
         obstacles: Sequence[Obstacle] = (),
@@ -667,7 +700,7 @@ class Problem(SamplingSettings):
             prepared = tuple(cut_out(c, domain, obstacles) for c in bases)
         prepared = _sharing_images(prepared)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
-        settle(self, include_fixed=include_fixed, obstacles=obstacles)
+        settle(self, include_fixed=include_fixed, obstacles=obstacles, regularity=regularity)
         super().__post_init__()
         settle(self, fixed=fixed_table(fixed, prepared, cast(Domain, domain)))
         counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]
