@@ -17,6 +17,8 @@ __all__ = ["direct_field"]
 
 # Pairs handled at once; bounds the memory to a few hundred megabytes.
 PAIRS_AT_ONCE = 4_000_000
+# The variance of points, so to say: between two of them q is larger than anything that matters.
+TINY = 1e-30
 
 
 def direct_field(
@@ -30,6 +32,7 @@ def direct_field(
     charge_group: np.ndarray,
     blur: float,
     variance: Callable[[np.ndarray], np.ndarray] | None = None,
+    core: tuple[float, float] = (0.0, 1.0),
 ) -> np.ndarray:
     """Force per unit charge on every charge, equations 1, 2 and 7 of the paper.
 
@@ -45,6 +48,7 @@ def direct_field(
             target. Targets are summed over points half as far apart.
         variance: Where the blur differs from place to place: that of a charge or a piece of target at positions, shape
             ``[m, 2]``; what acts between two has the sum of their variances. ``blur`` then is the narrowest.
+        core: Strength of the charges' core, and where it ends; see :func:`.blur.core`.
 
     Returns:
         Field, shape ``[n, 2]``, float64.
@@ -66,27 +70,33 @@ def direct_field(
         own = np.flatnonzero(charge_group == g)
         pulling = -interaction[g] @ image_charge
         pushing = charge * interaction[g, charge_group]
-        sources = ((position, pushing, of_charge), (points, pulling, of_point))
+        sources = ((position, pushing, of_charge, core), (points, pulling, of_point, (0.0, 1.0)))
         total = np.zeros((len(own), 2))
-        for source, strength, variances in sources:
+        for source, strength, variances, cores in sources:
             if periodic:
-                total += _periodic_sum(position[own], of_charge[own], source, strength, variances, size)
+                total += _periodic_sum(position[own], of_charge[own], source, strength, variances, cores, size)
             else:
-                total += _plane_sum(position[own], of_charge[own], source, strength, variances)
+                total += _plane_sum(position[own], of_charge[own], source, strength, variances, cores)
         result[own] = total
     return result
 
 
 def _plane_sum(
-    at: np.ndarray, own_variance: np.ndarray, source: np.ndarray, strength: np.ndarray, variance: np.ndarray
+    at: np.ndarray,
+    own_variance: np.ndarray,
+    source: np.ndarray,
+    strength: np.ndarray,
+    variance: np.ndarray,
+    core: tuple[float, float],
 ) -> np.ndarray:
     result = np.empty_like(at)
     for part in _parts(len(at), len(source)):
         dx = at[part, None, 0] - source[None, :, 0]
         dy = at[part, None, 1] - source[None, :, 1]
         r2 = dx**2 + dy**2
+        q = 0.5 * r2 / (own_variance[part, None] + variance + TINY)
         with np.errstate(divide="ignore", invalid="ignore"):
-            factor = -strength * np.expm1(-0.5 * r2 / (own_variance[part, None] + variance)) / r2
+            factor = strength * (_core(q, core) - np.expm1(-q)) / r2
         factor[r2 == 0.0] = 0.0
         result[part, 0] = (factor * dx).sum(axis=1)
         result[part, 1] = (factor * dy).sum(axis=1)
@@ -99,6 +109,7 @@ def _periodic_sum(
     source: np.ndarray,
     strength: np.ndarray,
     variance: np.ndarray,
+    core: tuple[float, float],
     size: tuple[float, float],
 ) -> np.ndarray:
     """Ewald summation; both sums are cut where their terms fall below 1e-9."""
@@ -111,7 +122,8 @@ def _periodic_sum(
                 dx = at[part, None, 0] - source[None, :, 0] + shift_x * size[0]
                 dy = at[part, None, 1] - source[None, :, 1] + shift_y * size[1]
                 r2 = dx**2 + dy**2
-                decay = np.exp(-r2 / (2.0 * split**2)) - np.exp(-0.5 * r2 / (own_variance[part, None] + variance))
+                q = 0.5 * r2 / (own_variance[part, None] + variance + TINY)
+                decay = np.exp(-r2 / (2.0 * split**2)) - np.exp(-q) + _core(q, core)
                 with np.errstate(divide="ignore", invalid="ignore"):
                     factor = strength * decay / r2
                 factor[r2 == 0.0] = 0.0
@@ -130,6 +142,11 @@ def _periodic_sum(
             own = at @ k
             result += (amplitude * (np.sin(own) * cosine - np.cos(own) * sine))[:, None] * k
     return result
+
+
+def _core(q: np.ndarray, core: tuple[float, float]) -> np.ndarray:
+    strength, end = core
+    return strength * np.maximum(1.0 - q / end, 0.0) ** 2
 
 
 def _parts(rows: int, columns: int) -> list[slice]:

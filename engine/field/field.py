@@ -69,6 +69,8 @@ class Field:
         mesh: The same as kernels take it.
         cutoff: Distance beyond which there is no near part.
         blur: How charges and targets are blurred.
+        core: Strength of the core of every charge.
+        core_end: Squared distance over the pair's variance, halved, at which it ends.
         fine_layout: The mesh that this is known on.
         images: The images of the targets, one per class.
         image_of_class: Index of every class's image among them, where bodies follow it.
@@ -163,6 +165,7 @@ class Field:
         self.fine_layout = self._correction.layout
         self._fine_mesh = self.fine_layout.for_kernels()
         self._sharper = sharper
+        self.core, self.core_end = blur.core(blur_over_spacing, uniform)
         self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
         self._family = launcher.zeros(self._weight_stride, wp.int32)
         self._levels = wp.array(self.blur.levels, dtype=float, device=device)
@@ -204,6 +207,8 @@ class Field:
                     self._variance,
                     self._family,
                     self._sharper,
+                    self.core,
+                    1.0 / self.core_end,
                     self._cell_sort.cell_start,
                     self.cells,
                     self.cutoff,

@@ -10,6 +10,7 @@ import warp as wp
 from ..space.kernels_cells import CellGrid
 from ..space.kernels_mesh import Mesh
 from . import splitting
+from .blur import LARGEST_Q
 from .kernels_blur import level_of
 from .kernels_splines import potential_gradient
 
@@ -22,8 +23,8 @@ LANES = 8
 # Cells along the cut-off, from row to row and along a row: narrow cells follow its circle, high ones keep ranges long.
 ROWS_PER_CUTOFF = 1
 COLUMNS_PER_CUTOFF = 4
-# The blur between two charges is exp(-q), taken as the eighth power of a cubic that is wrong by 1e-4; it has ended where q is this.
-LARGEST_Q = 12.0
+# The blur between two charges is exp(-q), taken as the eighth power of a cubic that is wrong by 1e-4; it has ended
+# where q is LARGEST_Q.
 
 
 def _text_of(coefficients: Sequence[float], x: str) -> str:
@@ -46,7 +47,8 @@ def _eighth_root() -> list[float]:
 
 # Native code because this loop is most of the near field's time. A charge is at no distance from itself, and so its term vanishes;
 # the tiny summand, far below the square of float32's smallest distance, only keeps it finite. Of a charge's unit share, what the
-# split spreads farther out than the distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does.
+# split spreads farther out than the distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does, and
+# the core is added.
 _SUM_NEAR = f"""
     const float tiny = 1e-30f, narrower = 1.0f / sharper;
     const float* __restrict__ xs = sorted_x.data;
@@ -123,7 +125,12 @@ _SUM_NEAR = f"""
             const V square = root * root;
             const V fourth = square * square;
             const V share = v * {_text_of(splitting.outside_share()[1:], "v")} - fourth * fourth;
-            const V near = *(const V*)(ws + j) * share * (both * inverse);
+#if defined(__CUDA_ARCH__)
+            const V close = fmaxf(1.0f - q * per_core, 0.0f);
+#else
+            const V close = __builtin_elementwise_max(1.0f - q * per_core, (V)0.0f);
+#endif
+            const V near = *(const V*)(ws + j) * (share + core * close * close) * (both * inverse);
 #if defined(__CUDA_ARCH__)
             const V strength = r2 < cutoff2 ? near : 0.0f;
 #else
@@ -158,6 +165,8 @@ def sum_near(
     own_variance: float,
     own_family: int,
     sharper: float,
+    core: float,
+    per_core: float,
     variance: wp.array(dtype=float),
     family: wp.array(dtype=wp.int32),
     weight: wp.array(dtype=float),
@@ -178,6 +187,8 @@ def evaluate_field(
     variance: wp.array(dtype=float),
     family: wp.array(dtype=wp.int32),
     sharper: float,
+    core: float,
+    per_core: float,
     cell_start: wp.array(dtype=wp.int32),
     grid: CellGrid,
     cutoff: float,
@@ -223,6 +234,8 @@ def evaluate_field(
         variance[i],
         family[i],
         sharper,
+        core,
+        per_core,
         variance,
         family,
         weight,

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.field.blur import BLUR_OVER_SPACING, EXPONENT, LEAST_OF_SMALL, WIDEST
+from esh.engine.field.blur import (
+    BLUR_OVER_SPACING,
+    CORE,
+    CORE_REACH,
+    CORE_REACH_OF_UNIFORM,
+    EXPONENT,
+    LEAST_OF_SMALL,
+    WIDEST,
+    core,
+)
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import Field, FieldTarget
 
@@ -58,11 +67,20 @@ def fast_and_direct(launcher, variances_of, position, size, periodic, groups, im
     share = np.clip(charge, LEAST_OF_SMALL, 1.0)
     of_place = variances_of(field)
 
+    of_target = (charge * share).sum() / charge.sum()
+
     def variance(at):
-        return of_place(at) * (share if at is position else (charge * share).sum() / charge.sum())
+        return of_place(at) * (share if at is position else of_target)
+
+    # The narrowest that acts between a charge and a target; it sets how fine the reference's grid is.
+    narrowest = field.blur.variance.numpy().min() * (share.min() + of_target)
 
     return result.numpy(), direct_field(
-        position, blur=(2.0 * field.blur.levels[0]) ** 0.5, variance=variance, **arguments
+        position,
+        blur=narrowest**0.5,
+        variance=variance,
+        core=(field.core, field.core_end),
+        **arguments,
     )
 
 
@@ -117,7 +135,7 @@ def test_blur_follows_the_local_spacing(launcher, variances_of):
 
 
 def test_two_families_see_each_other_less_blurred(launcher, variances_of):
-    """Two charges close to each other, far from any target: their force is (1 - exp(-r² / 2 B²)) / r."""
+    """Two charges close to each other, far from any target: their force is (1 - exp(-q) + their core) / r, where q = r² / 2 B²."""
     distance = 0.4
     position = np.array([[10.0, 10.0], [10.0 + distance, 10.0]], np.float32)
     arguments = {
@@ -142,8 +160,38 @@ def test_two_families_see_each_other_less_blurred(launcher, variances_of):
         result = wp.zeros_like(at)
         field.evaluate(at, result)
         variance = 2.0 * variances_of(field)(position.astype(float))[0] / sharper
-        expected = -np.expm1(-0.5 * distance**2 / variance) / distance
+        q = 0.5 * distance**2 / variance
+        expected = (CORE * max(1.0 - q / field.core_end, 0.0) ** 2 - np.expm1(-q)) / distance
         assert result.numpy()[:, 0] == pytest.approx([-expected, expected], rel=5e-3)
+
+
+@pytest.mark.parametrize("distance", [1e-3, 0.1, 2.5])
+def test_close_pairs_are_pushed_apart_and_others_hardly(launcher, distance):
+    """Blurred charges have no force at no distance; the core has, and ends at a spacing."""
+    image = np.zeros((32, 32))
+    image[0, 31] = 1.0
+    field = Field(
+        launcher, size=SQUARE, periodic=False, interaction=np.eye(1), targets=[FieldTarget(image, 1e-6)], spacing=1.0,
+        charge=np.ones(2), charge_group=np.zeros(2, np.int32),
+    )  # fmt: skip
+    at = wp.array(np.array([[10.0, 10.0], [10.0 + distance, 10.0]], np.float32), dtype=wp.vec2, device=launcher.device)
+    result = wp.zeros_like(at)
+    field.evaluate(at, result)
+    if distance < 1.0:
+        assert result.numpy()[1, 0] > 0.8 * CORE / distance
+    else:
+        assert result.numpy()[1, 0] == pytest.approx(1.0 / distance, rel=0.02)
+
+
+@pytest.mark.parametrize("uniform", [False, True])
+def test_a_core_ends_at_a_spacing_however_wide_the_blur_is(uniform):
+    reach = CORE_REACH_OF_UNIFORM if uniform else CORE_REACH
+    for width in (0.3, 0.5, 0.8):
+        strength, end = core(width, uniform)
+        assert strength == CORE
+        assert (2.0 * end) ** 0.5 * width == pytest.approx(reach)
+    # What is all but a point has none.
+    assert core(0.03, uniform)[0] == 0.0
 
 
 def test_direct_sum_of_two_charges_is_coulombs_law():
