@@ -31,6 +31,7 @@ __all__ = [
     "CORE",
     "CORE_REACH",
     "CORE_REACH_OF_UNIFORM",
+    "CORE_REACH_OF_WIDEST",
     "EXPONENT",
     "LARGEST_Q",
     "LEAST_OF_SMALL",
@@ -52,9 +53,10 @@ USUAL_REGULARITY = 0.6
 WIDEST_OVER_SPACING, WIDEST_OF_UNIFORM = 0.75, 0.8
 # What is blurred hardly keeps close pairs apart. So every charge has a *core*, too: a repulsion of this strength, (1 - q / end)² / r
 # where q = r² / (2 variance), that ends a spacing away. Neighbours that stand evenly hardly feel it, so that it does not bias tone;
-# farther reaching ones do on images, by 3 dB at a reach of 1.15, and shorter ones leave smallest distances as they are.
-CORE, CORE_REACH, CORE_REACH_OF_UNIFORM = 0.5, 1.0, 1.15
-# Kernels know q up to here: charges that are blurred so little are all but points and need no core.
+# farther reaching ones do on images, by 3 dB at a reach of 1.15, and shorter ones leave smallest distances as they are. What is
+# blurred less than usual needs less of it, and what is blurred more, so as not to be a lattice, must not be held to one by it.
+CORE, CORE_REACH, CORE_REACH_OF_UNIFORM, CORE_REACH_OF_WIDEST = 0.5, 1.0, 1.15, 0.6
+# Kernels know q up to here.
 LARGEST_Q = 12.0
 # Between classes the variance is smaller by this factor: bodies of two classes stand closer than those of one, whose own repulsion is
 # stronger, and what is soft lets them come closer still. Half way from 1, where the union has close pairs, to points, where the
@@ -83,8 +85,12 @@ def blur_over_spacing(regularity: float, uniform: bool) -> float:
 
 def core(blur_over_spacing: float, uniform: bool) -> tuple[float, float]:
     """Strength of the core, and the q at which it ends."""
-    end = 0.5 * ((CORE_REACH_OF_UNIFORM if uniform else CORE_REACH) / blur_over_spacing) ** 2
-    return (CORE, end) if end < LARGEST_Q else (0.0, LARGEST_Q)
+    usual, widest = (BLUR_OF_UNIFORM, WIDEST_OF_UNIFORM) if uniform else (BLUR_OVER_SPACING, WIDEST_OVER_SPACING)
+    longest = CORE_REACH_OF_UNIFORM if uniform else CORE_REACH
+    wider = min(max((blur_over_spacing - usual) / (widest - usual), 0.0), 1.0)
+    reach = longest + (CORE_REACH_OF_WIDEST - longest) * wider
+    end = 0.5 * (reach / blur_over_spacing) ** 2
+    return CORE * min(blur_over_spacing / usual, 1.0) ** 4, min(end, LARGEST_Q)
 
 
 class Blur:

@@ -38,8 +38,8 @@ STEP_LIMIT = 0.5
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
 # density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
 SMALLEST_DENSITY = 2e-3
-# What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks and
-# discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
+# What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks
+# and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
 BLUR_OF_LONG_ONES_IN_CONTACT = 0.03
 
 

@@ -11,9 +11,12 @@ from esh.engine.field.blur import (
     CORE,
     CORE_REACH,
     CORE_REACH_OF_UNIFORM,
+    CORE_REACH_OF_WIDEST,
     EXPONENT,
     LEAST_OF_SMALL,
+    USUAL_REGULARITY,
     WIDEST,
+    blur_over_spacing,
     core,
 )
 from esh.engine.field.direct_sum import direct_field
@@ -183,15 +186,15 @@ def test_close_pairs_are_pushed_apart_and_others_hardly(launcher, distance):
         assert result.numpy()[1, 0] == pytest.approx(1.0 / distance, rel=0.02)
 
 
-@pytest.mark.parametrize("uniform", [False, True])
-def test_a_core_ends_at_a_spacing_however_wide_the_blur_is(uniform):
-    reach = CORE_REACH_OF_UNIFORM if uniform else CORE_REACH
-    for width in (0.3, 0.5, 0.8):
+@pytest.mark.parametrize(("uniform", "reach"), [(False, CORE_REACH), (True, CORE_REACH_OF_UNIFORM)])
+def test_a_core_ends_at_a_spacing_and_earlier_where_the_blur_is_wide(uniform, reach):
+    usual, widest = (blur_over_spacing(regularity, uniform) for regularity in (USUAL_REGULARITY, 0.0))
+    for width, expected in ((usual, reach), (widest, CORE_REACH_OF_WIDEST), (0.6 * usual, reach)):
         strength, end = core(width, uniform)
-        assert strength == CORE
-        assert (2.0 * end) ** 0.5 * width == pytest.approx(reach)
-    # What is all but a point has none.
-    assert core(0.03, uniform)[0] == 0.0
+        assert (2.0 * end) ** 0.5 * width == pytest.approx(expected)
+        assert strength == pytest.approx(CORE if width >= usual else 0.6**4 * CORE)
+    # What is all but a point has next to none.
+    assert core(0.03, uniform)[0] < 1e-4
 
 
 def test_direct_sum_of_two_charges_is_coulombs_law():
