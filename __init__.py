@@ -25,16 +25,21 @@ if TYPE_CHECKING:
     from .engine.files.placement_reader import load_placement
     from .engine.files.recipe import read_recipe
     from .engine.files.recipe_writer import write_recipe
+    from .engine.problem.balance import Balance
+    from .engine.problem.body_class import BodyClass, Unsharp
     from .engine.problem.color_separation import Ink, InkModel, halftone_problem, ink_colors, separate
     from .engine.problem.cover import Cover, cover_of
+    from .engine.problem.domain import Domain
     from .engine.problem.fixed_bodies import FixedBodies, FixedBody
     from .engine.problem.footprint import Footprint, Footprints
+    from .engine.problem.line import Line
     from .engine.problem.obstacles import Obstacle
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
-    from .engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+    from .engine.problem.problem import Problem
     from .engine.problem.report import ClassReport, Report, SizeReport
     from .engine.problem.scatter_settings import ScatterSettings, Standing
+    from .engine.problem.size import Size
     from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
     from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
     from .engine.scenes.solve_many import solve_many
@@ -47,25 +52,47 @@ if TYPE_CHECKING:
     from .engine.surface.instances import Instances
     from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
-    from .esh_scatter.densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
+    from .esh_scatter.densities import (
+        AltitudeDensity,
+        AttributeDensity,
+        CameraDensity,
+        ClassDensity,
+        Density,
+        DensityLayer,
+        DensityStack,
+        DistanceDensity,
+        FacingDensity,
+        ImageDensity,
+        InsideDensity,
+        NoiseDensity,
+        SlopeDensity,
+        VertexGroupDensity,
+    )
     from .esh_scatter.exchange import export_result, import_placement
     from .esh_scatter.footprint import measure_footprint
 
 __all__ = [
     "__version__",
+    "AltitudeDensity",
     "Amount",
     "AttributeDensity",
     "Balance",
     "Bodies",
     "BodyClass",
     "BodyFlags",
+    "CameraDensity",
+    "ClassDensity",
     "ClassReport",
     "Cover",
     "Density",
+    "DensityLayer",
+    "DensityStack",
     "DeviceError",
+    "DistanceDensity",
     "Domain",
     "Edit",
     "EshError",
+    "FacingDensity",
     "FixedBodies",
     "FixedBody",
     "Footprint",
@@ -74,8 +101,10 @@ __all__ = [
     "Ink",
     "InkModel",
     "InputFileError",
+    "InsideDensity",
     "Instances",
     "Line",
+    "NoiseDensity",
     "Outline",
     "Obstacle",
     "Placement",
@@ -94,6 +123,7 @@ __all__ = [
     "ScatterSize",
     "Size",
     "SizeReport",
+    "SlopeDensity",
     "Solver",
     "Standing",
     "State",
@@ -133,19 +163,26 @@ __all__ = [
 
 # Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
 _MODULES = {
+    "AltitudeDensity": ".esh_scatter.densities",
     "Amount": ".esh_scatter.amount",
     "AttributeDensity": ".esh_scatter.densities",
-    "Balance": ".engine.problem.problem",
+    "Balance": ".engine.problem.balance",
     "Bodies": ".engine.files.bodies",
-    "BodyClass": ".engine.problem.problem",
+    "BodyClass": ".engine.problem.body_class",
     "BodyFlags": ".engine.solver.body_flags",
+    "CameraDensity": ".esh_scatter.densities",
+    "ClassDensity": ".esh_scatter.densities",
     "ClassReport": ".engine.problem.report",
     "Cover": ".engine.problem.cover",
     "Density": ".esh_scatter.densities",
+    "DensityLayer": ".esh_scatter.densities",
+    "DensityStack": ".esh_scatter.densities",
     "DeviceError": ".engine.errors",
-    "Domain": ".engine.problem.problem",
+    "DistanceDensity": ".esh_scatter.densities",
+    "Domain": ".engine.problem.domain",
     "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
+    "FacingDensity": ".esh_scatter.densities",
     "Footprint": ".engine.problem.footprint",
     "Footprints": ".engine.problem.footprint",
     "FixedBodies": ".engine.problem.fixed_bodies",
@@ -154,8 +191,10 @@ _MODULES = {
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
+    "InsideDensity": ".esh_scatter.densities",
     "Instances": ".engine.surface.instances",
-    "Line": ".engine.problem.problem",
+    "Line": ".engine.problem.line",
+    "NoiseDensity": ".esh_scatter.densities",
     "Outline": ".engine.surface.footprint",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
@@ -172,8 +211,9 @@ _MODULES = {
     "ScatterResult": ".esh_scatter.api",
     "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
-    "Size": ".engine.problem.problem",
+    "Size": ".engine.problem.size",
     "SizeReport": ".engine.problem.report",
+    "SlopeDensity": ".esh_scatter.densities",
     "Solver": ".engine.solver.solver",
     "Standing": ".engine.problem.scatter_settings",
     "State": ".engine.solver.state",
@@ -183,7 +223,7 @@ _MODULES = {
     "SurfaceMesh": ".engine.problem.surface",
     "SurfaceState": ".engine.solver.surface_state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
-    "Unsharp": ".engine.problem.problem",
+    "Unsharp": ".engine.problem.body_class",
     "VertexGroupDensity": ".esh_scatter.densities",
     "cover_of": ".engine.problem.cover",
     "draw_plan": ".engine.drawing.plan",

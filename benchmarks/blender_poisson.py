@@ -14,7 +14,7 @@ import time
 
 import bpy
 import numpy as np
-from esh.engine.problem.problem import Domain
+from esh.engine.problem.domain import Domain
 from esh.engine.quality.coverage import coverage_error
 from esh.esh_scatter.api import ScatterClass, ScatterSize, scatter
 

@@ -15,10 +15,13 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import CAPSULE, footprints_of
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.measurement import measure
 from esh.engine.solver.solver import Solver
 

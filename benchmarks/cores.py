@@ -30,7 +30,8 @@ def machine_cores() -> list[int]:
 def time_cases(bodies: list[int], groups: list[int], kinds: list[str], repeat: int, profiled: bool) -> list[dict]:
     """Time every case in this process, warm: bodies, groups, kind, seconds of every run and, of one more, the phases."""
     from esh.engine.device.profile import Profile
-    from esh.engine.problem.problem import Line, Size
+    from esh.engine.problem.line import Line
+    from esh.engine.problem.size import Size
     from esh.engine.solve import solve
     from timings import problem_of
 

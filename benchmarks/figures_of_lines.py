@@ -6,10 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from esh.engine.drawing.halftone import render_halftone
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass, Unsharp
 from esh.engine.problem.color_separation import MODELS, separate
 from esh.engine.problem.direction_field import density_directions
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size, Unsharp
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.line_quality import angle_errors, crossing_lines
 from pictures import astronaut, cat, face, sheet

@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from direct_summation import direct_solve
 from esh.engine.drawing.halftone import render_halftone
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from pictures import camera, dark_word, face, gaussian, sheet
 

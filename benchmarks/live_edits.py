@@ -16,8 +16,11 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.solver import Solver
 from pictures import camera

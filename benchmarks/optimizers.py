@@ -24,7 +24,11 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.descent import STEP_LIMIT, Descent
 from esh.engine.solver.model import Model

@@ -8,8 +8,12 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.spacing import HEXAGONAL_SPACING
 from esh.engine.solve import solve

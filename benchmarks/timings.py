@@ -18,7 +18,10 @@ import numpy as np
 import pytest
 import warp as wp
 from esh.engine.device.launcher import Recording, resolve_device
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -17,24 +17,19 @@ import numpy as np
 
 from ..engine.device.launcher import resolve_device
 from ..engine.errors import EshError, ProblemError
+from ..engine.problem.balance import Balance
+from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.domain import Domain
 from ..engine.problem.footprint import Footprint, Footprints
+from ..engine.problem.line import Line
 from ..engine.problem.placement import Placement
 from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
-from ..engine.problem.problem import (
-    Balance,
-    BodyClass,
-    ClassSettings,
-    Domain,
-    Line,
-    Problem,
-    SamplingSettings,
-    Size,
-    Unsharp,
-)
+from ..engine.problem.problem import Problem, SamplingSettings
 from ..engine.problem.report import Report
 from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
+from ..engine.problem.size import Size
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,
@@ -50,35 +45,64 @@ from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
+from ..engine.surface.triangle_mesh import TriangleMesh
 from .amount import Amount
-from .densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity, density_at, image_pixels
-from .footprint import measure_footprint
+from .densities import (
+    AltitudeDensity,
+    AttributeDensity,
+    CameraDensity,
+    ClassDensity,
+    Density,
+    DensityLayer,
+    DensityReader,
+    DensityStack,
+    DistanceDensity,
+    FacingDensity,
+    ImageDensity,
+    InsideDensity,
+    NoiseDensity,
+    SlopeDensity,
+    VertexGroupDensity,
+    attribute_names,
+    image_pixels,
+    read_density,
+)
+from .density_source import Known
+from .footprint import read_source
 from .kept_ground import SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .references import Reference
 from .result import CLASS_NAMES, find_result, write_result
 from .standing import Ground, draw, stand
-from .target import check_exists, check_target, is_result, read_target
+from .survey import Survey
+from .target import check_exists, check_target, is_result, members_of, read_target
 
 __all__ = [
+    "AltitudeDensity",
     "Amount",
     "AttributeDensity",
+    "CameraDensity",
+    "ClassDensity",
+    "DensityLayer",
+    "DensityStack",
+    "DistanceDensity",
     "EshError",
+    "FacingDensity",
     "ImageDensity",
+    "InsideDensity",
     "Line",
+    "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
+    "SlopeDensity",
     "Standing",
     "Unsharp",
     "VertexGroupDensity",
     "scatter",
 ]
-
-# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
-_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
 # Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
@@ -142,8 +166,9 @@ class ScatterClass(ClassSettings):
         default=1.0,
         metadata=setting(
             "Where many objects of this class stand, and where few, per area of surface",
-            more="A number (the same everywhere), an image, a vertex group or an attribute; an image of Blender or an array "
-            "``[height, width]`` by itself is stretched over the target seen from above",
+            more="A number (the same everywhere), one of the densities below (:class:`~esh.ImageDensity` and so on), or several as "
+            "layers of a :class:`~esh.DensityStack`; an image of Blender or an array ``[height, width]`` by itself is stretched over "
+            "the target seen from above",
             check=as_given,
         ),
     )
@@ -181,6 +206,36 @@ class ScatterClass(ClassSettings):
 
     def _key(self, name: str) -> str:
         return "`name` of a class" if name == "name" else f'`{name}` of class "{self.name}"'
+
+
+class _Source(NamedTuple):
+    """What was read of the objects that a size places.
+
+    Attributes:
+        key: How sentences name the size.
+        area: Ground that one takes, where it was given [m²].
+        meshes: The objects' meshes, or why one has none; None where nothing has to be measured.
+    """
+
+    key: str
+    area: float | tuple[float, float] | None
+    meshes: tuple[TriangleMesh | ProblemError | None, ...]
+
+
+class _Reading(NamedTuple):
+    """What was read from Blender and is still to be worked out.
+
+    Attributes:
+        target: The target's mesh.
+        sources: By class and size.
+        densities: By class.
+        directions: By class, as a :class:`Line` takes them.
+    """
+
+    target: TriangleMesh
+    sources: list[list[_Source]]
+    densities: list[Density]
+    directions: list[str | float | np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -225,20 +280,27 @@ class _Placed(NamedTuple):
 
 @takes(ScatterSettings)
 class ScatterJob:
-    """A scatter in three phases; see :func:`scatter` for the arguments.
+    """A scatter in phases; see :func:`scatter` for the arguments.
 
-    The constructor reads everything from Blender and changes nothing, :meth:`solve` may run in any thread, and
+    The constructor reads everything from Blender and changes nothing; :meth:`prepare` and :meth:`solve` may run in any thread; and
     :meth:`write` changes the scene.
+
+    Args:
+        prepare: Whether to prepare the problem at once. Otherwise that is left to :meth:`prepare`, which may raise what is wrong.
+        survey: Of earlier jobs, to use again what they have worked out.
 
     Attributes:
         settings: How it is made.
         device: Where it runs, as Warp names it.
-        problem: What the sampler is asked.
+        problem: What the sampler is asked, once it is prepared.
         placement: What it answered; None before :meth:`solve`.
 
     Raises:
         EshError: Something asked for is missing or has no meaning.
     """
+
+    chart: Chart
+    problem: Problem
 
     def __init__(
         self,
@@ -248,6 +310,8 @@ class ScatterJob:
         *,
         name: str = "ESH Scatter",
         result: bpy.types.Object | None = None,
+        prepare: bool = True,
+        survey: Survey | None = None,
         **changes: Any,
     ) -> None:
         context = bpy.context
@@ -264,36 +328,70 @@ class ScatterJob:
         # Objects are looked up anew before they are used: a file may change during a run. Per group (class and size): indices
         # into `sources` of its variants.
         self._sources: list[Reference] = []
-        numbers: dict[int, int] = {}
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
-        # Sizes that place the same objects, and classes that follow the same density, have it looked at once.
-        measured: dict[bpy.types.Object, Outline] = {}
-        self._densities: dict[object, np.ndarray] = {}
+        self._survey = survey
+        self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
+        self.placement: Placement | None = None
+        if prepare:
+            self.prepare()
+
+    def _read(self, context: bpy.types.Context) -> _Reading:
+        """Read everything from Blender, as it is now."""
+        numbers: dict[int, int] = {}
+        # Sizes that place the same objects, and classes that follow the same image, have it looked at once.
+        meshes: dict[int, TriangleMesh | ProblemError] = {}
+        known: Known = {}
+        sources: list[list[_Source]] = []
         for scatter_class in self.classes:
+            of_class = []
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
                 members = _source_objects(size.source, self.target, key)
-                self.shapes.append(_shape(size, scatter_class, members, context, key, measured))
+                of_class.append(_read_size(size, members, context, key, meshes))
                 for member in members:
                     if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
                         self._sources.append(Reference(member, "object to place"))
                 self.variants.append([numbers[member.session_uid] for member in members])
-        names = {
-            str(c.density.name) for c in self.classes if isinstance(c.density, VertexGroupDensity | AttributeDensity)
-        }
-        self.chart = Chart(read_target(self.target, context, names))
-        shape = iter(self.shapes)
-        domain = Domain((float(self.chart.size[0]), float(self.chart.size[1])))
+            sources.append(of_class)
+        densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
+        names: set[str] = set().union(*(attribute_names(density) for density in densities))
+        directions = [_direction(c) for c in self.classes]
+        return _Reading(read_target(self.target, context, names), sources, densities, directions)
+
+    def prepare(self) -> None:
+        """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
+
+        Raises:
+            EshError: Something asked for has no meaning.
+        """
+        reading, survey = self._reading, self._survey or Survey()
+        if reading is None:
+            return
+        self._target_name = reading.target.name
+        self.chart = survey.begin(reading.target)
+        domain = survey.domain(self.chart)
+        names = [scatter_class.name for scatter_class in self.classes]
+        reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
+        classes = []
+        for number, scatter_class in enumerate(self.classes):
+            shapes = [
+                _shape(size, source, reading.directions[number], survey)
+                for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
+            ]
+            self.shapes += shapes
+            values = survey.density(scatter_class.name, reader, self.chart)
+            classes.append(self._prepare_class(scatter_class, shapes, domain, values))
         self.problem = Problem(
             domain,
-            [self._prepare_class(c, [next(shape) for _ in c.sizes], domain) for c in self.classes],
+            classes,
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
         )
-        self.placement: Placement | None = None
+        # Pixels and meshes may be large.
+        self._reading = None
 
     @property
     def target(self) -> bpy.types.Object:
@@ -312,6 +410,7 @@ class ScatterJob:
 
     def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
+        self.prepare()
         self.placement = solve(self.problem, **values_of(self.settings, RunSettings), progress=progress)
 
     def instances(self) -> Instances:
@@ -343,12 +442,13 @@ class ScatterJob:
         item.data[SEED] = self.settings.seed
         return ScatterResult(item, self.placement.report, self.placement, placed.instances, tuple(sources))
 
-    def _prepare_class(self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain) -> PreparedClass:
-        """Return what the engine is to place: densities and counts as the slopes of the surface make them."""
+    def _prepare_class(
+        self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain, values: np.ndarray
+    ) -> PreparedClass:
+        """Return what the engine is to place: the density, ``values`` on the chart, and counts as slopes make them."""
         c = scatter_class
         key = f'`density` of class "{c.name}"'
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
-        values = self._density_on_surface(c.density, key)
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
         count = 1 if isinstance(c.count, Amount) else c.count
         asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
@@ -358,7 +458,7 @@ class ScatterJob:
         density = surface.image * self.chart.stretch
         mean = float(density.mean())
         if not mean > 0.0:
-            raise ProblemError(f'{key} must be above 0 somewhere on target "{self.target.name}"; it is 0 everywhere')
+            raise ProblemError(f"{key} must be above 0 somewhere on {self._target_name}; it is 0 everywhere")
         sizes = list(count_sizes(asked, domain.area * mean))
         if self.settings.avoid_overlap:
             sizes = [self._with_outlines(size, shape, c) for size, shape in zip(sizes, shapes, strict=True)]
@@ -398,15 +498,6 @@ class ScatterJob:
         random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
         return (random[identity, 0] * number).astype(int)
 
-    def _density_on_surface(self, density: Density, key: str) -> np.ndarray:
-        """Return a class's density on the chart; it was read once where several classes have the same."""
-        same = id(density) if isinstance(density, np.ndarray) else density
-        if not isinstance(same, Hashable):
-            return self.chart.continued(density_at(density, self.chart.points, key))
-        if same not in self._densities:
-            self._densities[same] = self.chart.continued(density_at(density, self.chart.points, key))
-        return self._densities[same]
-
     def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
         """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
         if density.min() == density.max():
@@ -433,7 +524,7 @@ class ScatterJob:
         group = first[placement.class_index] + placement.size_index
         surface = self.chart.lift(placement.position)
         ground = Ground(
-            np.arange(count, dtype=np.int32),
+            placement.id.astype(np.int32),
             surface.normal,
             placement.angle.astype(np.float32),
             np.zeros(count, bool),
@@ -444,17 +535,18 @@ class ScatterJob:
         everyones = Standing(**values_of(self.settings, Standing))
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
-            variant = self._variants_of(own, len(variants))
+            outlined, identity = outlined_sizes[number], placement.id[own]
+            variant = placement.variant[own] if outlined else self._variants_of(identity, len(variants))
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
-            outlined = outlined_sizes[number]
             ground.long[own] = shape.line is not None and bool(outlines)
             if outlined and len(own):
-                # The turn that was drawn before solving comes with the standing.
+                # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
+                # that were drawn for this body.
                 standing = self.classes[int(placement.class_index[own[0]])].standing or everyones
-                ground.heading[own] -= draw(standing, own, ground.long[own], self.settings.seed)[1].astype(np.float32)
-            if isinstance(shape.area, tuple) and outlined:
-                ground.fit[own] = placement.scale[own]
+                factor, turn = draw(standing, identity, ground.long[own], self.settings.seed)
+                ground.heading[own] -= turn.astype(np.float32)
+                ground.fit[own] = placement.scale[own] / (1.0 if isinstance(shape.area, tuple) else factor)
             elif isinstance(shape.area, tuple) and outlines:
                 ground.fit[own] = np.sqrt(
                     placement.area[own] / np.array([outline.area for outline in outlines])[variant]
@@ -563,14 +655,14 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
     if isinstance(source, bpy.types.Collection):
-        where = f'collection "{source.name}"'
-        members = [item for item in source.all_objects if item.type in _INSTANCED_TYPES]
+        members = members_of(source)
         if not members:
+            where = f'collection "{source.name}"'
             raise ProblemError(f"`source` of {key} must hold objects with geometry; {where} has none")
     elif isinstance(source, bpy.types.Object):
-        where, members = f'object "{source.name}"', [source]
-        if source.type not in _INSTANCED_TYPES:
-            raise ProblemError(f"`source` of {key} must have geometry; {where} is of type {source.type}")
+        members = members_of(source)
+        if not members:
+            raise ProblemError(f'`source` of {key} must have geometry; object "{source.name}" is of type {source.type}')
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
     for member in members:
@@ -580,46 +672,61 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
-    return sorted(members, key=lambda member: member.name_full)
+    return members
 
 
-def _shape(
+def _read_size(
     size: ScatterSize,
-    scatter_class: ScatterClass,
     members: list[bpy.types.Object],
     context: bpy.types.Context,
     key: str,
-    measured_before: dict[bpy.types.Object, Outline],
-) -> _Shape:
-    """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
-
-    def measure(member: bpy.types.Object) -> Outline:
-        if member not in measured_before:
-            measured_before[member] = measure_footprint(member, context, f"`area` of {key}")
-        return measured_before[member]
-
+    read_before: dict[int, TriangleMesh | ProblemError],
+) -> _Source:
+    """Read the meshes of what a size places, as far as their outlines are needed."""
     area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
     if size.line is not None and not isinstance(size.line, (bool, Line)):
         raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
-    outlines: tuple[Outline | None, ...] = (None,) * len(members)
-    if area is None or isinstance(area, tuple) or size.line is not False:
-        try:
-            outlines = tuple(measure(member) for member in members)
-        except ProblemError:
-            # A given area needs no outline; a curve or a light plane on edge is then a dot.
-            if area is None or isinstance(area, tuple) or size.line:
-                raise
+    if not (area is None or isinstance(area, tuple) or size.line is not False):
+        return _Source(key, area, (None,) * len(members))
+    for member in members:
+        if member.session_uid not in read_before:
+            try:
+                read_before[member.session_uid] = read_source(member, context, f"`area` of {key}")
+            except ProblemError as error:
+                read_before[member.session_uid] = error
+    return _Source(key, area, tuple(read_before[member.session_uid] for member in members))
+
+
+def _shape(size: ScatterSize, source: _Source, direction: str | float | np.ndarray, survey: Survey) -> _Shape:
+    """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
+    area = source.area
+    outlines: tuple[Outline | None, ...] = (None,) * len(source.meshes)
+    try:
+        outlines = tuple(_outline(mesh, source.key, survey) for mesh in source.meshes)
+    except ProblemError:
+        # A given area needs no outline; a curve or a light plane on edge is then a dot.
+        if area is None or isinstance(area, tuple) or size.line:
+            raise
     measured = [outline for outline in outlines if outline is not None]
     if area is None:
         area = float(np.mean([outline.area for outline in measured]))
     line = size.line if isinstance(size.line, Line) else None
     if size.line is True or (size.line is None and measured and all(outline.is_long for outline in measured)):
-        line = _line_around(measured, scatter_class, area)
-    own = size.line is None and (size.area is None or isinstance(area, tuple)) and len(measured) == len(members)
+        line = _line_around(measured, direction, area)
+    own = size.line is None and (size.area is None or isinstance(area, tuple)) and len(measured) == len(outlines)
     return _Shape(own, outlines, area, line)
 
 
-def _line_around(outlines: list[Outline], scatter_class: ScatterClass, area: float | tuple[float, float]) -> Line:
+def _outline(mesh: TriangleMesh | ProblemError | None, key: str, survey: Survey) -> Outline | None:
+    """Return the outline of a mesh, or raise why there is none."""
+    if isinstance(mesh, ProblemError):
+        raise mesh
+    return None if mesh is None else survey.outline(mesh, f"`area` of {key}")
+
+
+def _line_around(
+    outlines: list[Outline], direction: str | float | np.ndarray, area: float | tuple[float, float]
+) -> Line:
     """A stiff capsule as long and as wide as the largest of the outlines, scaled to the largest area of a range."""
     scale = 1.0
     if isinstance(area, tuple):
@@ -628,7 +735,7 @@ def _line_around(outlines: list[Outline], scatter_class: ScatterClass, area: flo
     width = min(scale * max(outline.width for outline in outlines), 0.9 * length)
     return Line(
         length - width,
-        _direction(scatter_class),
+        direction,
         width=width,
         stretch_weights=(0.0, 0.1),
         tensor_scales=EDGE_SCALES,

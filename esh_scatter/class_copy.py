@@ -7,10 +7,10 @@ from typing import Any
 
 from bpy.types import PropertyGroup, bpy_prop_collection
 
-from ..engine.problem.problem import ClassSettings
+from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.scatter_settings import Standing
 from ..engine.problem.settings import settings_of
-from .described_properties import shown_settings
+from .properties.described import shown_settings
 
 __all__ = ["CLASS_PARTS", "copy_class", "copy_values"]
 

@@ -2,7 +2,9 @@
 
 import bpy
 
-from .properties import ESH_PG_class, ESH_PG_scatter, ESH_PG_size
+from .properties.body_class import ESH_PG_class
+from .properties.scatter import ESH_PG_scatter
+from .properties.size import ESH_PG_size
 
 __all__ = ["CLASSES"]
 

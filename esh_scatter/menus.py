@@ -3,7 +3,7 @@
 import bpy
 
 from . import operators
-from .properties import active_scatter
+from .properties.scene import active_scatter
 
 __all__ = ["CLASSES", "attach", "detach"]
 

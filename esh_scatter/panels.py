@@ -6,11 +6,15 @@ from typing import Any
 
 import bpy
 
-from ..engine.problem.problem import Balance, ClassSettings, SamplingSettings
+from ..engine.problem.balance import Balance
+from ..engine.problem.body_class import ClassSettings
+from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing
 from . import running, words
-from .described_properties import shown_settings
-from .properties import BY_HAND, DERIVED_COUNTS, ESH_PG_scatter, active_scatter, selected_class, selected_scatter
+from .properties.body_class import DERIVED_COUNTS
+from .properties.described import shown_settings
+from .properties.scatter import BY_HAND, ESH_PG_scatter
+from .properties.scene import active_scatter, selected_class, selected_scatter
 
 __all__ = ["CLASSES"]
 

@@ -4,11 +4,12 @@ import atexit
 
 import bpy
 
-from . import exchange_operators, lists, menus, operators, panels, properties, running, versions
+from . import exchange_operators, lists, menus, operators, panels, running, versions
+from .properties import body_class, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (properties, lists, operators, menus, panels, exchange_operators)
+_MODULES = (size, body_class, placed, scatter, scene, lists, operators, menus, panels, exchange_operators)
 
 
 def register() -> None:
@@ -16,7 +17,7 @@ def register() -> None:
     for module in _MODULES:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
-    properties.attach()
+    scene.attach()
     versions.attach()
     exchange_operators.attach()
     menus.attach()
@@ -34,7 +35,7 @@ def unregister() -> None:
     menus.detach()
     exchange_operators.detach()
     versions.detach()
-    properties.detach()
+    scene.detach()
     for module in reversed(_MODULES):
         for cls in reversed(module.CLASSES):
             bpy.utils.unregister_class(cls)

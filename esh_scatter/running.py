@@ -11,7 +11,7 @@ from .references import Reference
 
 if TYPE_CHECKING:
     from .api import ScatterJob
-    from .properties import ESH_PG_scatter
+    from .properties.scatter import ESH_PG_scatter
 
 __all__ = ["end", "lets_through", "may_compile", "session", "start", "still_stopping", "stop"]
 

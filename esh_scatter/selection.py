@@ -12,7 +12,8 @@ from ..engine.errors import ProblemError
 from .target import is_result
 
 if TYPE_CHECKING:
-    from .properties import ESH_PG_class, ESH_PG_scatter
+    from .properties.body_class import ESH_PG_class
+    from .properties.scatter import ESH_PG_scatter
 
 __all__ = ["Measured", "add_classes", "measure", "pleasant_counts", "sources_in"]
 
@@ -82,7 +83,7 @@ def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: i
 
 def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: Sequence[int]) -> list[ESH_PG_class]:
     """Add a class for each object to a scatter's settings, and return them."""
-    from .properties import unused_name
+    from .properties.names import unused_name
 
     made = []
     for one, count in zip(measured, counts, strict=True):

@@ -17,6 +17,7 @@ __all__ = [
     "check_exists",
     "check_target",
     "is_result",
+    "members_of",
     "read_target",
     "read_triangles",
     "world_matrix",
@@ -32,6 +33,16 @@ _RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale"
 _WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
 _READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
 _DOMAINS = ("POINT", "FACE", "CORNER")
+# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
+_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
+
+
+def members_of(source: bpy.types.Object | bpy.types.Collection | None) -> list[bpy.types.Object]:
+    """Return the objects that a size instances: the source itself if it has geometry, or the variants in a collection, by name."""
+    if source is None:
+        return []
+    items = source.all_objects if isinstance(source, bpy.types.Collection) else [source]
+    return sorted((item for item in items if item.type in _INSTANCED_TYPES), key=lambda item: item.name_full)
 
 
 def check_exists(item: bpy.types.ID, key: str) -> None:

@@ -123,7 +123,12 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
 def test_the_reference_of_recipes_has_every_key():
     from esh.engine.files.recipe import SCENE
     from esh.engine.files.recipe_keys import keys_of
-    from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, SamplingSettings, Size
+    from esh.engine.problem.balance import Balance
+    from esh.engine.problem.body_class import BodyClass
+    from esh.engine.problem.domain import Domain
+    from esh.engine.problem.line import Line
+    from esh.engine.problem.problem import SamplingSettings
+    from esh.engine.problem.size import Size
 
     folder = ROOT / "engine" / "files"
     trees = [

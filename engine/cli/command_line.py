@@ -222,7 +222,7 @@ class _whole:
 def _solve(options: argparse.Namespace) -> int:
     _check_outputs(options)
     from ..files.recipe import parse_recipe, read_recipe, recipe_densities
-    from ..problem.problem import Domain
+    from ..problem.domain import Domain
 
     recipe = parse_recipe(options.recipe)
     problem = read_recipe(recipe, seed=options.seed)

@@ -27,6 +27,9 @@ MOST_THREADS = 64
 # whole turn of theirs, and all threads wait for it, while one that slept is let in again soon.
 TICKS_AWAKE = 1_000_000
 AWAKE_PER_SECOND = 2500
+# How long a program that is repeated keeps Python waiting, about 0.1 seconds: Ctrl-C, for one, is heard only there.
+TICKS_REPEATING = 250 * TICKS_AWAKE
+REPEATING_PER_SECOND = 10
 
 _STRUCTURES = f"""
     struct Operation
@@ -205,20 +208,43 @@ def work_until_stopped(shared: wp.uint64, thread: int): ...
 @wp.func_native(
     _STRUCTURES
     + _WORK
-    + """
+    + f"""
     Shared* s = (Shared*)shared;
-    const unsigned sequence = (unsigned)(s->cursor >> 32) + 1;
-    __atomic_store_n(&s->base, (long long)sequence, __ATOMIC_RELAXED);
-    __atomic_store_n(&s->operations, (Operation*)operations, __ATOMIC_RELAXED);
-    __atomic_store_n(&s->operation_count, (long long)operation_count, __ATOMIC_RELAXED);
-    if (s->timed) s->started = clock();
-    __atomic_store_n(&s->cursor, (unsigned long long)sequence << 32, __ATOMIC_SEQ_CST);
-    __atomic_store_n(&s->sequence, (unsigned long long)sequence, __ATOMIC_SEQ_CST);
-    wake(s, called((unsigned)((Operation*)operations)->chunks));
-    work(s, 0, true);
+#if defined(__aarch64__)
+    long long patience;
+    __asm__ volatile("mrs %0, cntfrq_el0" : "=r"(patience));
+    patience /= {REPEATING_PER_SECOND};
+#else
+    const long long patience = {TICKS_REPEATING}ll;
+#endif
+    const long long began = clock();
+    for (int times_done = 1;; ++times_done)
+    {{
+        const unsigned sequence = (unsigned)(s->cursor >> 32) + 1;
+        __atomic_store_n(&s->base, (long long)sequence, __ATOMIC_RELAXED);
+        __atomic_store_n(&s->operations, (Operation*)operations, __ATOMIC_RELAXED);
+        __atomic_store_n(&s->operation_count, (long long)operation_count, __ATOMIC_RELAXED);
+        if (s->timed) s->started = clock();
+        __atomic_store_n(&s->cursor, (unsigned long long)sequence << 32, __ATOMIC_SEQ_CST);
+        __atomic_store_n(&s->sequence, (unsigned long long)sequence, __ATOMIC_SEQ_CST);
+        wake(s, called((unsigned)((Operation*)operations)->chunks));
+        work(s, 0, true);
+        // What is no number is not above the limit, either.
+        const bool go_on = watched == 0 || *(volatile float*)watched > limit;
+        *(int*)done = times_done;
+        if (times_done >= times || !go_on || clock() - began > patience) return;
+    }}
 """
 )
-def lead(shared: wp.uint64, operations: wp.uint64, operation_count: int): ...
+def lead(
+    shared: wp.uint64,
+    operations: wp.uint64,
+    operation_count: int,
+    times: int,
+    watched: wp.uint64,
+    limit: float,
+    done: wp.uint64,
+): ...
 
 
 @wp.func_native(_STRUCTURES + "return clock();")
@@ -232,9 +258,20 @@ def join_in(shared: wp.uint64, thread: int):
 
 
 @wp.kernel
-def carry_out(shared: wp.uint64, operations: wp.uint64, operation_count: int):
-    """Carry out a program, with all threads that have joined in; returns at its end."""
-    lead(shared, operations, operation_count)
+def carry_out(
+    shared: wp.uint64,
+    operations: wp.uint64,
+    operation_count: int,
+    times: int,
+    watched: wp.uint64,
+    limit: float,
+    done: wp.uint64,
+):
+    """Carry out a program up to so many times, with all threads that have joined in; ``done`` gets how often that was.
+
+    It ends early once the float at ``watched`` (0: none) is no longer above the limit, and after a while in any case.
+    """
+    lead(shared, operations, operation_count, times, watched, limit, done)
 
 
 @wp.kernel

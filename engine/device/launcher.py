@@ -14,9 +14,10 @@ import os
 import re
 import reprlib
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, NoReturn, Protocol, TypeVar
 
 import numpy as np
 import warp as wp
@@ -27,7 +28,7 @@ from .kernel_cache import ensure_kernel_cache
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
-__all__ = ["GRAIN", "GRAIN_OF_NEIGHBOURS", "Launcher", "Recording", "core_count", "resolve_device"]
+__all__ = ["GRAIN", "GRAIN_OF_NEIGHBOURS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
@@ -178,9 +179,9 @@ class Launcher:
         return value
 
     def release(self, recording: Recording) -> None:
-        """Let go of a recording that nobody plays again."""
+        """Let go of a recording that nobody plays again, and of all arrays that only it holds."""
+        recording.forget()
         if isinstance(recording, GpuRecording):
-            recording.forget()
             self._gpu_recordings.remove(recording)
 
     def empty(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
@@ -267,11 +268,33 @@ class Launcher:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Until:
+    """When a recording that is played again and again has done enough: as soon as a number that it writes is not above a limit.
+
+    Attributes:
+        array: Where the number is, float.
+        index: Its place there.
+        limit: The limit.
+    """
+
+    array: wp.array
+    index: int
+    limit: float
+
+
 class Recording(Protocol):
     """Launches that can be played again; see :meth:`Launcher.record`."""
 
-    def play(self) -> None:
-        """Carry them all out, in their order."""
+    def play(self, times: int = 1, until: Until | None = None) -> int:
+        """Carry them all out, in their order, so many times; returns how often.
+
+        With ``until`` the CPU stops when it is reached, and after a tenth of a second in any case: it may have done fewer. A GPU,
+        which is not waited for, does all of them.
+        """
+
+    def forget(self) -> None:
+        """Let go of the launches, which cannot be played any more."""
 
 
 class GpuRecording(Recording):
@@ -283,28 +306,30 @@ class GpuRecording(Recording):
         self._played = False
         self._graph: wp.Graph | None = None
 
-    def play(self) -> None:
+    def play(self, times: int = 1, until: Until | None = None) -> int:
         """See :meth:`Recording.play`; launches of a run that is profiled are made one by one, to be timed."""
         launcher = self._launcher
-        if not self._played or launcher.profiled:
-            self._run()
-            self._played = True
-            return
-        if self._graph is None:
-            with wp.ScopedCapture(device=launcher.device) as capture:
+        for _ in range(times):
+            if not self._played or launcher.profiled:
                 self._run()
-            self._graph = capture.graph
-        launcher.python_launches += 1
-        wp.capture_launch(self._graph)
+                self._played = True
+                continue
+            if self._graph is None:
+                with wp.ScopedCapture(device=launcher.device) as capture:
+                    self._run()
+                self._graph = capture.graph
+            launcher.python_launches += 1
+            wp.capture_launch(self._graph)
+        return times
 
     def forget(self) -> None:
-        """Let go of the launches, which cannot be played any more."""
+        """See :meth:`Recording.forget`."""
         self._run = _nothing
         self._graph = None
 
 
-def _nothing() -> None:
-    raise RuntimeError("this recording's launcher is closed")
+def _nothing() -> NoReturn:
+    raise RuntimeError("this recording was let go of")
 
 
 class CpuRecording(Recording):
@@ -328,9 +353,24 @@ class CpuRecording(Recording):
         """Make the program of what was added."""
         self._program = self._team.program(self._operations, self._kept)
 
-    def play(self) -> None:
+    def play(self, times: int = 1, until: Until | None = None) -> int:
         """See :meth:`Recording.play`."""
-        assert self._program is not None
+        if self._program is None:
+            _nothing()
         self._launcher.python_launches += 1
-        self._team.run(self._program)
+        if until is None:
+            done = 0
+            while done < times:
+                done += self._team.run(self._program, times - done)
+        else:
+            watched = until.array.ptr + until.array.strides[0] * until.index
+            done = self._team.run(self._program, times, watched, until.limit)
         self._launcher.count_ticks(self._phases, self._program)
+        return done
+
+    def forget(self) -> None:
+        """See :meth:`Recording.forget`."""
+        if self._program is not None:
+            self._team.release(self._program)
+        self._program = None
+        self._operations, self._kept = [], []

@@ -76,12 +76,30 @@ class _Shared(ctypes.Structure):
 
 
 class Program:
-    """Operations in their order, with all that they need kept alive."""
+    """Operations in their order, with all that they need kept alive.
 
-    def __init__(self, operations: Sequence[Operation], kept: Sequence[object]) -> None:
-        self.operations = (Operation * (len(operations) + 1))(*operations)
+    Args:
+        table: Room for them, and for one more.
+        operations: The operations.
+        kept: What they need.
+
+    Attributes:
+        operations: The table.
+        count: How many there are.
+        most_chunks: Of the operation that has most.
+    """
+
+    def __init__(self, table: ctypes.Array[Operation], operations: Sequence[Operation], kept: Sequence[object]) -> None:
+        for number, operation in enumerate(operations):
+            table[number] = operation
+        self.operations = table
         self.count = len(operations)
+        self.most_chunks = max((operation.chunks for operation in operations), default=1)
         self._kept = kept
+
+    def forget(self) -> None:
+        """Let go of what the operations need: they cannot be carried out any more."""
+        self.count, self._kept = 0, ()
 
 
 class ThreadTeam:
@@ -106,8 +124,10 @@ class ThreadTeam:
         for name, function in functions.items():
             setattr(self._shared, name, function)
         initialise(lock, [self._condition(thread) for thread in range(self.count)])
-        # Threads may look at a program's table for a moment after its end, so that none is freed before they are gone.
-        self._programs: list[Program] = []
+        # Threads may look at a program's table for a moment after its end (not at what it points to), so that none is freed before
+        # they are gone; those of programs that are released are used again, by their length.
+        self._tables: list[ctypes.Array[Operation]] = []
+        self._spare: dict[int, list[ctypes.Array[Operation]]] = {}
         self._single: Program | None = None
         # Looked up here: a thread that starts must not load a module beside others.
         self._carry_out, self._join_in = (
@@ -157,28 +177,55 @@ class ThreadTeam:
 
     def program(self, operations: Sequence[Operation], kept: Sequence[object]) -> Program:
         """A program that can be carried out any number of times."""
-        program = Program(operations, kept)
-        self._programs.append(program)
-        return program
+        length = 1 << len(operations).bit_length()
+        spare = self._spare.get(length)
+        if spare:
+            return Program(spare.pop(), operations, kept)
+        table = (Operation * length)()
+        self._tables.append(table)
+        return Program(table, operations, kept)
+
+    def release(self, program: Program) -> None:
+        """Let go of a program that nobody carries out again."""
+        program.forget()
+        self._spare.setdefault(len(program.operations), []).append(program.operations)
 
     def run_once(self, operation: Operation, kept: object) -> Operation:
         """Carry out a single operation; returns it with its times."""
         if self._single is None:
             self._single = self.program([operation], [])
         self._single.operations[0] = operation
+        self._single.most_chunks = operation.chunks
         self.run(self._single)
         del kept
         return self._single.operations[0]
 
-    def run(self, program: Program) -> None:
-        """Carry out a program; returns at its end."""
+    def run(self, program: Program, times: int = 1, watched: int = 0, limit: float = 0.0) -> int:
+        """Carry out a program, up to so many times one after the other; returns how often, at the end of the last.
+
+        Args:
+            program: What to carry out.
+            times: How often at most, >= 1. After a tenth of a second the rest is left, so that Python has a word now and then.
+            watched: Address of a float, 0 for none: the time after which it is not above ``limit`` is the last one.
+            limit: See there.
+        """
         if not program.count:
-            return
-        wanted = min(self.count, max(program.operations[k].chunks for k in range(program.count)))
+            return times
+        wanted = min(self.count, program.most_chunks)
         while len(self._threads) < wanted - 1 and self._start_thread():
             pass
-        arguments = _CarryOut(ctypes.addressof(self._shared), ctypes.addressof(program.operations), program.count)
+        done = ctypes.c_int32(0)
+        arguments = _CarryOut(
+            ctypes.addressof(self._shared),
+            ctypes.addressof(program.operations),
+            program.count,
+            times,
+            watched,
+            limit,
+            ctypes.addressof(done),
+        )
         self._carry_out(ctypes.byref(self._bounds), ctypes.byref(arguments))
+        return done.value
 
     def close(self) -> None:
         """Let the threads go; the team cannot be used again."""
@@ -191,7 +238,7 @@ class ThreadTeam:
         for thread in self._threads:
             thread.join()
         self._threads = []
-        self._programs = []
+        self._tables, self._spare = [], {}
 
     def _wake_all(self) -> None:
         if not self._threads:
@@ -239,7 +286,15 @@ def _aligned_memory(size: int) -> tuple[object, int]:
 class _CarryOut(ctypes.Structure):
     """Arguments of :func:`.kernels_threads.carry_out`."""
 
-    _fields_ = (("shared", ctypes.c_uint64), ("operations", ctypes.c_uint64), ("operation_count", ctypes.c_int32))
+    _fields_ = (
+        ("shared", ctypes.c_uint64),
+        ("operations", ctypes.c_uint64),
+        ("operation_count", ctypes.c_int32),
+        ("times", ctypes.c_int32),
+        ("watched", ctypes.c_uint64),
+        ("limit", ctypes.c_float),
+        ("done", ctypes.c_uint64),
+    )
 
 
 class _JoinIn(ctypes.Structure):

@@ -82,9 +82,13 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem import validation
+from ..problem.balance import Balance
+from ..problem.body_class import BodyClass
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
+from ..problem.domain import Domain
 from ..problem.ink_models import DEFAULT_MODEL
-from ..problem.problem import Balance, BodyClass, Domain, Problem, SamplingSettings, Size
+from ..problem.problem import Problem, SamplingSettings
+from ..problem.size import Size
 from ..problem.surface import Surface
 from ..problem.validation import show
 from .image_files import read_color

@@ -14,10 +14,12 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..problem import validation
+from ..problem.body_class import BodyClass
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
 from ..problem.footprint import Footprints
-from ..problem.problem import BodyClass, Line, Size
+from ..problem.line import Line
 from ..problem.settings import settings_of
+from ..problem.size import Size
 from ..problem.surface_density import SurfaceDensity
 from ..problem.validation import show
 from .image_files import read_array, read_color, read_density
@@ -61,7 +63,7 @@ def read_settings(table: RecipeTable, cls: Any, *, leave: tuple[str, ...] = ()) 
 
     Args:
         table: The table of the recipe.
-        cls: A class of :mod:`~esh.engine.problem.problem`.
+        cls: A described dataclass of the room :mod:`~esh.engine.problem`.
         leave: Settings that are read elsewhere.
 
     Raises:

@@ -9,8 +9,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from ..problem.balance import Balance
+from ..problem.body_class import BodyClass
+from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Balance, BodyClass, Domain, Problem, SamplingSettings, Size
+from ..problem.problem import Problem, SamplingSettings
+from ..problem.size import Size
 from .placement_files import write_files
 from .recipe_keys import written_settings
 from .recipe_scene import written_fixed, written_obstacles

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .problem import Problem, Size
+from .problem import Problem
+from .size import Size
 
 __all__ = ["BodyCharges", "charges_of"]
 
@@ -33,6 +34,11 @@ class BodyCharges:
 
 def charges_of(problem: Problem) -> BodyCharges:
     """Return the charges of all bodies of ``problem``."""
+    if all(size.line is None for body_class in problem.classes for size in body_class.sizes):
+        charge = problem.body_areas()
+        n = len(charge)
+        number = np.arange(n + 1, dtype=np.int32)
+        return BodyCharges(number[:n], number, np.zeros(n), charge * (n / charge.sum()))
     counts, axials, shares = [], [], []
     for body_class in problem.classes:
         for size in body_class.sizes:

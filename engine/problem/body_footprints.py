@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .footprint import Footprint, Footprints
-from .problem import Problem, with_count
+from .problem import Problem
+from .size import with_count
 
 if TYPE_CHECKING:
     from .placement import Placement

@@ -14,10 +14,14 @@ import numpy as np
 
 from ..errors import ProblemError
 from .apportionment import apportion
+from .balance import Balance
+from .body_class import BodyClass
+from .domain import Domain
 from .ink_models import DEFAULT_MODEL, INK_MODELS
 from .prepared_class import prepare, prepare_density
-from .problem import Balance, BodyClass, Domain, Problem, Size
+from .problem import Problem
 from .settings import settle
+from .size import Size
 from .validation import FOREIGN_ERRORS, as_tuple, check_name, check_non_overlap, check_unique, show
 
 __all__ = ["MODELS", "Ink", "InkModel", "halftone_problem", "ink_colors", "separate"]

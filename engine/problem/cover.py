@@ -89,13 +89,12 @@ def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
 
 def _fits(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
     """Mean over the ground that bodies take."""
-    elongation = np.array([elongation_of(outline) for outline in footprints.shapes] + [1.0])
-    of_body = elongation[footprints.shape]
+    # Of every shape, not free and free; the last one is the capsule of a line.
+    elongation = [elongation_of(outline) for outline in footprints.shapes] + [1.0]
+    fraction = np.array([[packable(e, free) for free in (False, True)] for e in elongation])
     # Lines lie side by side.
     free = footprints.free | (footprints.shape == CAPSULE)
-    pairs, which = np.unique(np.stack([of_body, free.astype(np.float64)]), axis=1, return_inverse=True)
-    fraction = np.array([packable(float(e), bool(f)) for e, f in pairs.T])
-    return float(np.average(fraction[which.ravel()], weights=area))
+    return float(np.average(fraction[footprints.shape, free.astype(np.int64)], weights=area))
 
 
 def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:

@@ -10,12 +10,12 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .domain import Domain
+from .prepared_class import PreparedClass
 from .validation import show
 
 if TYPE_CHECKING:
     from .placement import Placement
-    from .prepared_class import PreparedClass
-    from .problem import Domain
 
 __all__ = ["FixedBodies", "FixedBody", "FixedTable", "fixed_table"]
 

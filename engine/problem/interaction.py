@@ -8,7 +8,7 @@ follow from it and need no formula.
 
 Every group has an *emphasis* e: C^rank among the sizes of its class, or a power of the area where areas are a range. Two groups see
 each other with min(e_g, e_h), times the factor between their classes. The first is a positive semidefinite kernel whatever the
-emphases are, the second is checked by :class:`~esh.engine.problem.problem.Balance`, and so is their product.
+emphases are, the second is checked by :class:`~esh.engine.problem.balance.Balance`, and so is their product.
 """
 
 from __future__ import annotations

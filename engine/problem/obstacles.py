@@ -9,16 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .domain import Domain
 from .validation import show
-
-if TYPE_CHECKING:
-    from .problem import Domain
 
 __all__ = ["Obstacle", "clearance", "distance_to", "mask_shape"]
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .footprint import Footprint, Footprints
-
-if TYPE_CHECKING:
-    from .problem import Size
+from .size import Size
 
 __all__ = ["elongation_of", "in_cells", "packable", "packable_share", "scale_to_fit"]
 

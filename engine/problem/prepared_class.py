@@ -1,6 +1,6 @@
 """A class as it is placed: its density on the domain, and a whole count for every size.
 
-What is asked is a :class:`~.problem.BodyClass`. Here its density is sharpened and corrected, and its shares become counts.
+What is asked is a :class:`~.body_class.BodyClass`. Here its density is sharpened and corrected, and its shares become counts.
 """
 
 from __future__ import annotations
@@ -8,22 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import ProblemError
 from .apportionment import apportion
+from .body_class import BodyClass
 from .density_correction import correct_density
+from .domain import Domain
 from .image_filters import unsharp_mask
 from .obstacles import Obstacle, clearance, mask_shape
 from .packing import packable_share
+from .size import Size
 from .surface import PointsOnSurface, Surface
 from .surface_density import density_at
 from .validation import MOST_BODIES, show
-
-if TYPE_CHECKING:
-    from .problem import BodyClass, Domain, Size
 
 __all__ = ["PreparedClass", "PreparedDensity", "count_sizes", "cut_out", "prepare", "prepare_density"]
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .problem import Balance, SamplingSettings
+from .balance import Balance
+from .problem import SamplingSettings
 from .settings import Choice, Settings, as_given, described, same_setting, setting
 from .validation import LARGEST_ANGLE
 

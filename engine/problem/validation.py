@@ -382,8 +382,11 @@ def check_seed(value: object, key: str = "`seed`") -> int:
     raise ProblemError(f"{key} must be a whole number of at least 0 and below 2**63; got {show(value)}")
 
 
-def check_density(value: object, key: str) -> np.ndarray:
-    """Return a new float32 array of shape ``[height, width]``; raise ProblemError if it means no density."""
+def check_density(value: object, key: str, *, empty: bool = False) -> np.ndarray:
+    """Return a new float32 array of shape ``[height, width]``; raise ProblemError if it means no density.
+
+    It may be 0 everywhere where it is but a part of one (``empty``).
+    """
     if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
     try:
@@ -402,6 +405,8 @@ def check_density(value: object, key: str) -> np.ndarray:
     if smallest < 0:
         raise ProblemError(f"{key} must be 0 or more everywhere; its smallest value is {smallest:g}")
     if largest <= 0:
+        if empty:
+            return np.zeros(given.shape, np.float32)
         raise ProblemError(f"{key} must be above 0 somewhere; it is 0 everywhere")
     # Only ratios matter: values that float32, or a sum of them, cannot hold are brought into its range.
     if not 1e-20 < float(largest) < 1e20:

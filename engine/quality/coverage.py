@@ -10,7 +10,7 @@ import warp as wp
 
 from ..device.launcher import Launcher, resolve_device
 from ..field.influence import product_influence
-from ..problem.problem import Domain
+from ..problem.domain import Domain
 from ..space.comparison_grid import comparison_cells
 from ..space.target_deposit import integrate_boxes
 from ..transforms.convolution import Convolution, good_length

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..problem.problem import Domain
+from ..problem.domain import Domain
 
 __all__ = ["angle_errors", "crossing_count", "crossing_lines", "crossing_pairs", "mean_length_error"]
 

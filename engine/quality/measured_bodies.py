@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.problem import Domain
+from ..problem.domain import Domain
 
 __all__ = ["MeasuredBodies", "measured_bodies"]
 

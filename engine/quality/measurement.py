@@ -48,11 +48,12 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher)
-    cover = cover_of(problem) if problem.avoid_overlap else None
-    if cover is not None and overlaps.count:
+    # Why bodies still overlap is looked into where they do.
+    warning = cover_of(problem).warning if problem.avoid_overlap and overlaps.count else None
+    if problem.avoid_overlap and overlaps.count:
         notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
-    if cover is not None and cover.warning is not None and overlaps.count:
-        notes.append(cover.warning)
+    if warning is not None:
+        notes.append(warning)
     elif covered > 1.0:
         notes.append(
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "

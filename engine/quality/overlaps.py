@@ -10,9 +10,9 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_placement
+from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
-from ..problem.problem import Domain
 from . import kernels_overlaps
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_of"]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
 from ..field.field import Field
 from ..field.mirrored_field import COPIES, MirroredField
 from ..space.space import space_for_kernels
@@ -30,7 +30,7 @@ from .model import Model
 from .state import State
 from .targets import group_targets
 
-__all__ = ["SMALLEST_DENSITY", "STEP_LIMIT", "Descent", "bodies_for_kernels"]
+__all__ = ["SMALLEST_DENSITY", "STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below"]
 
 # No body moves further in a step than this share of the local spacing: two neighbours that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
@@ -131,6 +131,10 @@ class Descent:
         """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
         squares = float(self.direction.numpy()[3])
         return math.sqrt(max(squares, 0.0) / self.model.body_count) if math.isfinite(squares) else math.nan
+
+    def settled(self, tolerance: float) -> Until:
+        """When steps are to end: once the residual may be below a tolerance, or is no number."""
+        return residual_below(tolerance, self.direction, self.model.body_count)
 
     def set_flags(self, flags: np.ndarray) -> None:
         """Say anew what is special about every body, shape ``[body_count]``; the model's own flags are in ``model.body``."""
@@ -273,6 +277,14 @@ class Descent:
             [self.state.pose, self.bodies, self.state.bend, self._space],
             [self.charge_position],
         )
+
+
+def residual_below(tolerance: float, direction: wp.array, body_count: int) -> Until:
+    """When the mean square that :func:`.kernels_direction.decide_direction` writes may have fallen below that of a tolerance.
+
+    Rounding must not hide that, so the limit is a little higher; whoever stops there looks at the residual itself.
+    """
+    return Until(direction, 3, tolerance**2 * body_count * (1.0 + 1e-5))
 
 
 def bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:

@@ -12,7 +12,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.direction_field import direction_field
-from ..problem.problem import Domain
+from ..problem.domain import Domain
 from . import kernels_descent
 from .model import LineKind, Model
 

@@ -14,8 +14,9 @@ import numpy as np
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
+from ..problem.line import Line
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Line, Problem
+from ..problem.problem import Problem
 from ..problem.surface import Surface
 from .body_flags import BodyFlags
 from .supports import supports_of

@@ -163,6 +163,19 @@ def _normals(core: np.ndarray) -> np.ndarray:
     return np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(*edge.T)[:, None]
 
 
+def _numbered(*keys: np.ndarray) -> np.ndarray:
+    """Number of every combination of whole numbers among the different ones that there are, in their order, shape ``[n]``."""
+    number = np.zeros(len(keys[0]), np.int64)
+    for key in keys:
+        low, high = int(key.min()), int(key.max())
+        number = number * (high - low + 1) + (key - low)
+        # After every key only as many as there are, so that the numbers stay small.
+        there = np.zeros(int(number.max()) + 1, bool)
+        there[number] = True
+        number = (np.cumsum(there) - 1)[number]
+    return number
+
+
 class Separation:
     """Parts the outlines of a model's bodies.
 
@@ -276,19 +289,22 @@ class Separation:
     def _prepare_bins(self, tables: FootprintTables, is_round: np.ndarray, pinned: np.ndarray) -> None:
         """Bodies that may trade places: of one class and size, of like areas, and not all the same disc."""
         body = self._model.body
-        step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
         may = ~pinned & ~self._is_line
-        keys = np.stack([np.where(may, body.class_index, -1), body.size_index, body.support, step], axis=1)[self._order]
-        _, bin_of = np.unique(keys, axis=0, return_inverse=True)
-        bin_of = bin_of.ravel()
-        count = int(bin_of.max()) + 1
-        useful = np.zeros(count, bool)
-        useful[bin_of[(may & ~is_round)[self._order]]] = True
-        may = may[self._order] & useful[bin_of]
-        self._may_swap = may
-        members = np.flatnonzero(may)
-        members = members[np.argsort(bin_of[members], kind="stable")]
-        start = np.searchsorted(bin_of[members], np.arange(count + 1))
+        if not (may & ~is_round).any():
+            bin_of, members, start = np.zeros(self._count, np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64)
+            self._may_swap = np.zeros(self._count, bool)
+        else:
+            step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
+            bin_of = _numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
+            count = int(bin_of.max()) + 1
+            useful = np.zeros(count, bool)
+            useful[bin_of[(may & ~is_round)[self._order]]] = True
+            self._may_swap = may[self._order] & useful[bin_of]
+            members = np.flatnonzero(self._may_swap)
+            # Few bins are sorted by radix.
+            narrow = bin_of.astype(np.uint16 if count < 1 << 16 else np.int64)
+            members = members[np.argsort(narrow[members], kind="stable")]
+            start = np.concatenate([[0], np.cumsum(np.bincount(bin_of[members], minlength=count))])
         device = self.launcher.device
         self._bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
         self._bin_start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)

@@ -13,8 +13,9 @@ import numpy as np
 from ..device.launcher import Launcher, resolve_device
 from ..device.profile import Profile
 from ..errors import ProblemError
+from ..problem.domain import Domain
 from ..problem.placement import Placement
-from ..problem.problem import Domain, Problem
+from ..problem.problem import Problem
 from ..problem.surface import Surface
 from .descent import Descent
 from .edit import CarriedOver, carry_lines, carry_over
@@ -209,8 +210,11 @@ class Solver:
         Raises:
             ProblemError: A force is no finite number.
         """
-        for _ in range(count):
-            self.descent.step.play()
+        self.descent.step.play(count)
+        return self._stepped(count)
+
+    def _stepped(self, count: int) -> float:
+        """Count steps that were taken, and return the residual."""
         self.state.steps += count
         with self.launcher.phase("readback"):
             residual = self.descent.residual()
@@ -227,11 +231,15 @@ class Solver:
         residual = math.inf
         step = 0
         while step < max_steps:
-            # With nobody watching, a GPU need not be asked how it goes after every step.
-            watched = progress is not None or not self.launcher.device.is_cuda or self.launcher.profiled or step == 0
-            many = 1 if watched else min(STEPS_UNWATCHED, max_steps - step)
-            residual = self.step(many)
-            step += many
+            # With nobody watching, steps follow each other without Python, and a GPU need not be asked after each how it goes.
+            many = 1
+            if progress is None and step > 0:
+                many = max_steps - step
+                if self.launcher.device.is_cuda:
+                    many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, many)
+            taken = self.descent.step.play(many, self.descent.settled(TOLERANCE))
+            residual = self._stepped(taken)
+            step += taken
             if progress is not None:
                 with self.launcher.phase("progress"):
                     go_on = progress(Progress(step, max_steps, residual, self._position))
@@ -264,8 +272,7 @@ class Solver:
             self.descent.place_charges()
             for _ in range(contact.rounds_of_settling if parted and not again else 0):
                 before = state.copy()
-                for _ in range(STEPS_OF_SETTLING):
-                    self.descent.step.play()
+                self.descent.step.play(STEPS_OF_SETTLING)
                 if not contact.separate(state.pose, state.turn, state.bend, go_on, again=True):
                     state.assign(before)
                 self.descent.place_charges()

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..problem.balance import Balance
+from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Balance, Domain, Problem, Size
+from ..problem.problem import Problem
+from ..problem.size import Size
 from .descent import Descent
 from .final_placement import position_in_metres
 from .model import Model
@@ -42,8 +45,8 @@ def spread(
     classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in asked]
     model = Model(Problem(domain, classes, Balance(), seed))
     descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
-    for _ in range(STEPS if model.body_count > 1 else 0):
-        descent.step.play()
+    if model.body_count > 1:
+        descent.step.play(STEPS)
     position = position_in_metres(model, descent.state)
     launcher.release(descent.step)
     for place, i in enumerate(asked):

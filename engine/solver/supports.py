@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
+from ..problem.line import Line
 from ..problem.obstacles import clearance
-from ..problem.problem import Line, Problem
+from ..problem.problem import Problem
 
 __all__ = ["Supports", "supports_of"]
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
 from ..space.cell_sort import CellSort
 from . import kernels_descent, kernels_on_surface, kernels_surface_contact
 from .body_flags import BodyFlags
@@ -97,10 +97,15 @@ class SurfaceContact:
             self._round(state)
 
         one_round = self._launcher.record(run_round)
+        try:
+            return self._push_until_parted(one_round, go_on)
+        finally:
+            self._launcher.release(one_round)
+
+    def _push_until_parted(self, one_round: Recording, go_on: Callable[[], bool] | None) -> bool:
         fewest, since = math.inf, 0
         for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
-            for _ in range(ROUNDS_AT_ONCE):
-                one_round.play()
+            one_round.play(ROUNDS_AT_ONCE)
             # As they were before the last push.
             left = int(self._overlaps.numpy().sum(dtype=np.int64)) // 2
             if left == 0:

@@ -15,14 +15,14 @@ import warp as wp
 
 from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
 from ..errors import ProblemError
 from ..problem.surface import Surface
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_direction, kernels_on_surface
-from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
+from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
@@ -103,6 +103,10 @@ class SurfaceDescent:
     def residual(self) -> float:
         """RMS of the moves that the forces asked for in the last step, over the local spacing."""
         return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+
+    def settled(self, tolerance: float) -> Until:
+        """When steps are to end: once the residual may be below a tolerance, or is no number."""
+        return residual_below(tolerance, self.direction, self.model.body_count)
 
     def take_step(self) -> None:
         """Launch a whole step."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..problem.problem import Domain
+from ..problem.domain import Domain
 
 __all__ = ["comparison_cells"]
 

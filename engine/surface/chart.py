@@ -11,6 +11,8 @@ counts as if it were just as steep; parts narrower than a cell may be missed.
 from __future__ import annotations
 
 import math
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -75,6 +77,13 @@ class Chart:
         cosine = np.abs(view.cosine[self.points.triangle])
         self.area = np.zeros(self.shape)
         self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
+
+    def with_mesh(self, mesh: TriangleMesh) -> Chart:
+        """Return the chart of a mesh of the same shape: only what it says at its points may be another."""
+        chart, view = copy(self), copy(self.view)
+        view.mesh = mesh
+        chart.view, chart.points = view, replace(self.points, view=view)
+        return chart
 
     @property
     def stretch(self) -> np.ndarray:

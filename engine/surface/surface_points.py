@@ -43,6 +43,10 @@ class SurfacePoints:
         """Return where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``."""
         return (self.position[:, :2] - self.view.low[:2]) / (self.view.high[:2] - self.view.low[:2])
 
+    def rectangle_size(self) -> np.ndarray:
+        """Return the extent of the bounding rectangle in x and y [m], shape ``[2]``."""
+        return self.view.high[:2] - self.view.low[:2]
+
     def uv(self, name: str, key: str) -> np.ndarray:
         """Return coordinates in a UV map (the active one if ``name`` is empty), shape ``[n, 2]``."""
         mesh = self.view.mesh

@@ -7,7 +7,11 @@ import pytest
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import FieldTarget
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"

@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

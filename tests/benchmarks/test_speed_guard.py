@@ -14,7 +14,11 @@ import pytest
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.field.kernels_field import COLUMNS_PER_CUTOFF, ROWS_PER_CUTOFF
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.descent import Descent
 from esh.engine.solver.model import Model
@@ -97,8 +101,29 @@ def test_a_step_costs_python_one_launch_however_many_kernels_it_has(lines):
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 0.5, 2000, line=line)])], avoid_overlap=True)
     with Solver(problem, device="cpu") as solver:
         before = solver.launcher.python_launches
-        solver.step(6)
+        for _ in range(6):
+            solver.step()
         assert solver.launcher.python_launches - before == 6
+
+
+def test_steps_that_nobody_watches_follow_each_other_without_python():
+    problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 0.5, 500)])], avoid_overlap=True)
+
+    def run(progress):
+        with Solver(problem, device="cpu") as solver:
+            before = solver.launcher.python_launches
+            start = time.perf_counter()
+            steps, settled = solver.run(400, progress)
+            tenths = int(10.0 * (time.perf_counter() - start))
+            return solver.placement().position, steps, settled, solver.launcher.python_launches - before - tenths
+
+    position, steps, settled, launches = run(None)
+    watched, steps_watched, settled_watched, _ = run(lambda progress: None)
+    np.testing.assert_array_equal(position, watched)
+    assert (steps, settled) == (steps_watched, settled_watched)
+    assert steps > 50
+    # The first step, the others, and where rounding ends them too early once more.
+    assert launches <= 4
 
 
 def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():

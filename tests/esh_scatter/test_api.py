@@ -380,21 +380,21 @@ def test_what_sharpening_clipped_is_in_the_report():
 
 
 def test_what_many_classes_share_is_read_once(monkeypatch):
-    from esh.esh_scatter import api
+    from esh.esh_scatter import api, survey
 
     read = {"density": 0, "outline": 0}
-    honest_density, honest_outline = api.density_at, api.measure_footprint
+    honest_density, honest_outline = api.DensityReader.class_density, survey.outline_of
 
-    def density_at(*arguments):
+    def class_density(*arguments):
         read["density"] += 1
         return honest_density(*arguments)
 
-    def measure_footprint(*arguments):
+    def outline_of(*arguments):
         read["outline"] += 1
         return honest_outline(*arguments)
 
-    monkeypatch.setattr(api, "density_at", density_at)
-    monkeypatch.setattr(api, "measure_footprint", measure_footprint)
+    monkeypatch.setattr(api.DensityReader, "class_density", class_density)
+    monkeypatch.setattr(survey, "outline_of", outline_of)
     source = quad("shared", 1.0)
     image = np.linspace(0.1, 1.0, 64).reshape(8, 8)
     classes = [ScatterClass(f"class {k}", [ScatterSize("s", 2, source)], density=image) for k in range(6)]

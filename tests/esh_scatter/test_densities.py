@@ -14,7 +14,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     VertexGroupDensity,
     scatter,
 )
-from esh.esh_scatter.densities import density_at  # noqa: E402
+from esh.esh_scatter.densities import DensityReader, read_density  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -123,15 +123,19 @@ class Places:
         return self.coordinates
 
 
+def read_at(density, coordinates):
+    return DensityReader(Places(coordinates)).values(read_density(density, "key"), "key")
+
+
 def test_images_are_linear_between_pixels_and_repeat():
     x, y = np.meshgrid(np.arange(7), np.arange(4))
     image = ImageDensity(new_image(1.0 + 2.0 * x + 3.0 * y), mapping="UV")
     inside = np.random.default_rng(0).uniform([0.5 / 7, 0.5 / 4], [6.5 / 7, 3.5 / 4], (500, 2))
     expected = 1.0 + 2.0 * (7 * inside[:, 0] - 0.5) + 3.0 * (4 * (1.0 - inside[:, 1]) - 0.5)
     for shift in ([0, 0], [3, -2]):
-        np.testing.assert_allclose(density_at(image, Places(inside + shift), "key"), expected, rtol=1e-5)
+        np.testing.assert_allclose(read_at(image, inside + shift), expected, rtol=1e-5)
     # Within half a pixel of the border, and on it, nothing of the other side is mixed in.
-    corners = density_at(image, Places([[0, 0], [1, 1], [0.01, 0.99], [2, 1]]), "key")
+    corners = read_at(image, [[0, 0], [1, 1], [0.01, 0.99], [2, 1]])
     np.testing.assert_allclose(corners, [1 + 9, 1 + 12, 1, 1])
 
 
@@ -140,7 +144,7 @@ def test_a_black_pixel_is_black_to_its_edge():
     image[1, 1] = 0.0
     along = np.linspace(0.0, 1.0, 301)[:-1] + 0.5 / 300
     places = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
-    values = density_at(ImageDensity(new_image(image), mapping="UV"), Places(places), "key")
+    values = read_at(ImageDensity(new_image(image), mapping="UV"), places)
     middle = (np.abs(places - 0.5) < 1.0 / 6.0).all(axis=1)
     assert not values[middle].any() and (values[~middle] > 0.0).all()
 

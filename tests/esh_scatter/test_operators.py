@@ -8,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import background_run, operators, registration, running  # noqa: E402
+from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -197,7 +198,13 @@ class Window:
         )
         scene = bpy.context.scene
         self.context = SimpleNamespace(
-            window_manager=manager, scene=scene, window="window", screen=None, workspace=None
+            window_manager=manager,
+            scene=scene,
+            window="window",
+            screen=None,
+            workspace=None,
+            view_layer=bpy.context.view_layer,
+            evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         )
         monkeypatch.setattr(running.bpy, "context", self.context)
         running.start(self.context, job, scene.esh_scatter.active)
@@ -205,12 +212,12 @@ class Window:
             report=lambda kind, text: self.reports.append((*kind, text)), _undo=lambda _context: None
         )
         for name in ("_stopped", "_write", "_finish"):
-            setattr(operator, name, getattr(operators.ESH_OT_scatter, name).__get__(operator))
+            setattr(operator, name, getattr(ESH_OT_scatter, name).__get__(operator))
         self.operator = operator
 
     def send(self, kind: str, value: str = "PRESS") -> set[str]:
         event = SimpleNamespace(type=kind, value=value, mouse_x=0, mouse_y=0)
-        return operators.ESH_OT_scatter.modal(self.operator, self.context, event)
+        return ESH_OT_scatter.modal(self.operator, self.context, event)
 
     def run_to_end(self) -> set[str]:
         running.session.run.join(120)

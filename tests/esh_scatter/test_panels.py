@@ -7,10 +7,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.engine.problem.problem import ClassSettings  # noqa: E402
+from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
-from esh.esh_scatter import operators, panels, properties, registration, running  # noqa: E402
-from esh.esh_scatter.described_properties import shown_settings  # noqa: E402
+from esh.esh_scatter import operators, panels, registration, running  # noqa: E402
+from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
+from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 from esh.esh_scatter.result import write_result  # noqa: E402
 
 
@@ -315,7 +316,7 @@ def test_every_setting_of_the_sidebar_is_drawn():
     drawn = set()
     names = {
         shown.name
-        for cls, by_hand in ((ScatterSettings, properties.BY_HAND), (ClassSettings, ()))
+        for cls, by_hand in ((ScatterSettings, BY_HAND), (ClassSettings, ()))
         for shown in shown_settings(cls, by_hand)
     }
     for group in (scatter, body_class, body_class.sizes[0]):

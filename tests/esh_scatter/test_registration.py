@@ -7,9 +7,15 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import exchange_operators, lists, menus, operators, panels, properties, registration  # noqa: E402
+from esh.esh_scatter import exchange_operators, lists, menus, operators, panels, registration  # noqa: E402
+from esh.esh_scatter.operators import classes, classes_from, run, scatters, sizes  # noqa: E402
+from esh.esh_scatter.properties import body_class, scatter, scene, size  # noqa: E402
 
-MODULES = (properties, lists, operators, menus, panels, exchange_operators)
+PROPERTIES = (size, body_class, scatter, scene)
+OPERATORS = (run, scatters, classes_from, classes, sizes)
+MODULES = (*PROPERTIES, lists, *OPERATORS, menus, panels, exchange_operators)
+# What the names of Blender's classes have in them.
+INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_MT_", "_PT_", "_OT_")
 PREFIX = "ESH_"
 
 
@@ -54,7 +60,7 @@ def test_unregistering_removes_everything_however_often_it_is_done():
 def test_every_class_is_listed_once_and_named_as_blender_wants():
     listed = [cls for module in MODULES for cls in module.CLASSES]
     assert len(listed) == len(set(listed))
-    for module, infix in zip(MODULES, ("_PG_", "_UL_", "_OT_", "_MT_", "_PT_", "_OT_"), strict=True):
+    for module, infix in zip(MODULES, INFIXES, strict=True):
         assert module.CLASSES
         defined = {
             c
@@ -68,7 +74,7 @@ def test_every_class_is_listed_once_and_named_as_blender_wants():
 def test_everything_a_user_sees_has_a_tooltip():
     registration.register()
     try:
-        for cls in properties.CLASSES:
+        for cls in (cls for module in PROPERTIES for cls in module.CLASSES):
             for prop in cls.bl_rna.properties:
                 if prop.identifier in {"rna_type", "name"} or prop.is_hidden or prop.type == "COLLECTION":
                     continue

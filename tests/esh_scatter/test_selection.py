@@ -191,7 +191,7 @@ def test_one_class_has_no_other_to_copy_to(scatter):
 
 def test_every_property_of_a_class_belongs_to_one_part():
     from esh.esh_scatter.class_copy import CLASS_PARTS
-    from esh.esh_scatter.properties import ESH_PG_class
+    from esh.esh_scatter.properties.body_class import ESH_PG_class
 
     parts = [name for _, _, names in CLASS_PARTS.values() for name in names]
     own = {"rna_type", "name", "known_name", "uid", "color", "size_index", "mute", "show_viewport", "show_render"}

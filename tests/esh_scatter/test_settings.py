@@ -8,11 +8,14 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.engine.problem.problem import BodyClass, ClassSettings, Size, Unsharp  # noqa: E402
+from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings, Standing  # noqa: E402
 from esh.engine.problem.settings import Choice, Settings, setting, settings_of  # noqa: E402
-from esh.esh_scatter import properties, registration  # noqa: E402
-from esh.esh_scatter.described_properties import shown_settings, values_from, with_properties  # noqa: E402
+from esh.engine.problem.size import Size  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.properties.described import shown_settings, values_from, with_properties  # noqa: E402
+from esh.esh_scatter.properties.influence import WITHOUT_INFLUENCE  # noqa: E402
+from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 
 
 def new_object(name):
@@ -46,7 +49,7 @@ def changed(group, name):
 
 def shown_of(scatter):
     """The group, and the property that stands for a setting there."""
-    for shown in shown_settings(ScatterSettings, properties.BY_HAND):
+    for shown in shown_settings(ScatterSettings, BY_HAND):
         yield scatter, ScatterSettings, shown
     for shown in shown_settings(Standing):
         yield scatter.classes[0], Standing, shown
@@ -104,16 +107,16 @@ def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scri
     for group, cls, shown in shown_of(scatter):
         if shown.switch:
             setattr(group, shown.switch, True)
-        before = values_from(group, cls, BY_HAND[cls])
+        before = values_from(group, cls, OF_GROUPS[cls])
         setattr(group, shown.name, changed(group, shown.name))
-        assert values_from(group, cls, BY_HAND[cls]) != before, shown.name
+        assert values_from(group, cls, OF_GROUPS[cls]) != before, shown.name
     assert scatter.classes[0].sizes[0].as_argument().distribution == "uniform"
     positional, named = scatter.arguments(bpy.context.scene)
     assert esh.ScatterJob(*positional, **{**named, "device": "cpu"}).settings.max_steps == 101
 
 
-BY_HAND = {
-    ScatterSettings: properties.BY_HAND,
+OF_GROUPS = {
+    ScatterSettings: BY_HAND,
     ClassSettings: (),
     Standing: (),
     Size: set(settings_of(Size)) - {"distribution"},
@@ -135,7 +138,7 @@ def test_every_setting_that_needs_solving_makes_a_result_outdated(scatter):
 def test_what_has_no_influence_is_there(scatter):
     """A name that is misspelt, or of a property that is gone, would hide another one."""
     groups = (scatter, scatter.classes[0], scatter.classes[0].sizes[0])
-    assert {name for group in groups for name in group.bl_rna.properties.keys()} >= properties.WITHOUT_INFLUENCE  # noqa: SIM118
+    assert {name for group in groups for name in group.bl_rna.properties.keys()} >= WITHOUT_INFLUENCE  # noqa: SIM118
 
 
 @dataclasses.dataclass(frozen=True)

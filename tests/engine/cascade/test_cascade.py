@@ -6,7 +6,10 @@ import trimesh
 import warp as wp
 from esh.engine.cascade.points import chosen, empty_points, lists_of, nearest_of, thinned
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.problem.problem import Balance, BodyClass, Problem, Size
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.solver.model import Model
 from esh.engine.solver.surface_descent import SurfaceDescent

@@ -1,20 +1,25 @@
 """Threads that carry out programs: every element once, in order, asleep when there is nothing to do, and fair to others."""
 
 import contextlib
+import math
 import os
 import subprocess
 import sys
 import threading
 import time
+import weakref
 
 import numpy as np
 import pytest
 import warp as wp
 from esh.engine.device import launcher as launching
-from esh.engine.device.launcher import Launcher, core_count, resolve_device
+from esh.engine.device.launcher import Launcher, Until, core_count, resolve_device
 from esh.engine.device.profile import Profile
 from esh.engine.errors import DeviceError
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.space.cell_sort import CellSort
 
@@ -103,6 +108,84 @@ def test_recording_does_nothing_yet(monkeypatch):
             recording.play()
         assert done.numpy().tolist() == [3] * 10
         assert launcher.python_launches - before == 3
+
+
+@wp.kernel(enable_backward=False)
+def count_down(first: int, number: wp.array(dtype=float)):
+    i = first + wp.tid()
+    number[i] = number[i] - 1.0
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_recording_is_repeated_until_a_number_says_so(threads, monkeypatch):
+    with launcher_of(threads, monkeypatch) as launcher:
+        number = wp.array([100.0, 7.0, 50.0], dtype=float, device="cpu")
+        done = wp.zeros(500, dtype=wp.int32, device="cpu")
+
+        def run():
+            launcher.launch(add_one, 500, [], [done], grain=10)
+            launcher.launch(count_down, 3, [], [number])
+
+        recording = launcher.record(run)
+        before = launcher.python_launches
+        assert recording.play(5) == 5
+        assert (done.numpy() == 5).all()
+        # It is 2 now, and the last time is the one after which it is not above 0.5.
+        assert recording.play(80, Until(number, 1, 0.5)) == 2
+        assert number.numpy().tolist() == [93.0, 0.0, 43.0]
+        # At the limit counts as reached, and there is a first time in any case.
+        assert recording.play(80, Until(number, 2, 40.0)) == 3
+        assert recording.play(80, Until(number, 2, 40.0)) == 1
+        number.assign([1.0, math.nan, 1.0])
+        assert recording.play(80, Until(number, 1, 0.5)) == 1
+        assert recording.play(80, Until(number, 0, -1000.0)) == 80
+        assert (done.numpy() == 92).all()
+        assert launcher.python_launches - before == 6
+
+
+@wp.func_native("volatile int x = 0; for (int k = 0; k < n; ++k) x = x + k; return x;")
+def burn(n: int) -> int: ...
+
+
+@wp.kernel(enable_backward=False)
+def burn_for(first: int, rounds: int, result: wp.array(dtype=wp.int32)):
+    i = first + wp.tid()
+    result[i] = result[i] + burn(rounds) * 0 + 1
+
+
+def test_python_has_a_word_now_and_then_where_a_recording_is_repeated(monkeypatch):
+    with launcher_of(2, monkeypatch) as launcher:
+        result, never = wp.zeros(1, dtype=wp.int32, device="cpu"), wp.ones(1, dtype=float, device="cpu")
+        recording = launcher.record(lambda: launcher.launch(burn_for, 1, [3_000_000], [result]))
+        recording.play()
+        start = time.perf_counter()
+        assert 1 <= recording.play(100_000, Until(never, 0, 0.0)) < 100_000
+        assert time.perf_counter() - start < 5.0
+        before = int(result.numpy()[0])
+        # Without a condition it is done as often as it was asked for.
+        assert recording.play(150) == 150
+        assert result.numpy()[0] == before + 150
+
+
+def test_what_a_recording_needs_goes_with_it(monkeypatch):
+    """Its arrays do at once; the table of its operations, which threads may still look at, is used again."""
+    with launcher_of(3, monkeypatch) as launcher:
+        for length in (1, 5, 6, 20) * 5:
+            done = wp.zeros(1000, dtype=wp.int32, device="cpu")
+            recording = launcher.record(
+                lambda done=done, length=length: [
+                    launcher.launch(add_one, 1000, [], [done], grain=10) for _ in range(length)
+                ]
+            )
+            recording.play(2)
+            assert (done.numpy() == 2 * length).all()
+            alive = weakref.ref(done)
+            launcher.release(recording)
+            del done
+            assert alive() is None
+            with pytest.raises(RuntimeError, match="let go of"):
+                recording.play()
+        assert len(launcher._team._tables) == 3
 
 
 def test_threads_are_numbered(monkeypatch):

@@ -10,8 +10,12 @@ import pytest
 from esh.engine.drawing import halftone
 from esh.engine.drawing.halftone import ink_coverage, render_halftone, write_halftone_png, write_halftone_svg
 from esh.engine.errors import EshError
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image

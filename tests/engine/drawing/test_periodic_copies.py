@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from esh import BodyClass, Domain, Placement, Problem, Report, Size
 from esh.engine.drawing.periodic_copies import copies_of_bodies, copies_within
-from esh.engine.problem.problem import Line
+from esh.engine.problem.line import Line
 
 SIZE = (4.0, 3.0)
 

@@ -14,7 +14,7 @@ from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
 from esh.engine.drawing import plan as plan_module
 from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
 from esh.engine.problem.footprint import Footprint
-from esh.engine.problem.problem import Line
+from esh.engine.problem.line import Line
 from PIL import Image
 
 RED, BLUE = (255, 0, 0), (0, 0, 255)

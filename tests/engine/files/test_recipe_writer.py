@@ -8,20 +8,15 @@ import numpy as np
 import pytest
 from esh import EshError, read_recipe, solve, write_recipe
 from esh.engine.files.recipe import recipe_colors
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.line import Line
 from esh.engine.problem.prepared_class import PreparedClass
-from esh.engine.problem.problem import (
-    Balance,
-    BodyClass,
-    ClassSettings,
-    Domain,
-    Line,
-    Problem,
-    SamplingSettings,
-    Size,
-    Unsharp,
-)
+from esh.engine.problem.problem import Problem, SamplingSettings
 from esh.engine.problem.settings import settings_of
+from esh.engine.problem.size import Size
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
 from esh.engine.problem.color_separation import MODELS, Ink, InkModel, halftone_problem, ink_colors, separate
-from esh.engine.problem.problem import Domain, Size
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.size import Size
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.cover import cover_of
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 
 PLANK = Footprint.rectangle(2.0, 0.3)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, FixedBodies, FixedBody, Line, Placement, Problem, ProblemError, Size
-from esh.engine.problem.problem import with_count
+from esh.engine.problem.size import with_count
 
 DOMAIN = Domain((20.0, 10.0))
 PINE = BodyClass("pine", [Size("large", 3.0, 4), Size("small", (0.5, 1.5), 6)])

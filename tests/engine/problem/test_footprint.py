@@ -5,9 +5,13 @@ import math
 import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import CAPSULE, footprints_of
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import MOST_CORNERS, Footprint, Footprints
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -1,8 +1,12 @@
 """The matrix against the paper's figures 5, 6 and 8, and its definiteness."""
 
 import numpy as np
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.interaction import group_bodies
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from esh.engine.errors import ProblemError
 from esh.engine.problem import prepared_class
+from esh.engine.problem.body_class import BodyClass, Unsharp
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.prepared_class import count_sizes, prepare, prepare_density
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size, Unsharp
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 
 STEP = np.repeat([[0.2, 0.95]], 16, axis=1) * np.ones((8, 1))
 SIZES = [Size("large", 2.0, share=0.5), Size("small", 1.0, share=0.5)]

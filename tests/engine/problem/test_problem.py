@@ -9,8 +9,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from esh import Balance, BodyClass, Domain, EshError, Problem, ProblemError, Size
+from esh.engine.problem.body_class import Unsharp
+from esh.engine.problem.line import Line
 from esh.engine.problem.prepared_class import prepare
-from esh.engine.problem.problem import Line, Unsharp
 from esh.engine.problem.validation import show
 from hypothesis import given, settings
 from hypothesis import strategies as st

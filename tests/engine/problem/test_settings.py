@@ -12,19 +12,14 @@ import pytest
 from esh import EshError
 from esh.engine.errors import ProblemError
 from esh.engine.files.recipe_keys import keys_of
-from esh.engine.problem.problem import (
-    Balance,
-    BodyClass,
-    ClassSettings,
-    Domain,
-    Line,
-    Problem,
-    SamplingSettings,
-    Size,
-    Unsharp,
-)
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem, SamplingSettings
 from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
 from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
+from esh.engine.problem.size import Size
 
 DESCRIBED = [Domain, Balance, Unsharp, Line, Size, ClassSettings, BodyClass, SamplingSettings, Standing, RunSettings]
 ALL = [(cls, name) for cls in [*DESCRIBED, ScatterSettings] for name in settings_of(cls)]

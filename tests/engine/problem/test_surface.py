@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from esh.engine.errors import ProblemError
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
 

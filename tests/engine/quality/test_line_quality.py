@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from esh.engine.problem.problem import Domain
+from esh.engine.problem.domain import Domain
 from esh.engine.quality.line_quality import (
     angle_errors,
     crossing_count,

@@ -7,10 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import footprints_of
+from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.overlaps import find_overlaps, overlaps_of
 
 pytest.importorskip("shapely")

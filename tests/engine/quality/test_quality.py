@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.problem.problem import Domain
+from esh.engine.problem.domain import Domain
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measured_bodies import measured_bodies
 from esh.engine.quality.spacing import measure_spacing, smallest_spacing

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import BodyClass, Problem, Size
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.quality.heat import HeatMesh
 from esh.engine.quality.measurement import measure

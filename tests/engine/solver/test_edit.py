@@ -1,9 +1,11 @@
 """After an edit most bodies are where they were; what changed is followed, by bodies that keep their identities."""
 
+import gc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 from esh import BodyClass, Domain, FixedBodies, Line, Obstacle, Problem, ProblemError, Size, Solver
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.edit import CarriedOver, carry_over
@@ -315,3 +317,24 @@ def test_fixed_bodies_of_a_problem_that_is_replaced_are_still_told_apart(settled
         assert 50_000 in solver.placement().id
         assert len(edit.added) == 4
         assert edit.added.min() > 50_000
+
+
+def test_edits_leave_nothing_behind():
+    """Neither recordings nor what they hold: a scene may be edited all day."""
+
+    def kept():
+        gc.collect()
+        objects = gc.get_objects()
+        return sum(type(o) is wp.array for o in objects), sum(type(o) is wp.Launch for o in objects)
+
+    with Solver(replace(problem_of(count=300), avoid_overlap=True), device="cpu") as solver:
+        counts = []
+        for k in range(50):
+            # Counts change, so that points are spread, too.
+            solver.edit(replace(problem_of(painted(0.2 + 0.1 * (k % 3)), 300 + 5 * (k % 4)), avoid_overlap=True))
+            if k % 12 == 11:
+                counts.append(kept())
+        tables = len(solver.launcher._team._tables)
+    print(counts, tables)
+    assert counts[0] == counts[-1]
+    assert tables < 10

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
-from esh.engine.problem.problem import BodyClass, Domain, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.initial_placement import initial_placement
 from esh.engine.space.density import sample_density

@@ -4,7 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from esh.engine.problem.problem import BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.line_quality import angle_errors, crossing_lines
 from esh.engine.solve import solve
 

@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from esh.engine.errors import DeviceError, ProblemError
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.spacing import HEXAGONAL_SPACING
 from esh.engine.solve import solve

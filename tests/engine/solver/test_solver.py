@@ -5,7 +5,12 @@ import weakref
 
 import numpy as np
 import pytest
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Line, Problem, Size
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.model import Model

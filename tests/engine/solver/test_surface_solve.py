@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 from esh.engine.errors import ProblemError
-from esh.engine.problem.problem import Balance, BodyClass, Domain, Problem, Size
+from esh.engine.problem.balance import Balance
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver

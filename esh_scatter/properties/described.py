@@ -15,7 +15,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
 from bpy.types import PropertyGroup
 
-from ..engine.problem.settings import Described, settings_of
+from ...engine.problem.settings import Described, settings_of
 
 __all__ = ["Shown", "property_of", "shown_settings", "values_from", "with_properties"]
 

@@ -1,0 +1,89 @@
+"""How the aims of the sampler are weighed against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import validation
+from .settings import Settings, described, setting
+
+__all__ = ["Balance"]
+
+# Times that a class counts as rarer than the largest, at most: few bodies need no more to be even.
+MOST_RARE = 100.0
+
+
+@described
+@dataclass(frozen=True, eq=False)
+class Balance(Settings):
+    """How the aims of the sampler are weighed against each other.
+
+    Raises:
+        ProblemError: A value outside these ranges, or factors with a negative eigenvalue.
+    """
+
+    class_separation: float = field(
+        default=0.5,
+        metadata=setting(
+            "How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
+            more="The paper's alpha",
+            label="Separation",
+            unit="share",
+            low=0.0,
+            high=1.0,
+            check=validation.check_class_separation,
+        ),
+    )
+    size_emphasis: float | Sequence[float] = field(
+        default=2.0,
+        metadata=setting(
+            "How evenly the larger sizes are spread among themselves. 1 treats all sizes alike",
+            more="The paper's C >= 1, with C_i = C^i for size rank i; or the list C_1, C_2, ... itself, one for each larger size. For "
+            "sizes that are a range, it is the square of C that every doubling of the area adds as a factor: C = 2 is the paper's "
+            "min(A_j², A_k²)",
+            low=1.0,
+            high=1e6,
+            soft_high=8.0,
+            check=validation.check_size_emphasis,
+        ),
+    )
+    non_overlap: np.ndarray | Sequence[Sequence[float]] | None = field(
+        default=None,
+        metadata=setting(
+            "Which classes keep apart: 1 where two must, 0 where they may overlap. None keeps all apart",
+            more="One row and column per class, symmetric, 1 on the diagonal (section 5 of the paper). The classes' factors are "
+            "(1 - alpha) identity + alpha non_overlap",
+            check=validation.check_non_overlap,
+        ),
+    )
+    rare_emphasis: float = field(
+        default=1.0,
+        metadata=setting(
+            "How evenly classes of few bodies are spread among themselves, beside others of many. 0 treats all classes alike",
+            more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
+            label="Rare Classes",
+            low=0.0,
+            high=2.0,
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.non_overlap is not None:
+            validation.check_class_matrix(np.asarray(self.non_overlap), self.class_separation, self._key("non_overlap"))
+
+    def _key(self, name: str) -> str:
+        return f"`balance.{name}`"
+
+    def class_factors(self, counts: Sequence[int]) -> np.ndarray:
+        """Factors between classes of so many bodies, shape ``[class_count, class_count]``, float64.
+
+        (1 - alpha) identity + alpha non_overlap, where the identity of a class that is rarer than the largest is raised.
+        """
+        count = np.asarray(counts, np.float64)
+        apart = np.ones((len(count), len(count))) if self.non_overlap is None else np.asarray(self.non_overlap)
+        rarity = np.minimum(count.max() / count, MOST_RARE) ** self.rare_emphasis
+        return (1.0 - self.class_separation) * np.diag(rarity) + self.class_separation * apart

@@ -1,0 +1,162 @@
+"""What a problem as a whole must not ask for: bodies that cannot lie in its domain, weights that no float holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..errors import ProblemError
+from . import validation
+from .domain import Domain
+from .obstacles import Obstacle
+from .prepared_class import PreparedClass
+from .validation import show
+
+if TYPE_CHECKING:
+    from .problem import Problem
+
+__all__ = ["check_feasible", "check_known_on_surfaces"]
+
+
+def check_feasible(problem: Problem) -> None:
+    """Raise ProblemError for what each part of a problem may say, and all of them together may not."""
+    _check_balance(problem)
+    _check_lines(problem)
+    _check_areas(problem)
+    _check_emphasis(problem)
+    _check_extents(problem)
+    _check_inset(problem)
+
+
+def check_known_on_surfaces(classes: Sequence[PreparedClass], fixed: object, obstacles: Sequence[Obstacle]) -> None:
+    """Raise ProblemError for what there is in rectangles only."""
+    if obstacles:
+        raise ProblemError(
+            "`obstacles` must lie in a rectangle; on a surface set densities to 0 where nothing is to be"
+        )
+    if fixed != () and fixed != []:
+        raise ProblemError("`fixed` bodies must lie in a rectangle; on a surface there are none")
+    for c in classes:
+        for size in c.sizes:
+            if size.line is not None:
+                raise ProblemError(
+                    f'`line` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface bodies are dots'
+                )
+            if size.footprint is not None:
+                raise ProblemError(
+                    f'`footprint` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface footprints are '
+                    "discs"
+                )
+
+
+def _check_balance(problem: Problem) -> None:
+    matrix = problem.balance.non_overlap
+    if matrix is not None and len(matrix) != len(problem.classes):
+        raise ProblemError(
+            f"`balance.non_overlap` must have one row per class, {len(problem.classes)}; got {len(matrix)} rows"
+        )
+    emphasis = problem.balance.size_emphasis
+    if isinstance(emphasis, tuple):
+        for c in problem.classes:
+            if any(size.is_range for size in c.sizes):
+                raise ProblemError(
+                    f'`balance.size_emphasis` must be one number, because areas of class "{c.name}" are a range; got a list'
+                )
+            ranks = len({size.mean_area for size in c.sizes})
+            if ranks - 1 > len(emphasis):
+                raise ProblemError(
+                    f'`balance.size_emphasis` must have a value for each of the {ranks - 1} larger sizes of class "{c.name}"; '
+                    f"got {len(emphasis)}"
+                )
+
+
+def _check_lines(problem: Problem) -> None:
+    most = max(problem.domain.size)
+    for c in problem.classes:
+        for size in c.sizes:
+            if size.line is not None and size.line.longest > most:
+                raise ProblemError(
+                    f'`line.length` of size "{size.name}" of class "{c.name}" must not be longer than the domain, {most:g} m; '
+                    f"got {size.line.longest:g}"
+                )
+            if size.line is not None and size.line.shortest < validation.SHORTEST_LINE * most:
+                raise ProblemError(
+                    f'`line.length` of size "{size.name}" of class "{c.name}" must not be shorter than '
+                    f"{validation.SHORTEST_LINE:g} of the domain, {most:g} m; got {size.line.shortest:g}"
+                )
+
+
+def _check_areas(problem: Problem) -> None:
+    sizes = [(c, size) for c in problem.classes for size in c.sizes]
+    small = min(sizes, key=lambda pair: pair[1].area_span[0])
+    large = max(sizes, key=lambda pair: pair[1].area_span[1])
+    low, high = small[1].area_span[0], large[1].area_span[1]
+    if high > validation.MOST_AREA_RATIO * low:
+        raise ProblemError(
+            f'`area` of size "{large[1].name}" of class "{large[0].name}" must not be more than '
+            f'{validation.MOST_AREA_RATIO:g} times that of size "{small[1].name}" of class "{small[0].name}"; got {high:g} and '
+            f"{low:g} m²"
+        )
+    # Counts may be larger than any float.
+    covered = sum(float(min(size.count or 0, 10**18)) * (size.mean_ground / problem.domain.area) for _, size in sizes)
+    if problem.avoid_overlap and covered > validation.MOST_COVERED:
+        raise ProblemError(
+            f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
+            "the areas, or let them overlap"
+        )
+
+
+def _check_emphasis(problem: Problem) -> None:
+    emphasis = problem.balance.size_emphasis
+    for c in problem.classes:
+        areas = [area for size in c.sizes for area in (size.area_span if size.is_range else (size.mean_area,))]
+        if not isinstance(emphasis, float):
+            powers = math.log(max((1.0, *emphasis[: len(set(areas)) - 1])))
+        elif any(size.is_range for size in c.sizes):
+            powers = 2.0 * math.log2(emphasis) * math.log(max(areas) / min(areas))
+        else:
+            powers = (len(set(areas)) - 1) * math.log(emphasis)
+        if powers > math.log(validation.MOST_EMPHASIS):
+            raise ProblemError(
+                f'`balance.size_emphasis` must not give the largest bodies of class "{c.name}" more than '
+                f"{validation.MOST_EMPHASIS:g} times the weight of its smallest; {show(emphasis)} gives them "
+                f"1e{powers / math.log(10.0):.0f} times as much"
+            )
+
+
+def _check_extents(problem: Problem) -> None:
+    side, most, which = max(problem.domain.size), validation.MOST_EXTENT, "longer side of the domain"
+    if isinstance(problem.domain, Domain) and problem.domain.periodic:
+        side, most, which = min(problem.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
+    for c in problem.classes:
+        for size in c.sizes:
+            disc = 2.0 * math.sqrt(size.area_span[1] / math.pi)
+            key, extent = "area", disc
+            if size.line is not None:
+                key, extent = "line", size.line.longest + (size.line.width or disc)
+            if size.footprint is not None:
+                key, extent = "footprint", max(extent, size.longest_reach * 2.0)
+            if extent > most * side:
+                raise ProblemError(
+                    f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
+                    f"{which}, {side:g} m; they are {extent:g} m long"
+                )
+
+
+def _check_inset(problem: Problem) -> None:
+    """Walls take contact, which can do nothing about bodies that are wider than the walls are apart."""
+    if not isinstance(problem.domain, Domain) or not problem.domain.inset:
+        return
+    if not problem.avoid_overlap:
+        raise ProblemError(
+            "`domain.inset` must be false without `avoid_overlap`: it is contact that keeps footprints inside"
+        )
+    most = min(problem.domain.size)
+    for c in problem.classes:
+        for size in c.sizes:
+            if size.widest > most * (1.0 + 1e-9):
+                raise ProblemError(
+                    f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the domain that they are to lie in, '
+                    f"{most:g} m; got {size.widest:.4g}"
+                )

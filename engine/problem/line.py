@@ -1,0 +1,111 @@
+"""What makes bodies long: charges in a row, a preferred direction, a preferred length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import validation
+from .settings import Settings, described, setting
+
+__all__ = ["Line"]
+
+
+@described
+@dataclass(frozen=True, eq=False)
+class Line(Settings):
+    """Makes bodies long: a straight row of charges with a direction and a length (hatching; section 6 of the paper).
+
+    The body is a capsule: an axis from the first to the last charge, with round caps of half the width.
+
+    Raises:
+        ProblemError: A value outside these ranges.
+    """
+
+    length: float | np.ndarray = field(
+        metadata=setting(
+            "Preferred length of the axis",
+            unit="m",
+            more="A number, or an image of numbers stretched over the domain",
+            check=validation.check_line_length,
+        )
+    )
+    direction: str | float | np.ndarray = field(
+        default="density",
+        metadata=setting(
+            "Preferred direction",
+            more='``"density"`` (along the edges of the class\'s density, by its structure tensor, equation 8 of the paper), '
+            '``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the right, y up) '
+            "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi",
+            check=validation.check_direction,
+        ),
+    )
+    width: float | None = field(
+        default=None,
+        metadata=setting(
+            "Thickness",
+            unit="m",
+            more="None makes it the area over the mean length reached, so that the average grey is kept",
+            check=validation.check_length,
+        ),
+    )
+    charges: int = field(
+        default=3,
+        metadata=setting(
+            "Charges along the axis", low=2, high=validation.MOST_CHARGES_ON_A_LINE, check=validation.check_charges
+        ),
+    )
+    middle_charge: float = field(
+        default=6.0,
+        metadata=setting(
+            "Charge of the middle one over that of an end, where their number is odd",
+            check=validation.check_middle_charge,
+        ),
+    )
+    turn_weights: tuple[float, float] = field(
+        default=(0.4, 0.4),
+        metadata=setting(
+            "Weights of the forces and of the preferred direction in a turn", check=validation.check_weights
+        ),
+    )
+    stretch_weights: tuple[float, float] = field(
+        default=(0.2, 0.1),
+        metadata=setting(
+            "Weights of the forces and of the preferred length in a change of length", check=validation.check_weights
+        ),
+    )
+    straightness: float | None = field(
+        default=None,
+        metadata=setting(
+            "None keeps lines straight; 0 to 1 lets them bend, and takes back this share of the bend at each step",
+            check=validation.check_fraction,
+        ),
+    )
+    tensor_scales: tuple[float, float] = field(
+        default=(1.0, 3.0),
+        metadata=setting(
+            "Standard deviations of the structure tensor's inner and outer Gaussian, in pixels of the density",
+            check=validation.check_scales,
+        ),
+    )
+
+    def _key(self, name: str) -> str:
+        return f"`line.{name}`"
+
+    @property
+    def longest(self) -> float:
+        """The largest preferred length [m]."""
+        return float(np.max(self.length))
+
+    @property
+    def shortest(self) -> float:
+        """The smallest preferred length [m]."""
+        return float(np.min(self.length))
+
+    def charge_shares(self) -> np.ndarray:
+        """Share of the body's charge at every place along the axis, shape ``[charges]``, float64, sum 1."""
+        weight = np.ones(self.charges)
+        if self.charges % 2 == 1:
+            weight[self.charges // 2] = self.middle_charge
+        return weight / weight.sum()

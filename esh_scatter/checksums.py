@@ -1,0 +1,235 @@
+"""What images, meshes, weights and attributes hold, in one number each: equal as long as nothing in them changes.
+
+Names do not count, and nothing is looked for: only what somebody asks about is read. While a window is drawn, a number that was worked
+out lately is told again, the longer the more it cost; whoever needs the truth asks within :func:`now`.
+"""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from .target import world_matrix
+
+__all__ = ["is_old", "now", "of_attribute", "of_image", "of_members", "of_object", "of_shape", "of_weights", "place_of"]
+
+# Seconds for which a number is told again, at least, and in times of what it took to work it out: drawing spends 3 % on it at most.
+SHORTEST, TIMES_COST = 0.3, 30.0
+# A number younger than this was worked out in the same drawing.
+SAME_DRAWING = 0.1
+# Numbers that are kept at most; whoever asks again gets the rest anew.
+MOST_KEPT = 4096
+# Vertices whose weights are read at most: Blender tells them one by one.
+MOST_WEIGHTS = 20_000
+# Every so many rows of pixels are summed up along the other way as well.
+ROWS_APART = 16
+# Decimals of rotation and scale that count; the rest is rounding.
+DECIMALS = 5
+
+_FIELDS = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int32),
+    "BOOLEAN": ("value", 1, bool),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT2": ("vector", 2, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+    "BYTE_COLOR": ("color", 4, np.float32),
+    "QUATERNION": ("value", 4, np.float32),
+}
+
+
+class _Kept(NamedTuple):
+    value: int
+    time: float
+    cost: float
+
+
+_kept: dict[tuple[Any, ...], _Kept] = {}
+_truth = False
+# Whether something was told since it was last asked that may be old.
+_old = False
+_pixels = np.empty(0, np.float32)
+
+
+@contextmanager
+def now() -> Iterator[None]:
+    """Have everything worked out anew within a ``with`` block."""
+    global _truth
+    before, _truth = _truth, True
+    try:
+        yield
+    finally:
+        _truth = before
+
+
+def is_old() -> bool:
+    """Tell whether numbers were told since the last call that may be old, so that what was drawn with them may be wrong."""
+    global _old
+    old, _old = _old, False
+    return old
+
+
+def of_image(image: bpy.types.Image | None) -> int:
+    """Return the number of an image's pixels; of one with tiles the first tile's."""
+    if image is None:
+        return 0
+    return _worked_out(("image", image.session_uid), lambda: _image_number(image))
+
+
+def of_shape(item: bpy.types.Object) -> int:
+    """Return the number of a mesh object's vertices and corners, as they are stored and as its modifiers make them."""
+    return _worked_out(("shape", item.session_uid), lambda: _shape_number(item))
+
+
+def of_object(item: bpy.types.Object) -> int:
+    """Return the number of an object to place: its shape, rotation and scale; where it stands does not count."""
+    return _worked_out(("object", item.session_uid), lambda: _object_number(item))
+
+
+def of_members(members: Sequence[bpy.types.Object]) -> int:
+    """Return the number of several objects to place, in their order."""
+    return zlib.crc32(np.array([of_object(item) for item in members], np.uint32).tobytes())
+
+
+def of_weights(item: bpy.types.Object, name: str) -> int:
+    """Return the number of a vertex group's weights; of a large mesh, those of every so many vertices."""
+    return _worked_out(("weights", item.session_uid, name), lambda: _weights_number(item, name))
+
+
+def of_attribute(item: bpy.types.Object, name: str) -> int:
+    """Return the number of an attribute's or a UV map's values; the active UV map where the name is empty."""
+    return _worked_out(("attribute", item.session_uid, name), lambda: _attribute_number(item, name))
+
+
+def place_of(item: bpy.types.Object) -> list[list[float]]:
+    """Return where an object stands, how it is turned and scaled: four rows."""
+    return [[round(value, DECIMALS + 1) for value in row] for row in item.matrix_world]
+
+
+def _worked_out(key: tuple[Any, ...], work: Callable[[], int]) -> int:
+    """Return a number that was worked out lately, or work it out."""
+    global _old
+    start = time.perf_counter()
+    known = _kept.get(key)
+    if known is not None and not (_truth or bpy.app.background):
+        age = start - known.time
+        if age < max(SHORTEST, TIMES_COST * known.cost):
+            _old = _old or age > SAME_DRAWING
+            return known.value
+    value = work()
+    if len(_kept) >= MOST_KEPT:
+        _kept.clear()
+    end = time.perf_counter()
+    _kept[key] = _Kept(value, end, end - start)
+    return value
+
+
+def _crc(values: np.ndarray) -> int:
+    return zlib.crc32(np.ascontiguousarray(values).data)
+
+
+def _image_number(image: bpy.types.Image) -> int:
+    """Sums of the bits of every row, and of every column over some of them: to read is what takes time."""
+    global _pixels
+    count = len(image.pixels) if image.size[0] and image.size[1] else 0
+    if count == 0:
+        return 0
+    if len(_pixels) < count:
+        _pixels = np.empty(count, np.float32)
+    pixels = _pixels[:count]
+    image.pixels.foreach_get(pixels)
+    rows = pixels.view(np.uint32).reshape(image.size[1], -1)
+    sums = rows.sum(axis=1, dtype=np.uint64), rows[::ROWS_APART].sum(axis=0, dtype=np.uint64)
+    return zlib.crc32(_bytes_of(*sums), zlib.crc32(repr((*image.size, image.channels)).encode()))
+
+
+def _bytes_of(*arrays: np.ndarray) -> bytes:
+    return b"".join(array.tobytes() for array in arrays)
+
+
+def _shape_number(item: bpy.types.Object) -> int:
+    is_mesh = item.type == "MESH"
+    stored = zlib.crc32(_mesh_bytes(item.data)) if is_mesh else 0
+    made = not is_mesh or len(item.modifiers) or item.data.shape_keys is not None
+    return _with(stored, zlib.crc32(_evaluated_bytes(item))) if made and item.mode != "EDIT" else stored
+
+
+def _with(stored: int, made: int) -> int:
+    """Return one number for what is stored and what modifiers make of it: while it is sculpted, only the one is up to date."""
+    return stored if stored == made else zlib.crc32(f"{stored} {made}".encode())
+
+
+def _mesh_bytes(mesh: bpy.types.Mesh) -> bytes:
+    position = np.empty(3 * len(mesh.vertices), np.float32)
+    corner = np.empty(len(mesh.loops), np.int32)
+    if len(position) and "position" in mesh.attributes:
+        mesh.attributes["position"].data.foreach_get("vector", position)
+    if len(corner) and ".corner_vert" in mesh.attributes:
+        mesh.attributes[".corner_vert"].data.foreach_get("value", corner)
+    face = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", face)
+    return repr([_crc(values) for values in (position, corner, face)]).encode()
+
+
+def _evaluated_bytes(item: bpy.types.Object) -> bytes:
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    if evaluated.type == "MESH" and isinstance(evaluated.data, bpy.types.Mesh):
+        return _mesh_bytes(evaluated.data)
+    try:
+        mesh = evaluated.to_mesh()
+    except RuntimeError:
+        return b""
+    try:
+        return _mesh_bytes(mesh) if mesh is not None else b""
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def _object_number(item: bpy.types.Object) -> int:
+    turned = np.round(world_matrix(item, bpy.context)[:3, :3], DECIMALS) + 0.0
+    return zlib.crc32(turned.tobytes(), _shape_number(item))
+
+
+def _weights_number(item: bpy.types.Object, name: str) -> int:
+    group = item.vertex_groups.get(name)
+    if group is None:
+        return 0
+    vertices = item.data.vertices
+    number, step = group.index, max(1, -(-len(vertices) // MOST_WEIGHTS))
+    weights = [
+        (index, entry.weight)
+        for index in range(0, len(vertices), step)
+        for entry in vertices[index].groups
+        if entry.group == number
+    ]
+    return zlib.crc32(np.array(weights, np.float64).tobytes(), len(vertices))
+
+
+def _attribute_number(item: bpy.types.Object, name: str) -> int:
+    """Both as it is stored and as modifiers make it: it may be there only after them."""
+    stored = _values_number(item.data, name)
+    if not len(item.modifiers) or item.mode == "EDIT":
+        return stored
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return _with(stored, _values_number(evaluated.data, name)) if isinstance(evaluated.data, bpy.types.Mesh) else stored
+
+
+def _values_number(mesh: bpy.types.Mesh, name: str) -> int:
+    if not name:
+        active = mesh.uv_layers.active
+        name = active.name if active else ""
+    attribute = mesh.attributes.get(name)
+    told = _FIELDS.get(attribute.data_type) if attribute is not None else None
+    if attribute is None or told is None:
+        return 0
+    field, width, dtype = told
+    values = np.empty(width * len(attribute.data), dtype)
+    attribute.data.foreach_get(field, values)
+    return zlib.crc32(f"{attribute.domain} {attribute.data_type}".encode(), _crc(values))

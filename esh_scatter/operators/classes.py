@@ -1,0 +1,202 @@
+"""The classes of a scatter: added, removed, moved, sorted, copied, and which of them may overlap."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ..class_copy import CLASS_PARTS, copy_class
+from ..properties.body_class import ESH_PG_class
+from ..properties.names import unused_name
+from ..properties.scene import active_scatter, selected_class, selected_scatter
+from .edit import DIRECTIONS, ClassEdit, Edit, move_by
+
+__all__ = ["CLASSES"]
+
+
+class ESH_OT_class_add(Edit):
+    """Add a class: one kind of thing, for example pines, with its own density"""
+
+    bl_idname = "esh.class_add"
+    bl_label = "Add Class"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        selected_scatter(context).add_class()
+        return {"FINISHED"}
+
+
+class ESH_OT_class_remove(ClassEdit):
+    """Remove the selected class"""
+
+    bl_idname = "esh.class_remove"
+    bl_label = "Remove Class"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        scatter = selected_scatter(context)
+        scatter.remove_class(scatter.class_index)
+        return {"FINISHED"}
+
+
+class ESH_OT_class_duplicate(ClassEdit):
+    """Add a copy of the selected class, with all of its settings"""
+
+    bl_idname = "esh.class_duplicate"
+    bl_label = "Duplicate Class"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it below the selected one."""
+        scatter = selected_scatter(context)
+        index, name = scatter.class_index, selected_class(context).name
+        copy = scatter.add_class()
+        copy_class(scatter.classes[index], copy, CLASS_PARTS)
+        copy.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
+        scatter.classes.move(len(scatter.classes) - 1, index + 1)
+        scatter.class_index = index + 1
+        return {"FINISHED"}
+
+
+# Blender needs the texts of an enumeration to stay in memory.
+_other_classes: list[tuple[str, str, str, int]] = []
+
+
+def _list_other_classes(_operator: Any, context: bpy.types.Context | None) -> list[tuple[str, str, str, int]]:
+    scatter = active_scatter(context) if context else None
+    _other_classes.clear()
+    if scatter:
+        # An enumeration of which several can be chosen has 32 bits.
+        numbers = [i for i in range(len(scatter.classes)) if i != scatter.class_index][:31]
+        _other_classes.extend(
+            (str(scatter.classes[i].uid), scatter.classes[i].name, "Give this class the settings", 1 << bit)
+            for bit, i in enumerate(numbers)
+        )
+    return _other_classes
+
+
+class ESH_OT_class_copy(ClassEdit):
+    """Give settings of the selected class to other classes"""
+
+    bl_idname = "esh.class_copy"
+    bl_label = "Copy Settings to Classes"
+
+    what: EnumProperty(
+        name="Settings",
+        description="Which settings to copy",
+        items=[(name, label, told) for name, (label, told, _names) in CLASS_PARTS.items()],
+        default={"DENSITY", "STANDING"},
+        options={"ENUM_FLAG"},
+    )
+    classes: EnumProperty(
+        name="To", description="The classes that get the settings", items=_list_other_classes, options={"ENUM_FLAG"}
+    )
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return (scatter and scatter.active_class and len(scatter.classes) > 1) or None
+
+    _missing = "Add another class first"
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for settings and classes."""
+        self.classes = {entry[0] for entry in _list_other_classes(self, context)}
+        return context.window_manager.invoke_props_dialog(self, width=280)
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the dialog."""
+        self.layout.label(text="Settings")
+        self.layout.column(align=True).prop(self, "what", expand=True)
+        self.layout.label(text="To")
+        self.layout.column(align=True).prop(self, "classes", expand=True)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Copy them."""
+        source = selected_class(context)
+        parts = {name: CLASS_PARTS[name] for name in CLASS_PARTS if name in self.what}
+        chosen = [c for c in selected_scatter(context).classes if str(c.uid) in self.classes and c != source]
+        for body_class in chosen:
+            copy_class(source, body_class, parts)
+        self.report({"INFO"}, f"Copied settings to {len(chosen)} classes")
+        return {"FINISHED"}
+
+
+class ESH_OT_classes_sort(ClassEdit):
+    """Sort the classes. The result is out of date then, because their order has an influence on it"""
+
+    bl_idname = "esh.classes_sort"
+    bl_label = "Sort Classes"
+
+    by: EnumProperty(
+        name="By",
+        description="What the classes are sorted by",
+        items=(("NAME", "Name", "In alphabetical order"), ("COUNT", "Count", "The most numerous first")),
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Sort them."""
+        scatter = selected_scatter(context)
+        active = selected_class(context).uid
+
+        def key(body_class: ESH_PG_class) -> Any:
+            return body_class.name.casefold() if self.by == "NAME" else -body_class.count
+
+        for place, uid in enumerate([c.uid for c in sorted(scatter.classes, key=key)]):
+            scatter.classes.move(next(i for i, c in enumerate(scatter.classes) if c.uid == uid), place)
+        scatter.class_index = next(i for i, c in enumerate(scatter.classes) if c.uid == active)
+        return {"FINISHED"}
+
+
+class ESH_OT_class_overlap(ClassEdit):
+    """Let this class and the selected one lie on each other, or keep them apart"""
+
+    bl_idname = "esh.class_overlap"
+    bl_label = "May Overlap"
+
+    other: StringProperty(name="Class", description="The other class")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Change it, whichever of the two had it written down."""
+        scatter, mine = selected_scatter(context), selected_class(context)
+        other = scatter.classes.get(self.other)
+        if other is None or other == mine:
+            self.report({"ERROR"}, f'There is no other class "{self.other}"')
+            return {"CANCELLED"}
+        if mine.overlaps_with(other):
+            for one, two in ((mine, other), (other, mine)):
+                one.may_overlap = ", ".join(sorted(one.names_that_may_overlap - {two.name}))
+        else:
+            mine.may_overlap = ", ".join(sorted(mine.names_that_may_overlap | {other.name}))
+        return {"FINISHED"}
+
+
+class ESH_OT_class_move(ClassEdit):
+    """Move the selected class in the list"""
+
+    bl_idname = "esh.class_move"
+    bl_label = "Move Class"
+
+    direction: EnumProperty(items=DIRECTIONS, name="Direction")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Move it."""
+        scatter = selected_scatter(context)
+        scatter.class_index = move_by(scatter.classes, scatter.class_index, self.direction)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    ESH_OT_class_add,
+    ESH_OT_classes_sort,
+    ESH_OT_class_duplicate,
+    ESH_OT_class_copy,
+    ESH_OT_class_overlap,
+    ESH_OT_class_remove,
+    ESH_OT_class_move,
+)

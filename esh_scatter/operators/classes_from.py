@@ -1,0 +1,162 @@
+"""Classes made from what is there: the inks of an image, the selected objects, the objects of a collection."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import bpy
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+from ...engine.errors import EshError
+from ...engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
+from ..properties.scene import active_scatter, selected_scatter
+from .edit import Edit, sentence
+
+__all__ = ["CLASSES"]
+
+
+class ESH_OT_classes_from_image(Edit):
+    """Split a color image into inks. Each ink becomes a class of colored dots with its own density"""
+
+    bl_idname = "esh.classes_from_image"
+    bl_label = "Classes from Image"
+
+    image: StringProperty(name="Image", description="Color image. It is stretched over the target, seen from above")
+    model: EnumProperty(
+        name="Inks",
+        description="Which inks the image is split into",
+        items=[(name, name, f"Use the inks {name}") for name in INK_MODELS],
+        default=DEFAULT_MODEL,
+    )
+    dots: IntProperty(
+        name="Dots",
+        description="How many dots a black image would get. The area of a dot follows from this number",
+        default=20_000,
+        min=10,
+        soft_max=200_000,
+    )
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return scatter and scatter.target
+
+    _missing = "Choose a target first"
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for image and inks."""
+        if not self.image and bpy.data.images:
+            self.image = next((i.name for i in bpy.data.images if i.type == "IMAGE"), "")
+        return context.window_manager.invoke_props_dialog(self, width=320)
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the dialog."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop_search(self, "image", bpy.data, "images")
+        layout.prop(self, "model")
+        layout.prop(self, "dots")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add the classes."""
+        from ...engine.surface.chart import Chart
+        from ..inks import add_ink_classes
+        from ..target import check_target, read_target
+
+        scatter = selected_scatter(context)
+        image = bpy.data.images.get(self.image)
+        if image is None:
+            self.report({"ERROR"}, f'There is no image "{self.image}". Open one first')
+            return {"CANCELLED"}
+        try:
+            chart = Chart(read_target(check_target(scatter.target, context), context, set()))
+            count = add_ink_classes(scatter, image, self.model, self.dots, chart)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Added {count} classes, one for each ink of {self.model}")
+        return {"FINISHED"}
+
+
+class _ClassesFromObjects(Edit):
+    """Base of what adds a class for each of some objects."""
+
+    count: IntProperty(
+        name="Count", description="How many of each object to place", default=100, min=1, soft_max=100_000
+    )
+
+    def _add(self, context: bpy.types.Context, items: list[bpy.types.Object]) -> set[str]:
+        from ..selection import add_classes, measure
+
+        scatter = selected_scatter(context)
+        measured, flat = measure(items, context)
+        add_classes(scatter, measured, [self.count] * len(measured))
+        if not measured:
+            self.report({"ERROR"}, "None of the objects takes ground seen from above. Nothing was changed")
+            return {"CANCELLED"}
+        if flat:
+            self.report({"WARNING"}, f"Left out, because they take no ground seen from above: {', '.join(flat)}")
+        return {"FINISHED"}
+
+
+class ESH_OT_classes_from_selection(_ClassesFromObjects):
+    """Add a class for each selected object, named after it"""
+
+    bl_idname = "esh.classes_from_selection"
+    bl_label = "Classes from Selection"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        from ..selection import sources_in
+
+        scatter = active_scatter(context)
+        return (scatter and sources_in(context.selected_objects, scatter.target)) or None
+
+    _missing = "Select objects to place, other than the target"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add them."""
+        from ..selection import sources_in
+
+        return self._add(context, sources_in(context.selected_objects, selected_scatter(context).target))
+
+
+class ESH_OT_classes_from_collection(_ClassesFromObjects):
+    """Add a class for each object of a collection, named after it"""
+
+    bl_idname = "esh.classes_from_collection"
+    bl_label = "Classes from Collection"
+
+    collection: StringProperty(name="Collection", description="Each of its objects becomes a class")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the collection."""
+        if not self.collection and context.collection != context.scene.collection:
+            self.collection = context.collection.name
+        return context.window_manager.invoke_props_dialog(self, width=280)
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the dialog."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop_search(self, "collection", bpy.data, "collections")
+        layout.prop(self, "count")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add them."""
+        from ..selection import sources_in
+
+        collection = bpy.data.collections.get(self.collection)
+        if collection is None:
+            self.report({"ERROR"}, f'There is no collection "{self.collection}"')
+            return {"CANCELLED"}
+        return self._add(context, sources_in(collection.all_objects, selected_scatter(context).target))
+
+
+CLASSES = (
+    ESH_OT_classes_from_image,
+    ESH_OT_classes_from_selection,
+    ESH_OT_classes_from_collection,
+)

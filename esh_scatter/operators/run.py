@@ -1,0 +1,279 @@
+"""What solves: a scatter of the sidebar, the selection, and the button that stops a run."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.props import FloatProperty, IntProperty
+
+from ...engine.errors import EshError, ProblemError
+from ...engine.problem.scatter_settings import ScatterSettings
+from ...engine.problem.settings import settings_of
+from .. import running, words
+from ..properties.described import property_of
+from ..properties.scatter import ESH_PG_scatter
+from ..properties.scene import active_scatter, selected_scatter
+from ..target import is_result
+from .edit import remove_at, sentence, settings_editable
+
+if TYPE_CHECKING:
+    from ..api import ScatterResult
+    from ..running import Session
+
+__all__ = ["CLASSES"]
+
+_SETTINGS = settings_of(ScatterSettings)
+
+
+class _Run(bpy.types.Operator):
+    """Base of what solves: in the background where there is a window, otherwise to the end."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
+        from ..api import scatter
+
+        settings = self._settings(context)
+        if settings is None:
+            return {"CANCELLED"}
+        window_manager = context.window_manager
+        window_manager.progress_begin(0, settings.max_steps)
+        try:
+            positional, named = settings.arguments(context.scene)
+            settings.forget_deleted_result()
+            result = scatter(*positional, **named, progress=lambda now: window_manager.progress_update(now.step))
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            self._undo(context)
+            return {"CANCELLED"}
+        finally:
+            window_manager.progress_end()
+        return self._finish(settings, result)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Solve in the background while the window stays alive."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        from ..api import ScatterJob
+
+        settings = self._settings(context)
+        if settings is None:
+            return {"CANCELLED"}
+        try:
+            positional, named = settings.arguments(context.scene)
+            job = ScatterJob(*positional, **named)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            self._undo(context)
+            return {"CANCELLED"}
+        running.start(context, job, settings)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
+        """Return the settings to run, or None where there is nothing to run, which has been reported."""
+        raise NotImplementedError
+
+    def _undo(self, context: bpy.types.Context) -> None:
+        """Take back what :meth:`_settings` has changed; nothing, unless it did."""
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Watch the run; Esc leaves what was there."""
+        if event.type == "ESC" and event.value == "PRESS":
+            running.stop("Stopped. Nothing was changed")
+        session = running.session
+        if session is None or session.stop_reason:
+            return self._stopped(context, session)
+        if event.type == "TIMER":
+            session.show()
+            if not session.run.running:
+                return self._write(context)
+        return {"PASS_THROUGH"} if running.lets_through(context, event) else {"RUNNING_MODAL"}
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Blender takes the operator away: another file, a closed window."""
+        running.end()
+
+    def _stopped(self, context: bpy.types.Context, session: "Session | None") -> set[str]:
+        running.end()
+        self._undo(context)
+        self.report({"WARNING"}, session.stop_reason if session else "Stopped. Nothing was changed")
+        return {"CANCELLED"}
+
+    def _write(self, context: bpy.types.Context) -> set[str]:
+        session = running.session
+        assert session is not None
+        running.end()
+        try:
+            if session.run.error is not None:
+                raise session.run.error
+            scatters = session.scene.esh_scatter.scatters
+            if session.scatter_index >= len(scatters):
+                raise ProblemError("the settings of this scatter were removed during the run; nothing was placed")
+            settings = scatters[session.scatter_index]
+            settings.forget_deleted_result()
+            result = session.job.write()
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            self._undo(context)
+            return {"CANCELLED"}
+        return self._finish(settings, result)
+
+    def _finish(self, settings: ESH_PG_scatter, result: "ScatterResult") -> set[str]:
+        report = result.report.to_dict()
+        settings.remember(result.object, report)
+        left_out = settings.left_out()
+        look = [*words.notes(report), *left_out]
+        text = words.summary(report)
+        if look:
+            text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
+        self.report({"WARNING" if look or report["overlaps"] else "INFO"}, text)
+        return {"FINISHED"}
+
+
+class ESH_OT_scatter(_Run):
+    """Place all classes and sizes. Counts are exact. Esc stops the run and leaves the scene as it is"""
+
+    bl_idname = "esh.scatter"
+    bl_label = "Scatter"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Say in the button's tooltip why it is grey."""
+        if not settings_editable(cls, context):
+            return False
+        scatter = active_scatter(context)
+        obstacle = scatter.obstacle(context.scene) if scatter else "Add a scatter first"
+        if context.mode != "OBJECT":
+            obstacle = "Switch to Object Mode first"
+        if obstacle:
+            cls.poll_message_set(obstacle)
+        return not obstacle
+
+    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
+        return selected_scatter(context)
+
+
+class ESH_OT_scatter_selection(_Run):
+    """Scatter the selected objects on the active one: select what to place, then the ground, then click. With only the ground selected, the objects of the active collection are placed"""  # noqa: E501
+
+    bl_idname = "esh.scatter_selection"
+    bl_label = "Scatter Selection"
+
+    cover: FloatProperty(
+        name="Cover",
+        description="Share of the ground that all objects take together. More means more objects",
+        default=0.25,
+        min=0.001,
+        max=0.9,
+        subtype="FACTOR",
+    )
+    most: IntProperty(
+        name="At Most",
+        description="Largest number of objects, all classes together",
+        default=2000,
+        min=1,
+        soft_max=100_000,
+    )
+    class_separation: property_of(_SETTINGS["class_separation"], name="Mix Classes")
+    seed: property_of(_SETTINGS["seed"])
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Say in the button's tooltip what to select."""
+        if not settings_editable(cls, context):
+            return False
+        active = context.view_layer.objects.active
+        obstacle = None
+        if context.mode != "OBJECT":
+            obstacle = "Switch to Object Mode first"
+        elif active is None or active.type != "MESH":
+            obstacle = "Select the objects to place, then the ground, which must be a mesh"
+        elif is_result(active):
+            obstacle = "The active object is the result of a scatter. Select the ground last"
+        elif not _selected_sources(context, active):
+            obstacle = "Select the objects to place as well, then the ground last"
+        if obstacle:
+            cls.poll_message_set(obstacle)
+        return not obstacle
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the panel of the last operation."""
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("cover", "most", "class_separation", "seed"):
+            layout.prop(self, name)
+
+    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
+        from ...engine.surface.chart import Chart
+        from ..selection import add_classes, measure, pleasant_counts
+        from ..target import check_target, read_target
+
+        ground = context.view_layer.objects.active
+        try:
+            chart = Chart(read_target(check_target(ground, context), context, set()))
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return None
+        measured, flat = measure(_selected_sources(context, ground), context)
+        if flat:
+            self.report({"WARNING"}, f"Left out, because they take no ground seen from above: {', '.join(flat)}")
+        if not measured:
+            self.report({"ERROR"}, "None of the selected objects takes ground seen from above. Nothing was changed")
+            return None
+        counts = pleasant_counts([one.area for one in measured], float(chart.area.sum()), self.cover, self.most)
+        scatter = context.scene.esh_scatter.add_scatter(ground)
+        add_classes(scatter, measured, counts)
+        scatter.class_separation, scatter.seed, scatter.class_index = self.class_separation, self.seed, 0
+        self._made = scatter.name
+        return scatter
+
+    def _undo(self, context: bpy.types.Context) -> None:
+        settings = context.scene.esh_scatter
+        # After Ctrl+Z it is gone already.
+        last = settings.scatters[-1] if settings.scatters else None
+        if last is not None and last.name == self._made and not last.report_json:
+            settings.scatter_index = remove_at(settings.scatters, len(settings.scatters) - 1)
+
+
+class ESH_OT_stop(bpy.types.Operator):
+    """Stop the run. The scene stays as it is"""
+
+    bl_idname = "esh.stop"
+    bl_label = "Stop Scattering"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Only while something runs."""
+        return running.session is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Stop."""
+        running.stop("Stopped. Nothing was changed")
+        return {"FINISHED"}
+
+
+def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> list[bpy.types.Object]:
+    """Return the selected objects to place; where only the ground is selected, those of the active collection."""
+    from ..selection import sources_in
+
+    chosen = sources_in(context.selected_objects, ground)
+    if chosen or any(item != ground for item in context.selected_objects):
+        return chosen
+    collection = context.collection
+    if collection is None or collection == context.scene.collection:
+        return []
+    return sources_in(collection.all_objects, ground)
+
+
+CLASSES = (
+    ESH_OT_scatter,
+    ESH_OT_scatter_selection,
+    ESH_OT_stop,
+)

@@ -1,0 +1,86 @@
+"""The scene's scatters: added, removed, chosen, and given another seed."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import random
+
+import bpy
+from bpy.props import IntProperty
+
+from ..properties.scene import selected_scatter
+from .edit import Edit, remove_at
+
+__all__ = ["CLASSES"]
+
+
+class ESH_OT_scatter_add(Edit):
+    """Add a scatter. If the active object is a mesh, it becomes the target"""
+
+    bl_idname = "esh.scatter_add"
+    bl_label = "Add Scatter"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return context.scene
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        candidate = context.view_layer.objects.active
+        settings = context.scene.esh_scatter
+        results = {scatter.result for scatter in settings.scatters}
+        usable = candidate is not None and candidate.type == "MESH" and candidate not in results
+        settings.add_scatter(candidate if usable else None)
+        return {"FINISHED"}
+
+
+class ESH_OT_scatter_remove(Edit):
+    """Remove the settings of this scatter. What it has placed stays in the scene"""
+
+    bl_idname = "esh.scatter_remove"
+    bl_label = "Remove Scatter"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        settings = context.scene.esh_scatter
+        settings.scatter_index = remove_at(settings.scatters, settings.scatter_index)
+        return {"FINISHED"}
+
+
+class ESH_OT_scatter_choose(Edit):
+    """Show this scatter in the sidebar"""
+
+    bl_idname = "esh.scatter_choose"
+    bl_label = "Choose Scatter"
+
+    index: IntProperty(name="Number", description="Which of the scene's scatters, counted from 0", min=0)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show it."""
+        settings = context.scene.esh_scatter
+        settings.scatter_index = min(self.index, len(settings.scatters) - 1)
+        return {"FINISHED"}
+
+
+class ESH_OT_seed_roll(Edit):
+    """Choose another seed. The result is another placement of the same quality"""
+
+    bl_idname = "esh.seed_roll"
+    bl_label = "Randomize Seed"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Choose it."""
+        scatter = selected_scatter(context)
+        scatter.seed = random.choice([seed for seed in range(10_000) if seed != scatter.seed])
+        return {"FINISHED"}
+
+
+CLASSES = (
+    ESH_OT_scatter_add,
+    ESH_OT_scatter_remove,
+    ESH_OT_scatter_choose,
+    ESH_OT_seed_roll,
+)

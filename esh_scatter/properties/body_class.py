@@ -1,0 +1,350 @@
+"""What the sidebar holds of a class."""
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+from bpy.types import PropertyGroup
+
+from ...engine.problem.body_class import ClassSettings
+from ...engine.problem.scatter_settings import Standing
+from ...engine.problem.settings import settings_of
+from .described import values_from, with_properties
+from .names import class_renamed, unused_name
+from .shown_at_once import paint_class_anew, show_class_anew, stand_class_anew
+from .size import ESH_PG_size
+
+if TYPE_CHECKING:
+    from ..api import ScatterClass
+
+__all__ = ["CLASSES", "CLASS_COLORS", "DERIVED_COUNTS", "ESH_PG_class"]
+
+# Told apart by most people with a colour vision deficiency (after Okabe and Ito), and pleasant beside each other.
+CLASS_COLORS = (
+    (0.000, 0.342, 0.171),
+    (0.791, 0.347, 0.000),
+    (0.093, 0.456, 0.815),
+    (0.604, 0.191, 0.386),
+    (0.871, 0.776, 0.054),
+    (0.665, 0.112, 0.000),
+    (0.000, 0.168, 0.445),
+    (0.350, 0.350, 0.350),
+)
+
+
+# Ways to say how many that need the ground to become a number.
+DERIVED_COUNTS = {"PER_AREA": "per_area", "DISTANCE": "distance", "SHARE": "cover_share"}
+
+
+@with_properties(Standing, **{name: {"update": stand_class_anew} for name in settings_of(Standing)})
+@with_properties(
+    ClassSettings,
+    unsharp_radius={
+        "description": "How far the sharpening reaches, in steps of 1/1024 of the longer side of the target",
+        "default": 20.0,
+        "min": 0.1,
+        "soft_max": 200.0,
+    },
+)
+class ESH_PG_class(PropertyGroup):
+    """One class of bodies: the density it follows and its sizes."""
+
+    KIND = "Class"
+
+    name: StringProperty(
+        name="Name", description="Name of this class. No two classes have the same name", update=class_renamed
+    )
+    uid: IntProperty(options={"HIDDEN"})
+    known_name: StringProperty(options={"HIDDEN"})
+    mute: BoolProperty(
+        name="Mute", description="Leave this class out of the next run. Its settings stay as they are", default=False
+    )
+    show_viewport: BoolProperty(
+        name="Show in Viewport",
+        description="Show the objects of this class in the viewport",
+        default=True,
+        update=show_class_anew,
+    )
+    show_render: BoolProperty(
+        name="Show in Renders",
+        description="Show the objects of this class in renders",
+        default=True,
+        update=show_class_anew,
+    )
+    color: FloatVectorProperty(
+        name="Color",
+        description="Color of this class in the list. Its points have it as an attribute",
+        subtype="COLOR",
+        size=3,
+        min=0.0,
+        max=1.0,
+        default=CLASS_COLORS[0],
+        update=paint_class_anew,
+    )
+    density_kind: EnumProperty(
+        name="Density",
+        description="Where many objects of this class stand, and where few",
+        items=(
+            ("UNIFORM", "Even", "The same density everywhere on the target", "MESH_PLANE", 0),
+            ("IMAGE", "Image", "Follow an image: white means many, black means none", "IMAGE_DATA", 1),
+            ("VERTEX_GROUP", "Vertex Group", "Follow the weights of a vertex group of the target", "GROUP_VERTEX", 2),
+            ("ATTRIBUTE", "Attribute", "Follow a painted or computed attribute of the target", "SPREADSHEET", 3),
+        ),
+        default="UNIFORM",
+    )
+    image: PointerProperty(
+        type=bpy.types.Image,
+        name="Image",
+        description="Density image: white means many, black means none. It is read at every point, however coarse the mesh is",
+    )
+    mapping: EnumProperty(
+        name="Mapping",
+        description="How the image lies on the target",
+        items=(
+            (
+                "POSITION",
+                "From Above",
+                "Stretched over the extent of the target in x and y. The top of the image is at the largest y",
+            ),
+            ("UV", "UV Map", "Laid out by a UV map of the target"),
+        ),
+        default="POSITION",
+    )
+    uv_map: StringProperty(
+        name="UV Map",
+        description="UV map of the target. If this is empty, the one that is active for rendering is used",
+    )
+    vertex_group: StringProperty(
+        name="Vertex Group", description="Vertex group of the target. Its weights are the density"
+    )
+    attribute: StringProperty(
+        name="Attribute", description="Attribute of the target. Its values are the density and must be 0 or more"
+    )
+    invert: BoolProperty(name="Invert", description="Exchange many and none", default=False)
+    direction_kind: EnumProperty(
+        name="Direction",
+        description="Where long objects of this class point, seen from above",
+        items=(
+            (
+                "DENSITY",
+                "Along Edges",
+                "Along the edges in the density, for example around its bright parts",
+                "IMAGE_DATA",
+                0,
+            ),
+            ("NONE", "Free", "No preferred direction", "ORIENTATION_GIMBAL", 1),
+            ("ANGLE", "Angle", "All along one angle", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
+            ("IMAGE", "Flow Image", "Along an image: red is x, green is y, and 0.5 means none", "FORCE_WIND", 3),
+        ),
+        default="DENSITY",
+    )
+    direction_angle: FloatProperty(
+        name="Angle", description="Angle from the x axis, counter-clockwise", subtype="ANGLE", default=0.0
+    )
+    direction_image: PointerProperty(
+        type=bpy.types.Image,
+        name="Flow Image",
+        description="Flow image. It is stretched over the extent of the target in x and y",
+    )
+    may_overlap: StringProperty(
+        name="May Overlap",
+        description="Names of classes that may overlap this one, separated by commas. For example inks that mix",
+    )
+    count_kind: EnumProperty(
+        name="How Many",
+        description="How the number of objects is said",
+        items=(
+            ("SIZES", "Count", "A number; where there are several sizes, one for each", "LINENUMBERS_ON", 0),
+            ("TOTAL", "Total Count", "A number for all sizes together, of which each size gets a share", "FUND", 1),
+            (
+                "PER_AREA",
+                "Per Square Meter",
+                "So many on each square meter of ground, where the density is white",
+                "MESH_GRID",
+                3,
+            ),
+            (
+                "DISTANCE",
+                "Distance",
+                "As many as leaves this distance between neighbors, where the density is white",
+                "DRIVER_DISTANCE",
+                4,
+            ),
+            (
+                "SHARE",
+                "Share of Ground",
+                "As many as it takes to cover this share of the ground, where the density is white",
+                "MOD_MASK",
+                5,
+            ),
+            (
+                "COVER",
+                "From Density",
+                "As many as it takes to cover the share of the ground that the density says",
+                "TEXTURE",
+                2,
+            ),
+        ),
+        default="SIZES",
+    )
+    total: IntProperty(
+        name="Total Count", description="How many to place, all sizes together", default=100, min=1, soft_max=100_000
+    )
+    per_area: FloatProperty(
+        name="Per m²",
+        description="How many to place on each square meter of ground where the density is white, all sizes together",
+        default=0.5,
+        min=1e-6,
+        soft_max=100.0,
+        precision=3,
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="How far neighbors of this class are apart where the density is white",
+        default=2.0,
+        min=1e-3,
+        soft_min=0.05,
+        soft_max=100.0,
+        unit="LENGTH",
+    )
+    cover_share: FloatProperty(
+        name="Cover",
+        description="Share of the ground that the footprints of this class cover together where the density is white",
+        default=0.3,
+        min=1e-4,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    sizes: CollectionProperty(type=ESH_PG_size)
+    size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
+
+    @property
+    def unused(self) -> set[str]:
+        """Images that have no influence as the other settings are."""
+        unused = set() if self.density_kind == "IMAGE" else {"image"}
+        return unused if self.direction_kind == "IMAGE" else unused | {"direction_image"}
+
+    @property
+    def count(self) -> int:
+        """Number of bodies in all sizes, as far as it is known before the run."""
+        return self.total if self.count_kind == "TOTAL" else sum(size.count for size in self.sizes)
+
+    @property
+    def names_that_may_overlap(self) -> set[str]:
+        """Names of the classes that may lie on this one."""
+        return {part.strip() for part in self.may_overlap.split(",")} - {""}
+
+    def overlaps_with(self, other: "ESH_PG_class") -> bool:
+        """Tell whether this class and another may lie on each other."""
+        return other.name in self.names_that_may_overlap or self.name in other.names_that_may_overlap
+
+    @property
+    def amount(self) -> str:
+        """How many, in a few characters."""
+        if self.count_kind in ("SIZES", "TOTAL"):
+            return f"{self.count:,}"
+        return {
+            "PER_AREA": f"{self.per_area:.3g} per m²",
+            "DISTANCE": f"{self.distance:.3g} m apart",
+            "SHARE": f"{self.cover_share:.0%} cover",
+            "COVER": "by density",
+        }[self.count_kind]
+
+    def standing(self) -> Standing:
+        """Return how the objects of this class stand."""
+        return Standing(**values_from(self, Standing))
+
+    @property
+    def active_size(self) -> ESH_PG_size | None:
+        """The selected size, or None."""
+        return self.sizes[self.size_index] if 0 <= self.size_index < len(self.sizes) else None
+
+    def add_size(self) -> ESH_PG_size:
+        """Append a size, select it and return it."""
+        names = {size.name for size in self.sizes}
+        size = self.sizes.add()
+        size.name = unused_name(next((n for n in ("Large", "Medium", "Small") if n not in names), "Size"), names)
+        self.size_index = len(self.sizes) - 1
+        return size
+
+    def obstacle(self, target: bpy.types.Object) -> str | None:
+        """Return what keeps this class from being scattered on ``target``, as one sentence, or None."""
+        if self.density_kind == "IMAGE" and self.image is None:
+            return f'Class "{self.name}": choose its density image'
+        if self.density_kind == "IMAGE" and self.mapping == "UV":
+            if not target.data.uv_layers:
+                return (
+                    f'Class "{self.name}": "{target.name}" has no UV map; add one, or choose From Above as its mapping'
+                )
+            if self.uv_map and self.uv_map not in target.data.uv_layers:
+                return f'Class "{self.name}": "{target.name}" has no UV map "{self.uv_map}"'
+        if self.direction_kind == "IMAGE" and self.direction_image is None:
+            return f'Class "{self.name}": choose its flow image'
+        if self.density_kind == "VERTEX_GROUP" and self.vertex_group not in target.vertex_groups:
+            return f'Class "{self.name}": choose a vertex group of "{target.name}"'
+        if self.density_kind == "ATTRIBUTE" and not self.attribute:
+            return f'Class "{self.name}": choose an attribute of "{target.name}"'
+        if not self.sizes:
+            return f'Class "{self.name}": add a size'
+        for size in self.sizes:
+            if size.source is None:
+                what = "an object" if size.source_kind == "OBJECT" else "a collection"
+                return f"{self._where(size)}: choose {what} to place"
+            if size.source_deleted:
+                return f'{self._where(size)}: "{size.source.name}" was deleted; choose another object to place'
+            if size.source_kind == "COLLECTION" and not size.source.all_objects:
+                return f'{self._where(size)}: collection "{size.source.name}" is empty; put objects to place into it'
+            if size.area_kind == "RANGE" and size.area_largest < size.area:
+                return f"{self._where(size)}: the largest area is smaller than the smallest"
+            if size.source == target:
+                return f"{self._where(size)}: the target cannot be placed on itself"
+        return None
+
+    def _where(self, size: ESH_PG_size) -> str:
+        return f'Class "{self.name}"' + (f', size "{size.name}"' if len(self.sizes) > 1 else "")
+
+    def as_argument(self) -> "ScatterClass":
+        """Return this class as :func:`~esh.scatter` takes it."""
+        from ..api import Amount, ScatterClass
+        from ..densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
+
+        density: Density = 1.0
+        if self.density_kind == "IMAGE":
+            density = ImageDensity(self.image, mapping=self.mapping, uv_map=self.uv_map, invert=self.invert)
+        elif self.density_kind == "VERTEX_GROUP":
+            density = VertexGroupDensity(self.vertex_group, invert=self.invert)
+        elif self.density_kind == "ATTRIBUTE":
+            density = AttributeDensity(self.attribute, invert=self.invert)
+        whole = sum(size.share for size in self.sizes)
+        shared = self.count_kind != "SIZES"
+        sizes = [size.as_argument(size.share / whole if shared else None) for size in self.sizes]
+        count: Any = {"TOTAL": self.total, "COVER": "cover"}.get(self.count_kind)
+        if self.count_kind in DERIVED_COUNTS:
+            name = DERIVED_COUNTS[self.count_kind]
+            count = Amount(**{{"cover_share": "cover"}.get(name, name): getattr(self, name)})
+        direction = {"NONE": "none", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
+        return ScatterClass(
+            self.name,
+            sizes,
+            density=density,
+            color=tuple(self.color),
+            count=count,
+            standing=self.standing(),
+            direction=direction.get(self.direction_kind, "density"),
+            **values_from(self, ClassSettings),
+        )
+
+
+CLASSES = (ESH_PG_class,)

@@ -1,0 +1,23 @@
+"""Which of the sidebar's settings have an influence on a result that is solved, and which it shows at once."""
+
+from ...engine.problem.scatter_settings import Standing
+from ...engine.problem.settings import settings_of
+
+__all__ = ["AT_ONCE", "WITHOUT_INFLUENCE"]
+
+# What needs no solving: it is changed in the result at once.
+AT_ONCE = {*settings_of(Standing), "color", "show_viewport", "show_render"}
+# What has no influence on a result that is solved: what is changed at once, names, what the lists show, and what is known of the
+# last run; of the target its shape and place have. Whatever else a group has, has.
+WITHOUT_INFLUENCE = AT_ONCE | {
+    "name",
+    "class_index",
+    "size_index",
+    "result",
+    "target",
+    "report_json",
+    "ran_with",
+    "uid",
+    "known_name",
+    "source_was_in_scene",
+}

@@ -1,0 +1,58 @@
+"""Names in the sidebar's lists: no two the same, and known by those who refer to them."""
+
+from typing import TYPE_CHECKING
+
+from bpy.types import PropertyGroup
+
+if TYPE_CHECKING:
+    from .body_class import ESH_PG_class
+    from .scatter import ESH_PG_scatter
+
+__all__ = ["class_renamed", "keep_name_unused", "scatter_of", "scatter_renamed", "unused_name"]
+
+
+def unused_name(name: str, taken: set[str]) -> str:
+    """Return ``name``, or ``name.001`` and so on where it is taken, as Blender names its data."""
+    stem, _, number = name.rpartition(".")
+    stem = stem if stem and number.isdigit() else name
+    candidate, index = name, 1
+    while candidate in taken:
+        candidate, index = f"{stem}.{index:03d}", index + 1
+    return candidate
+
+
+def keep_name_unused(item: PropertyGroup, _context: object) -> None:
+    """Give ``item`` a name that no neighbour in its list has; an empty name becomes its kind's."""
+    path, _, index = item.path_from_id().rpartition("[")
+    siblings = item.id_data.path_resolve(path)
+    position = int(index.rstrip("]"))
+    taken = {sibling.name for number, sibling in enumerate(siblings) if number != position}
+    name = unused_name(item.name.strip() or item.KIND, taken)
+    if name != item.name:
+        item.name = name
+
+
+def class_renamed(item: "ESH_PG_class", context: object) -> None:
+    """Keep the name unused, and have the classes that may overlap this one know it by its new name."""
+    keep_name_unused(item, context)
+    before, item.known_name = item.known_name, item.name
+    if before and before != item.name:
+        for other in scatter_of(item).classes:
+            if before in other.names_that_may_overlap:
+                others = other.names_that_may_overlap - {before} | {item.name}
+                other.may_overlap = ", ".join(sorted(others))
+
+
+def scatter_renamed(item: "ESH_PG_scatter", context: object) -> None:
+    """Keep the name unused, and rename the result."""
+    from ..result import rename_result
+
+    keep_name_unused(item, context)
+    result = item.result_in(item.id_data)
+    if result is not None and result.library is None:
+        rename_result(result, item.name)
+
+
+def scatter_of(item: PropertyGroup) -> "ESH_PG_scatter":
+    """Return the scatter that a class belongs to."""
+    return item.id_data.path_resolve(item.path_from_id().rpartition(".classes[")[0])

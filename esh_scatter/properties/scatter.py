@@ -1,0 +1,252 @@
+"""What the sidebar holds of a scatter: its target, its classes, the result and report of its last run."""
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import json
+import random
+from functools import lru_cache
+
+import bpy
+from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.types import PropertyGroup
+
+from ...engine.problem.scatter_settings import ScatterSettings, Standing
+from ...engine.problem.settings import settings_of
+from .. import checksums
+from . import settings_record
+from .body_class import CLASS_COLORS, ESH_PG_class
+from .described import values_from, with_properties
+from .names import scatter_renamed, unused_name
+from .placed import ESH_PG_placed, remember_placed, replaced
+from .shown_at_once import show_class_anew
+from .size import in_a_scene
+
+__all__ = ["BY_HAND", "CLASSES", "ESH_PG_scatter"]
+
+# Settings of a scatter that the sidebar has in a form of its own: names of classes that may overlap, and standing by class.
+BY_HAND = ("non_overlap", *settings_of(Standing))
+
+
+@with_properties(
+    ScatterSettings,
+    BY_HAND,
+    class_separation={
+        "name": "Mix Classes",
+        "description": "0: each class is even alone, wherever the others are. 1: only all classes together are even, so they mix",
+    },
+    size_emphasis={"name": "Large Ones First"},
+    max_steps={"name": "Steps at Most"},
+)
+class ESH_PG_scatter(PropertyGroup):
+    """One scatter: a target, what stands on it, and the report of its last run."""
+
+    KIND = "Scatter"
+
+    name: StringProperty(
+        name="Name", description="Name of this scatter and of the object that it makes", update=scatter_renamed
+    )
+    target: PointerProperty(
+        type=bpy.types.Object,
+        name="Target",
+        description="The mesh to scatter on. It is seen from above, and slopes are taken into account",
+        poll=lambda _self, candidate: candidate.type == "MESH",
+    )
+    classes: CollectionProperty(type=ESH_PG_class)
+    class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
+    result: PointerProperty(
+        type=bpy.types.Object, name="Result", description="The object that the last run made. The next run replaces it"
+    )
+    report_json: StringProperty(options={"HIDDEN"})
+    ran_with: StringProperty(options={"HIDDEN"})
+    placed: CollectionProperty(type=ESH_PG_placed, options={"HIDDEN"})
+
+    @property
+    def active_class(self) -> ESH_PG_class | None:
+        """The selected class, or None."""
+        return self.classes[self.class_index] if 0 <= self.class_index < len(self.classes) else None
+
+    @property
+    def report(self) -> dict | None:
+        """The last run's report, as :meth:`~esh.engine.problem.report.Report.to_dict` gives it, or None before the first."""
+        return _parse_report(self.report_json)
+
+    @property
+    def outdated(self) -> bool:
+        """Whether something differs from what the last run was made with. Cheap enough to ask while drawing."""
+        if not self.report_json:
+            return False
+        return bool(replaced(self)) or not settings_record.same(_parse_record(self.ran_with), self.record())
+
+    def changes(self) -> list[str]:
+        """Name what differs from what the last run was made with: "count of Pine"; empty where nothing does, or before a run."""
+        if not self.report_json:
+            return []
+        before, now, others = _parse_record(self.ran_with), self.record(), replaced(self)
+        if settings_record.same(before, now):
+            return others
+        # What another object has changed with it need not be said.
+        found = settings_record.changes(before, now, self)
+        return list(dict.fromkeys([*others, *found]))
+
+    def names_in_report(self) -> list[str]:
+        """Return the names of the report's classes, as they are called now."""
+        from ..kept_ground import CLASSES_OF_POINTS
+
+        entries = (self.report or {}).get("classes", [])
+        result = self.result
+        uids = (
+            list(result.data.get(CLASSES_OF_POINTS, ())) if result and isinstance(result.data, bpy.types.Mesh) else []
+        )
+        now = {body_class.uid: body_class.name for body_class in self.classes}
+        if len(uids) != len(entries):
+            return [entry["name"] for entry in entries]
+        return [now.get(uid, entry["name"]) for uid, entry in zip(uids, entries, strict=True)]
+
+    def add_class(self) -> ESH_PG_class:
+        """Append a class with one size, select it and return it."""
+        body_class = self.classes.add()
+        body_class.name = unused_name("Class", {other.name for other in self.classes[:-1]})
+        self.give_uid(body_class)
+        used = [tuple(other.color) for other in self.classes[:-1]]
+        free = [color for color in CLASS_COLORS if not any(_close(color, other) for other in used)]
+        body_class.color = free[0] if free else CLASS_COLORS[len(used) % len(CLASS_COLORS)]
+        body_class.add_size()
+        self.class_index = len(self.classes) - 1
+        return body_class
+
+    def give_uid(self, body_class: ESH_PG_class) -> None:
+        """Give a class a number that no other class of this scatter has, by which results know it."""
+        taken = {0, *(other.uid for other in self.classes)}
+        body_class.uid = next(uid for _ in range(1000) if (uid := random.getrandbits(30)) not in taken)
+
+    def remove_class(self, index: int) -> None:
+        """Remove a class, also from what others may overlap."""
+        name = self.classes[index].name
+        self.classes.remove(index)
+        for other in self.classes:
+            if name in other.names_that_may_overlap:
+                other.may_overlap = ", ".join(sorted(other.names_that_may_overlap - {name}))
+        self.class_index = max(0, min(self.class_index, len(self.classes) - 1))
+
+    def result_in(self, scene: bpy.types.Scene) -> bpy.types.Object | None:
+        """Return the last run's object where it still is in ``scene``, and in no other.
+
+        An object that was deleted in the viewport stays in the file as long as something points to it. The settings of a linked copy
+        of a scene point to the result of the other scene.
+        """
+        from ..result import is_shared
+        from ..target import is_result
+
+        result = self.result
+        if result is None or scene.objects.get(result.name) != result or is_shared(result) or not is_result(result):
+            return None
+        return result
+
+    def obstacle(self, scene: bpy.types.Scene) -> str | None:
+        """Return what keeps this from being scattered, as one sentence that says what to do, or None."""
+        if self.target is None:
+            return "Choose a target: the mesh to scatter on"
+        if self.target.type != "MESH":
+            return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
+        if scene.objects.get(self.target.name) != self.target:
+            return f'"{self.target.name}" is no longer in this scene; choose another target'
+        if self.result is not None and self.result == self.target:
+            return "The target is the result of the last run; choose another target"
+        if not self.classes:
+            return "Add a class: what to scatter"
+        if self.ready_classes():
+            return None
+        incomplete = (c.obstacle(self.target) for c in self.classes if not c.mute)
+        return next(incomplete, None) or "All classes are muted; switch one on"
+
+    def ready_classes(self) -> list[ESH_PG_class]:
+        """Return the classes that can be scattered and are not muted."""
+        return [c for c in self.classes if not c.mute and c.obstacle(self.target) is None]
+
+    def left_out(self) -> list[str]:
+        """Return what keeps classes that are not muted from being scattered, one sentence for each."""
+        why = ((c.name, c.obstacle(self.target)) for c in self.classes if not c.mute)
+        return [f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text]
+
+    def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
+        """Return the positional and keyword arguments of :func:`~esh.scatter` that these settings stand for.
+
+        Classes that are muted, or that something is missing of, are left out.
+        """
+        return (self.target, [body_class.as_argument() for body_class in self.ready_classes()]), {
+            **values_from(self, ScatterSettings, BY_HAND),
+            "non_overlap": self.non_overlap(),
+            "name": self.name,
+            "result": self.result_in(scene),
+        }
+
+    def non_overlap(self) -> list[list[float]] | None:
+        """Return which classes must keep apart as :func:`~esh.scatter` takes it; None where all must."""
+        ready = self.ready_classes()
+        apart = [
+            [1.0 if i == j or not one.overlaps_with(two) else 0.0 for j, two in enumerate(ready)]
+            for i, one in enumerate(ready)
+        ]
+        return None if all(all(row) for row in apart) else apart
+
+    def remember(self, result: bpy.types.Object, report: dict, ran_with: str | None = None) -> None:
+        """Keep what a run made and reached; ``ran_with`` is the fingerprint that it began with, None that of now."""
+        from ..kept_ground import CLASSES_OF_POINTS
+
+        self.result = result
+        self.report_json = json.dumps(report)
+        if ran_with is None:
+            with checksums.now():
+                ran_with = self.fingerprint()
+        self.ran_with = ran_with
+        remember_placed(self)
+        ready = self.ready_classes()
+        if isinstance(result.data, bpy.types.Mesh):
+            result.data[CLASSES_OF_POINTS] = [body_class.uid for body_class in ready]
+        for body_class in ready:
+            if not (body_class.show_viewport and body_class.show_render):
+                show_class_anew(body_class, None)
+
+    def forget_deleted_result(self) -> None:
+        """Remove a result that was deleted in the viewport from the file, so that the next one can have its name."""
+        result = self.result
+        if result is not None and not in_a_scene(result) and result.library is None:
+            from ..result import remove_result
+
+            remove_result(result)
+
+    def record(self) -> dict:
+        """Return every setting that changes the result, and what the things hold that it names, ready for JSON."""
+        ready = self.ready_classes() if self.target is not None and self.target.type == "MESH" else []
+        # As it is after it was written and read, so that it can be compared.
+        return json.loads(json.dumps(settings_record.record(self, ready)))
+
+    def fingerprint(self) -> str:
+        """Return :meth:`record` as JSON."""
+        return json.dumps(self.record(), separators=(",", ":"))
+
+
+def _close(color: tuple, other: tuple) -> bool:
+    return all(abs(a - b) < 1e-3 for a, b in zip(color, other, strict=True))
+
+
+@lru_cache(maxsize=32)
+def _parse_report(text: str) -> dict | None:
+    try:
+        return json.loads(text) if text else None
+    except json.JSONDecodeError:  # written by hand, or by another version: as good as none
+        return None
+
+
+@lru_cache(maxsize=32)
+def _parse_record(text: str) -> dict:
+    try:
+        found = json.loads(text)
+    except json.JSONDecodeError:  # by another version
+        return {}
+    # Those of earlier versions have no names.
+    return found if isinstance(found, dict) and "names" in found else {}
+
+
+CLASSES = (ESH_PG_scatter,)

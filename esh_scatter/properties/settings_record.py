@@ -1,0 +1,155 @@
+"""What a result was made with, as plain data, and in words what has changed since."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+import bpy
+
+from .. import checksums
+from ..target import members_of
+from .influence import WITHOUT_INFLUENCE
+
+__all__ = ["changes", "record", "same"]
+
+# What is said of an image or weights, and of an object or a collection, whose contents have changed.
+PAINTED, EDITED = " painted", " edited"
+
+# What objects show at once, but have an influence where their outlines are kept apart: they are as large and as turned as this says.
+OF_OUTLINES = ("random_turn", "scale_jitter")
+
+
+def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
+    """Return every setting that has an influence on a result, and what the things that it names hold.
+
+    Args:
+        scatter: The settings.
+        classes: Those of its classes that take part.
+
+    Returns:
+        Ready for JSON: ``target``, ``scatter``, and ``classes`` by their numbers, in their order, with their ``sizes``; ``names`` of
+        what was looked into, which have no influence.
+    """
+    more = OF_OUTLINES if scatter.avoid_overlap else ()
+    target = scatter.target if scatter.target is not None and scatter.target.type == "MESH" else None
+    names: dict[str, str] = {}
+    return {
+        "target": target and [checksums.of_shape(target), checksums.place_of(target)],
+        "scatter": _values(scatter, names, "scatter"),
+        "classes": {
+            str(c.uid): {
+                "values": _values(c, names, str(c.uid), more) | (_painted(c, target) if target else {}),
+                "sizes": [_values(size, names, f"{c.uid}.{number}") for number, size in enumerate(c.sizes)],
+            }
+            for c in classes
+        },
+        "names": names,
+    }
+
+
+def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Tell whether two records stand for the same result: names do not count."""
+    equal = all(before.get(key) == value for key, value in now.items() if key != "names")
+    return equal and list(before["classes"]) == list(now["classes"])
+
+
+def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[str]:
+    """Name what differs between two records, with the words of the sidebar; never empty."""
+    if not before:
+        return ["settings"]
+    found = ["shape or place of the target"] if before["target"] != now["target"] else []
+    found += _differing(before["scatter"], now["scatter"], scatter)
+    old, new = before["classes"], now["classes"]
+    groups = {str(c.uid): c for c in scatter.classes}
+    for uid, one in new.items():
+        group = groups[uid]
+        if uid not in old:
+            found.append(f"{group.name} is new")
+            continue
+
+        def told(key: str, uid: str = uid) -> str:
+            """Return what an image or object is called, if it still is called that."""
+            name = now["names"].get(f"{uid}.{key}", "")
+            return name if before["names"].get(f"{uid}.{key}") == name else ""
+
+        for what in _differing(old[uid]["values"], one["values"], group, told):
+            found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
+        if len(old[uid]["sizes"]) != len(one["sizes"]):
+            found.append(f"sizes of {group.name}")
+            continue
+        for number, (size_before, size_now, size) in enumerate(
+            zip(old[uid]["sizes"], one["sizes"], group.sizes, strict=True)
+        ):
+            where = group.name if len(group.sizes) == 1 else f"{group.name}, {size.name}"
+            for what in _differing(size_before, size_now, size, lambda key, k=number: told(f"{k}.{key}")):  # type: ignore[misc]
+                found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
+    found += [
+        f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
+    ]
+    return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
+
+
+def _differing(
+    before: dict[str, Any], now: dict[str, Any], group: Any, told: Callable[[str], str] = lambda _key: ""
+) -> list[str]:
+    """Name the values that differ; ``told`` gives the name of what a value was looked into, where that is the same."""
+    properties = group.bl_rna.properties
+    found = []
+    for name, value in now.items():
+        if before.get(name) == value:
+            continue
+        item = getattr(group, name)
+        if isinstance(item, bpy.types.ID) and name in before and told(name):
+            found.append(told(name) + (PAINTED if isinstance(item, bpy.types.Image) else EDITED))
+        elif isinstance(value, list) and isinstance(item, str) and before.get(name, [None])[:1] == value[:1]:
+            found.append((item or "UV map") + EDITED if name == "uv_map" else item + PAINTED)
+        else:
+            found.append(properties[name].name.lower())
+    return found
+
+
+@lru_cache(maxsize=8)
+def _influential(group: Any) -> tuple[str, ...]:
+    """Return the names of the properties of a group that have an influence on the result."""
+    names = (told.identifier for told in group.bl_rna.properties if told.type != "COLLECTION")
+    return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
+
+
+def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the values of a group; of what it points to, the number of its contents, and in ``names`` what it is called."""
+    values: dict[str, Any] = {}
+    kind: Any = type(group)
+    unused = group.unused if hasattr(group, "unused") else ()
+    for name in (*_influential(kind), *more):
+        if name in unused:
+            continue
+        value = getattr(group, name)
+        if isinstance(value, bpy.types.ID):
+            names[f"{key}.{name}"] = value.name
+            value = _contents(value)
+        elif isinstance(value, bpy.types.bpy_prop_array):
+            value = list(value)
+        values[name] = value
+    return values
+
+
+def _contents(item: bpy.types.ID) -> int:
+    if isinstance(item, bpy.types.Image):
+        return checksums.of_image(item)
+    if isinstance(item, bpy.types.Object | bpy.types.Collection):
+        return checksums.of_members(members_of(item))
+    return 0
+
+
+def _painted(body_class: Any, target: bpy.types.Object) -> dict[str, Any]:
+    """Return what the target holds that a class follows: the name, and the number of the values."""
+    c = body_class
+    if c.density_kind == "VERTEX_GROUP":
+        return {"vertex_group": [c.vertex_group, checksums.of_weights(target, c.vertex_group)]}
+    if c.density_kind == "ATTRIBUTE":
+        return {"attribute": [c.attribute, checksums.of_attribute(target, c.attribute)]}
+    if c.density_kind == "IMAGE" and c.mapping == "UV":
+        return {"uv_map": [c.uv_map, checksums.of_attribute(target, c.uv_map)]}
+    return {}

@@ -1,0 +1,149 @@
+"""What the sidebar holds of a size of a class."""
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.types import PropertyGroup
+
+from ...engine.problem.settings import settings_of
+from ...engine.problem.size import Size
+from .described import property_of, values_from
+from .names import keep_name_unused
+
+if TYPE_CHECKING:
+    from ..api import ScatterSize
+
+__all__ = ["CLASSES", "ESH_PG_size", "in_a_scene"]
+
+_SIZE = settings_of(Size)
+
+
+def remember_source(size: "ESH_PG_size", _context: object) -> None:
+    """Note whether the object to place is in a scene: if it no longer is later, it was deleted there."""
+    size.source_was_in_scene = size.source_object is not None and in_a_scene(size.source_object)
+
+
+def in_a_scene(item: bpy.types.Object) -> bool:
+    """Tell whether an object is in any scene."""
+    return any(scene.objects.get(item.name) == item for scene in bpy.data.scenes)
+
+
+class ESH_PG_size(PropertyGroup):
+    """One size of a class: what is placed, how often, and how much room each takes."""
+
+    KIND = "Size"
+
+    name: StringProperty(
+        name="Name",
+        description="Name of this size. No two sizes of a class have the same name",
+        update=keep_name_unused,
+    )
+    source_kind: EnumProperty(
+        name="Place",
+        description="What this size places",
+        items=(
+            ("OBJECT", "Object", "Place copies of one object", "OBJECT_DATA", 0),
+            (
+                "COLLECTION",
+                "Collection",
+                "Place objects of a collection. Each point gets one of them, chosen at random",
+                "OUTLINER_COLLECTION",
+                1,
+            ),
+        ),
+        default="OBJECT",
+    )
+    source_object: PointerProperty(
+        type=bpy.types.Object,
+        name="Object",
+        description="The object to place. It is instanced, not copied, and stays as it is",
+        update=remember_source,
+    )
+    source_was_in_scene: BoolProperty(options={"HIDDEN"})
+    source_collection: PointerProperty(
+        type=bpy.types.Collection,
+        name="Collection",
+        description="The collection whose objects are placed. Each point gets one of them, chosen at random",
+    )
+    count: property_of(_SIZE["count"], default=100, min=1)
+    share: property_of(
+        _SIZE["share"],
+        description="The part of the class's summed footprints that this size gets. Shares need not add up to 1",
+        default=1.0,
+        min=0.001,
+        max=1000.0,
+        soft_max=1.0,
+    )
+    area_kind: EnumProperty(
+        name="Footprint",
+        description="How much ground one object takes. Larger footprints keep more distance",
+        items=(
+            ("MESH", "From the Mesh", "Measure the object, seen from above", "MESH_DATA", 0),
+            ("VALUE", "Area", "Enter the area", "FIXED_SIZE", 1),
+            ("RANGE", "Range", "Give each object an area of its own, and scale it to fit", "ARROW_LEFTRIGHT", 2),
+        ),
+        default="MESH",
+    )
+    area: property_of(
+        _SIZE["area"],
+        description="Ground that one object takes. No other object stands there, if there is enough room",
+        default=1.0,
+        min=1e-6,
+        soft_min=0.01,
+        soft_max=1000.0,
+        precision=3,
+    )
+    area_largest: FloatProperty(
+        name="Largest",
+        description="Ground that the largest object takes",
+        default=2.0,
+        min=1e-6,
+        soft_min=0.01,
+        soft_max=1000.0,
+        precision=3,
+        unit="AREA",
+    )
+    distribution: property_of(_SIZE["distribution"])
+    shape: EnumProperty(
+        name="Shape",
+        description="Whether the object is round or long, seen from above. Long objects are turned along the direction of the class",
+        items=(
+            ("AUTO", "From the Mesh", "Long if the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
+            ("DOT", "Round", "Treat the object as a disc, turned at random", "MESH_CIRCLE", 1),
+            ("LINE", "Long", "Treat the object as a rod along the longer side of its outline", "FIXED_SIZE", 2),
+        ),
+        default="AUTO",
+    )
+
+    @property
+    def unused(self) -> set[str]:
+        """Settings that have no influence as the others are."""
+        return {"source_collection" if self.source_kind == "OBJECT" else "source_object"}
+
+    @property
+    def source(self) -> bpy.types.Object | bpy.types.Collection | None:
+        """The object or collection to place, or None while none is chosen."""
+        return self.source_object if self.source_kind == "OBJECT" else self.source_collection
+
+    @property
+    def source_deleted(self) -> bool:
+        """Whether the object to place was deleted from its scene; as long as it is chosen here, it stays in the file."""
+        chosen = self.source_kind == "OBJECT" and self.source_object is not None and self.source_was_in_scene
+        return chosen and not in_a_scene(self.source_object)
+
+    def as_argument(self, share: float | None = None) -> "ScatterSize":
+        """Return this size as :func:`~esh.scatter` takes it; with a ``share`` where the class has the count."""
+        from ..api import ScatterSize
+
+        area = {"VALUE": self.area, "RANGE": (self.area, self.area_largest)}.get(self.area_kind)
+        line = {"DOT": False, "LINE": True}.get(self.shape)
+        count = self.count if share is None else None
+        spread = values_from(self, Size, set(_SIZE) - {"distribution"})
+        return ScatterSize(self.name, count, self.source, area=area, share=share, line=line, **spread)
+
+
+CLASSES = (ESH_PG_size,)

@@ -1,0 +1,217 @@
+"""What makes a result out of date, and what does not."""
+
+import time
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import checksums, registration  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+def image(name):
+    made = bpy.data.images.new(name, 16, 8)
+    pixels = np.linspace(0.1, 1.0, 16 * 8 * 4, dtype=np.float32)
+    # A file keeps no alpha of an image that was made without.
+    pixels[3::4] = 1.0
+    made.pixels.foreach_set(pixels)
+    return made
+
+
+@pytest.fixture
+def scatter():
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=8, y_subdivisions=8)
+    ground = bpy.context.object
+    ground.name = "Ground"
+    group = ground.vertex_groups.new(name="here")
+    group.add(list(range(len(ground.data.vertices))), 0.5, "REPLACE")
+    ground.data.attributes.new("wet", "FLOAT", "POINT").data.foreach_set("value", np.ones(len(ground.data.vertices)))
+    ground.data.attributes.new("Paint", "BYTE_COLOR", "CORNER").data.foreach_set(
+        "color", np.ones(4 * len(ground.data.loops))
+    )
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    trees = bpy.data.collections.new("Trees")
+    for number in range(6):
+        bpy.ops.mesh.primitive_cube_add(size=0.3, location=(30, number, 0))
+        bpy.context.object.name = f"Tree {number}"
+        if number > 3:
+            trees.objects.link(bpy.context.object)
+        body_class = made.add_class()
+        body_class.name = ["Mask", "Laid out", "Weights", "Wet", "Painted", "Collected"][number]
+        size = body_class.sizes[0]
+        size.source_object, size.source_collection, size.count = bpy.context.object, trees, 5
+        size.source_kind = "COLLECTION" if number == 5 else "OBJECT"
+    mask, laid_out, weights, wet, painted, _ = made.classes
+    mask.density_kind, mask.image = "IMAGE", image("mask.png")
+    laid_out.density_kind, laid_out.image, laid_out.mapping = "IMAGE", image("layout.png"), "UV"
+    weights.density_kind, weights.vertex_group = "VERTEX_GROUP", "here"
+    wet.density_kind, wet.attribute = "ATTRIBUTE", "wet"
+    painted.density_kind, painted.attribute = "ATTRIBUTE", "Paint"
+    made.device, made.max_steps = "CPU", 2
+    bpy.ops.esh.scatter()
+    assert made.report and not made.outdated
+    return made
+
+
+def active():
+    return bpy.context.scene.esh_scatter.active
+
+
+def paint(name, index):
+    bpy.data.images[name].pixels[index] = 0.77
+
+
+def sculpt():
+    ground = active().target
+    ground.data.vertices[40].co.z += 0.01
+    ground.data.update()
+
+
+def add_modifier():
+    active().target.modifiers.new("Wave", "SIMPLE_DEFORM")
+    bpy.context.view_layer.update()
+
+
+def set_value(attribute, field, index, value):
+    setattr(active().target.data.attributes[attribute].data[index], field, value)
+
+
+def lay_out():
+    active().target.data.uv_layers[0].uv[3].vector = (0.2, 0.7)
+
+
+def edit_source():
+    bpy.data.objects["Tree 1"].data.vertices[0].co.x -= 0.1
+
+
+def scale_source():
+    bpy.data.objects["Tree 1"].scale.z = 1.5
+    bpy.context.view_layer.update()
+
+
+def join_collection():
+    bpy.data.collections["Trees"].objects.link(bpy.data.objects["Tree 0"])
+
+
+def edit_member():
+    bpy.data.objects["Tree 4"].data.vertices[0].co.x -= 0.1
+
+
+def replace_source():
+    other = bpy.data.objects["Tree 2"].copy()
+    bpy.context.scene.collection.objects.link(other)
+    active().classes["Weights"].sizes[0].source_object = other
+
+
+CHANGES = [
+    (lambda: paint("mask.png", 0), ["mask.png painted"]),
+    (lambda: paint("mask.png", 4 * 16 * 8 - 2), ["mask.png painted"]),
+    (lambda: paint("layout.png", 77), ["layout.png painted"]),
+    (lambda: bpy.data.images["mask.png"].scale(8, 8), ["mask.png painted"]),
+    (sculpt, ["shape or place of the target"]),
+    (add_modifier, ["shape or place of the target"]),
+    (lambda: active().target.vertex_groups["here"].add([9], 0.6, "REPLACE"), ["here painted"]),
+    (lambda: set_value("wet", "value", 5, 0.5), ["wet painted"]),
+    (lambda: set_value("Paint", "color", 7, (1, 0, 0, 1)), ["Paint painted"]),
+    (lay_out, ["UV map edited"]),
+    (edit_source, ["Tree 1 edited"]),
+    (scale_source, ["Tree 1 edited"]),
+    (join_collection, ["Trees edited"]),
+    (edit_member, ["Tree 4 edited", "Trees edited"]),
+    (replace_source, ["object of Weights"]),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), CHANGES)
+def test_what_a_result_was_made_of_makes_it_out_of_date(scatter, change, said):
+    change()
+    assert active().outdated
+    assert sorted(active().changes()) == sorted(said)
+
+
+def test_an_image_that_is_replaced_by_an_equal_one_changes_nothing(scatter):
+    scatter.classes["Mask"].image = image("other.png")
+    assert not scatter.outdated
+    paint("other.png", 9)
+    assert scatter.changes() == ["image of Mask"]
+
+
+def test_what_nothing_follows_changes_nothing(scatter):
+    other = image("unused.png")
+    weights = scatter.classes["Weights"]
+    weights.image = other
+    paint("unused.png", 5)
+    weights.sizes[0].source_collection = None
+    scatter.target.vertex_groups.new(name="another").add([1, 2], 1.0, "REPLACE")
+    bpy.data.objects["Tree 0"].location.x += 3
+    bpy.context.view_layer.update()
+    assert not scatter.outdated
+
+
+def test_renaming_changes_nothing(scatter):
+    for items in (bpy.data.objects, bpy.data.images, bpy.data.meshes, bpy.data.collections, bpy.data.scenes):
+        for number, item in enumerate(items):
+            item.name = f"{'zyxwvutsrqponmlkjihg'[number % 20]} {number}"
+    assert not active().outdated and active().changes() == []
+
+
+@pytest.mark.parametrize("kind", ["LINK_COPY", "FULL_COPY"])
+def test_copying_a_scene_changes_nothing(scatter, kind):
+    first = bpy.context.scene
+    bpy.ops.scene.new(type=kind)
+    bpy.context.view_layer.update()
+    copies = [scene for scene in bpy.data.scenes if scene != first]
+    assert len(copies) == 1
+    for scene in (first, copies[0]):
+        assert scene.esh_scatter.active.changes() == [], scene.name
+        assert not scene.esh_scatter.active.outdated
+    if kind == "FULL_COPY":
+        assert copies[0].esh_scatter.active.target != first.esh_scatter.active.target
+
+
+def test_saving_and_reading_changes_nothing(scatter, tmp_path):
+    for one in bpy.data.images:
+        one.pack()
+    assert scatter.changes() == [], "a packed image holds what it held"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert active().changes() == []
+
+
+def test_in_a_window_numbers_are_told_again_for_a_while_and_said_to_be_old(scatter, monkeypatch):
+    from types import SimpleNamespace
+
+    monkeypatch.setattr(
+        checksums, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), types=bpy.types, context=bpy.context)
+    )
+    mask = bpy.data.images["mask.png"]
+    worked_out = []
+    honest = checksums._image_number
+    monkeypatch.setattr(checksums, "_image_number", lambda item: worked_out.append(item) or honest(item))
+    with checksums.now():
+        first = checksums.of_image(mask)
+    checksums.is_old()
+    mask.pixels[3] = 0.5
+    assert checksums.of_image(mask) == first and len(worked_out) == 1
+    assert not checksums.is_old(), "this was just worked out"
+    kept = checksums._kept["image", mask.session_uid]
+    checksums._kept["image", mask.session_uid] = kept._replace(time=kept.time - 0.2)
+    assert checksums.of_image(mask) == first and checksums.is_old() and not checksums.is_old()
+    with checksums.now():
+        assert checksums.of_image(mask) != first
+    kept = checksums._kept["image", mask.session_uid]
+    checksums._kept["image", mask.session_uid] = kept._replace(time=kept.time - 1.0, cost=0.01)
+    mask.pixels[3] = 0.25
+    before = len(worked_out)
+    checksums.of_image(mask)
+    assert len(worked_out) == before + 1, "after a second it is looked at again"
+    assert time.perf_counter() > checksums._kept["image", mask.session_uid].time
