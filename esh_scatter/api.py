@@ -20,16 +20,17 @@ from ..engine.errors import EshError, ProblemError
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
-from ..engine.problem.domain import Domain
 from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.line import Line
+from ..engine.problem.packing import packable_share, scale_to_fit
 from ..engine.problem.placement import Placement
-from ..engine.problem.prepared_class import PreparedClass, count_sizes, prepare_density
+from ..engine.problem.prepared_class import PreparedClass, PreparedDensity, count_sizes, prepare_density
 from ..engine.problem.problem import Problem, SamplingSettings
 from ..engine.problem.report import Report
 from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.size import Size
+from ..engine.problem.slopes import LEVEL, normal_of_slope, slope_at
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,
@@ -46,6 +47,7 @@ from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
 from ..engine.surface.triangle_mesh import TriangleMesh
+from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 from .densities import (
     AltitudeDensity,
@@ -69,13 +71,15 @@ from .densities import (
 )
 from .density_source import Known
 from .footprint import read_source
-from .kept_ground import SEED, ground_attributes
+from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .on_whole_surface import class_on_surface, mean_footprint
 from .references import Reference
-from .result import CLASS_NAMES, find_result, write_result
+from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
 from .survey import Survey
-from .target import check_exists, check_target, is_result, members_of, read_target
+from .target import check_exists, is_result, members_of
+from .targets import Target, Targets, read_targets, stuck_attributes
 
 __all__ = [
     "AltitudeDensity",
@@ -270,12 +274,33 @@ class ScatterResult:
     sources: tuple[bpy.types.Object, ...]
 
 
+class _Asked(NamedTuple):
+    """A class on its way to the engine.
+
+    Attributes:
+        asked: As the engine is asked for it.
+        surface: Its density, per area of surface.
+        density: The same, per area of the plan view.
+        most: What of the ground its bodies can cover, per area of the plan view, where it is to cover as much as that; else None.
+    """
+
+    asked: BodyClass
+    surface: PreparedDensity
+    density: np.ndarray
+    most: np.ndarray | None
+
+
 class _Placed(NamedTuple):
-    """Where objects stand, and what is known of their points; ``lift`` is the way from point to origin [m], ``[n, 3]``, float32."""
+    """Where objects stand, and what is known of their points.
+
+    ``lift`` is the way from point to origin [m], shape ``[n, 3]``, float32; ``stuck`` are attributes that tell where on the target's
+    mesh points are.
+    """
 
     instances: Instances
     ground: Ground
     lift: np.ndarray
+    stuck: dict[str, tuple[str, np.ndarray]]
 
 
 @takes(ScatterSettings)
@@ -299,12 +324,12 @@ class ScatterJob:
         EshError: Something asked for is missing or has no meaning.
     """
 
-    chart: Chart
+    chart: Chart | WholeSurface
     problem: Problem
 
     def __init__(
         self,
-        target: bpy.types.Object,
+        target: Target,
         classes: Sequence[ScatterClass],
         settings: ScatterSettings | None = None,
         *,
@@ -321,7 +346,7 @@ class ScatterJob:
         self.name = check_name(name, "`name`")
         self.device = resolve_device(self.settings.device).alias
         self._scene = Reference(context.scene, "scene")
-        self._target = Reference(check_target(target, context), "target")
+        self._targets = Targets(target, context)
         replaced = _check_result(result)
         self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = _check_classes(classes)
@@ -330,17 +355,20 @@ class ScatterJob:
         self._sources: list[Reference] = []
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
-        self._survey = survey
+        self.survey = survey
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
+        self._slopes: dict[float, np.ndarray | None] = {}
         self.placement: Placement | None = None
+        self._placed: _Placed | None = None
         if prepare:
             self.prepare()
 
     def _read(self, context: bpy.types.Context) -> _Reading:
         """Read everything from Blender, as it is now."""
         numbers: dict[int, int] = {}
+        targets = self._targets.objects
         # Sizes that place the same objects, and classes that follow the same image, have it looked at once.
         meshes: dict[int, TriangleMesh | ProblemError] = {}
         known: Known = {}
@@ -349,7 +377,7 @@ class ScatterJob:
             of_class = []
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
-                members = _source_objects(size.source, self.target, key)
+                members = _source_objects(size.source, targets, key)
                 of_class.append(_read_size(size, members, context, key, meshes))
                 for member in members:
                     if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
@@ -359,7 +387,7 @@ class ScatterJob:
         densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
-        return _Reading(read_target(self.target, context, names), sources, densities, directions)
+        return _Reading(read_targets(targets, context, names, self.settings), sources, densities, directions)
 
     def prepare(self) -> None:
         """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
@@ -367,26 +395,32 @@ class ScatterJob:
         Raises:
             EshError: Something asked for has no meaning.
         """
-        reading, survey = self._reading, self._survey or Survey()
+        reading, survey = self._reading, self.survey or Survey()
         if reading is None:
             return
         self._target_name = reading.target.name
-        self.chart = survey.begin(reading.target)
+        self.chart = survey.begin(reading.target, self.settings)
         domain = survey.domain(self.chart)
         names = [scatter_class.name for scatter_class in self.classes]
         reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
-        classes = []
+        shapes_of_classes, values_of_classes = [], []
         for number, scatter_class in enumerate(self.classes):
             shapes = [
                 _shape(size, source, reading.directions[number], survey)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
+            if isinstance(self.chart, WholeSurface):
+                # What is long by its outline counts as a disc of its area there.
+                shapes = [
+                    shape if size.line else replace(shape, line=None)
+                    for shape, size in zip(shapes, scatter_class.sizes, strict=True)
+                ]
             self.shapes += shapes
-            values = survey.density(scatter_class.name, reader, self.chart)
-            classes.append(self._prepare_class(scatter_class, shapes, domain, values))
+            values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
+            shapes_of_classes.append(shapes)
         self.problem = Problem(
             domain,
-            classes,
+            self._prepare_classes(shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
         )
@@ -394,9 +428,9 @@ class ScatterJob:
         self._reading = None
 
     @property
-    def target(self) -> bpy.types.Object:
-        """The mesh to scatter on; raises ProblemError once it is no longer in the file."""
-        return self._target.get()
+    def target(self) -> bpy.types.Object | bpy.types.Collection:
+        """What is scattered on, of several objects the first; raises ProblemError once it is no longer in the file."""
+        return self._targets.owner
 
     @property
     def result(self) -> bpy.types.Object | None:
@@ -411,23 +445,59 @@ class ScatterJob:
     def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
         self.prepare()
-        self.placement = solve(self.problem, **values_of(self.settings, RunSettings), progress=progress)
+        self.stand(solve(self.problem, **values_of(self.settings, RunSettings), progress=progress))
+
+    def stand(self, placement: Placement) -> None:
+        """Take a placement of :attr:`problem` for the answer, and stand its objects on the surface; touches nothing of Blender."""
+        self._placed = self._place(placement)
+        self.placement = placement
 
     def instances(self) -> Instances:
         """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
         if self.placement is None:
             raise ProblemError("a scatter must be solved before its objects have a place")
-        return self._place(self.placement).instances
+        return self._standing().instances
+
+    def colors_of_bodies(self) -> np.ndarray:
+        """Return the colour of every body's class, shape ``[n, 4]``, float32; of :attr:`problem`, in any thread."""
+        colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
+        return colors[self.problem.body_indices()[0]]
+
+    def places_of_bodies(self, position: np.ndarray, lift: float) -> np.ndarray:
+        """Return about where bodies of a run under way are in the world [m], shape ``[n, 3]``; in any thread.
+
+        Args:
+            position: As the solver tells it [m].
+            lift: How far above the surface, as a share of its extent.
+        """
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return position + (0.0, 0.0, lift * float((chart.high - chart.low).max()))
+        return np.column_stack([position + chart.origin, chart.height_near(position) + lift * chart.view.extent])
+
+    def _standing(self) -> _Placed:
+        """Return where the objects of :attr:`placement` stand."""
+        assert self.placement is not None
+        if self._placed is None or len(self._placed.lift) != len(self.placement.position):
+            self._placed = self._place(self.placement)
+        return self._placed
 
     def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
         """Make the result object, or replace the points of an earlier one; on the main thread only."""
         if self.placement is None or self.placement.report is None:
             raise ProblemError("a scatter must be solved before it is written")
+        item, sources = self.show(context)
+        return ScatterResult(item, self.placement.report, self.placement, self._standing().instances, tuple(sources))
+
+    def show(self, context: bpy.types.Context | None = None) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
+        """Write the result as :meth:`write` does, whether it has a report or not; return it and the objects it shows."""
+        if self.placement is None:
+            raise ProblemError("a scatter must be solved before it is shown")
         # All of them first: nothing has been changed if one is gone.
         scene = self._scene.get() if context is None else context.scene
         target, sources = self.target, self.sources
         replaced = self.result or find_result(scene, target, self.name)
-        placed = self._place(self.placement)
+        placed = self._standing()
         item = write_result(
             scene,
             replaced,
@@ -440,81 +510,114 @@ class ScatterJob:
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)
         item.data[SEED] = self.settings.seed
-        return ScatterResult(item, self.placement.report, self.placement, placed.instances, tuple(sources))
+        return item, sources
 
-    def _prepare_class(
-        self, scatter_class: ScatterClass, shapes: list[_Shape], domain: Domain, values: np.ndarray
-    ) -> PreparedClass:
-        """Return what the engine is to place: the density, ``values`` on the chart, and counts as slopes make them."""
-        c = scatter_class
-        key = f'`density` of class "{c.name}"'
+    def _prepare_classes(
+        self, shapes: list[list[_Shape]], values: list[np.ndarray]
+    ) -> list[PreparedClass] | list[BodyClass]:
+        """Return what the engine is to place: densities, ``values`` at the chart's points, and counts as slopes make them."""
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return [
+                class_on_surface(
+                    chart, c, [_engine_size(*pair) for pair in zip(c.sizes, of_class, strict=True)], density
+                )
+                for c, of_class, density in zip(self.classes, shapes, values, strict=True)
+            ]
+        asked = [self._ask(chart, *one) for one in zip(self.classes, shapes, values, strict=True)]
+        share = self._share_of_cover([one for one in asked if one.most is not None])
+        return [
+            self._prepare_from_above(chart, number, one, shapes[number], 1.0 if one.most is None else share)
+            for number, one in enumerate(asked)
+        ]
+
+    def _ask(self, chart: Chart, c: ScatterClass, shapes: list[_Shape], values: np.ndarray) -> _Asked:
+        """Return a class as the engine is asked for it, its density on the surface, and what of it the plan view shows."""
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
+        key = f'`density` of class "{c.name}"'
         # Sharpened and corrected as it is on the surface; only then slopes, which hold more of it, make it larger.
         count = 1 if isinstance(c.count, Amount) else c.count
         asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
         surface = prepare_density(asked)
         if isinstance(c.count, Amount):
-            asked = replace(asked, count=self._number(c.count, asked, surface.image))
-        density = surface.image * self.chart.stretch
-        mean = float(density.mean())
-        if not mean > 0.0:
+            asked = replace(asked, count=_number(chart, c.count, asked, surface.image))
+        density = surface.image * chart.stretch
+        if not float(density.mean()) > 0.0:
             raise ProblemError(f"{key} must be above 0 somewhere on {self._target_name}; it is 0 everywhere")
-        sizes = list(count_sizes(asked, domain.area * mean))
+        most = None
+        if asked.count == "cover" and self.settings.avoid_overlap:
+            standing = self._standing_of(c)
+            outlined = [_with_any_outline(size, shape) for size, shape in zip(sizes, shapes, strict=True)]
+            most = packable_share(outlined, c.room, c.gap) * _ground_for(chart, standing, outlined)
+            density = np.minimum(density, most)
+        return _Asked(asked, surface, density, most)
+
+    @staticmethod
+    def _share_of_cover(asked: list[_Asked]) -> float:
+        """What classes that are to cover the ground, and keep apart on it, can have of what each of them alone could cover."""
+        if not asked:
+            return 1.0
+        return scale_to_fit([one.density / one.most for one in asked if one.most is not None], 1.0)
+
+    def _prepare_from_above(
+        self, chart: Chart, number: int, one: _Asked, shapes: list[_Shape], share: float
+    ) -> PreparedClass:
+        c = self.classes[number]
+        area = float(chart.size[0]) * float(chart.size[1])
+        sizes = list(count_sizes(one.asked, share * area * float(one.density.mean())))
         if self.settings.avoid_overlap:
-            sizes = [self._with_outlines(size, shape, c) for size, shape in zip(sizes, shapes, strict=True)]
+            sizes = [self._with_outlines(chart, (number, s), size, shapes[s]) for s, size in enumerate(sizes)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
         if lines and isinstance(c.direction, str) and c.direction == "density":
-            direction = self._edge_directions(surface.image)
+            direction = _edge_directions(chart, one.surface.image)
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
-        return PreparedClass(c.name, tuple(sizes), check_density(density, key), surface.notes)
+        density = check_density(one.density, f'`density` of class "{c.name}"')
+        return PreparedClass(c.name, tuple(sizes), density, one.surface.notes, room=c.room, gap=c.gap)
 
-    def _with_outlines(self, size: Size, shape: _Shape, scatter_class: ScatterClass) -> Size:
-        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand."""
+    def _standing_of(self, scatter_class: ScatterClass) -> Standing:
+        return scatter_class.standing or Standing(**values_of(self.settings, Standing))
+
+    def _with_outlines(self, chart: Chart, where: tuple[int, int], size: Size, shape: _Shape) -> Size:
+        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand.
+
+        Args:
+            chart: What it stands on.
+            where: Number of its class, and its own.
+            size: With its whole count.
+            shape: What its bodies look like.
+        """
         identity = np.arange(self._counted, self._counted + (size.count or 0))
         self._counted += len(identity)
         if not shape.own_outlines or not len(identity):
             return size
-        standing = scatter_class.standing or Standing(**values_of(self.settings, Standing))
+        standing = self._standing_of(self.classes[where[0]])
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self.settings.seed)
-        ranged = isinstance(shape.area, tuple)
-        variants = [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+        variants = _variant_footprints(shape)
         variant = self._variants_of(identity, len(variants))
+        if isinstance(shape.area, tuple):
+            # What gives each object its area; its jitter comes on top of that.
+            area = size.areas([self.settings.seed, 2, *where])
+            factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         footprints = Footprints(
-            variants,
-            variant=variant,
-            # Of a range, what gives each object its area; its jitter comes on top of that.
-            scale=None if ranged else factor,
-            turn=turn,
-            room=1.0 + standing.scale_jitter if ranged else 1.0,
+            variants, variant=variant, scale=factor, turn=turn, slope=self._slope(chart, standing.align_to_normal)
         )
         return replace(size, footprint=footprints)
+
+    def _slope(self, chart: Chart, align: float) -> np.ndarray | None:
+        """Return the slope of the planes that outlines lie in, which lean so far towards the ground; None where all are horizontal."""
+        if align not in self._slopes:
+            slope = chart.slope(align) if align > 0.0 else None
+            self._slopes[align] = slope if slope is not None and np.abs(slope).max() > LEVEL else None
+        return self._slopes[align]
 
     def _variants_of(self, identity: np.ndarray, number: int) -> np.ndarray:
         """Return which of so many variants points have."""
         random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
         return (random[identity, 0] * number).astype(int)
-
-    def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
-        """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
-        if density.min() == density.max():
-            return "none"
-        cell_width, cell_height = (float(length) for length in self.chart.cell)
-        edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
-        weight = np.where(self.chart.area > 0.0, edges.weight, 0.0)
-        if not weight.any():
-            return "none"
-        weight /= weight.max()
-        return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
-
-    def _number(self, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
-        """Return how many bodies an amount is on this surface."""
-        area = float((np.minimum(density, 1.0) * self.chart.area).sum())
-        footprint = 1.0 / sum((size.share or 0.0) / size.mean_area for size in asked.sizes)
-        return amount.number(area, footprint, f'class "{asked.name}"')
 
     def _place(self, placement: Placement) -> _Placed:
         """Choose every point's variant, and stand it on the surface."""
@@ -522,7 +625,9 @@ class ScatterJob:
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         outlined_sizes = [size.footprint is not None for c in self.problem.classes for size in c.sizes]
         group = first[placement.class_index] + placement.size_index
-        surface = self.chart.lift(placement.position)
+        surface = (
+            self.chart.lift(placement) if isinstance(self.chart, WholeSurface) else self.chart.lift(placement.position)
+        )
         ground = Ground(
             placement.id.astype(np.int32),
             surface.normal,
@@ -530,9 +635,10 @@ class ScatterJob:
             np.zeros(count, bool),
             np.ones(count, np.float32),
             np.zeros((count, 2), np.float32),
+            np.zeros(count, np.float32),
         )
         source = np.empty(count, np.int32)
-        everyones = Standing(**values_of(self.settings, Standing))
+        chart = self.chart
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
             outlined, identity = outlined_sizes[number], placement.id[own]
@@ -540,36 +646,45 @@ class ScatterJob:
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
             ground.long[own] = shape.line is not None and bool(outlines)
-            if outlined and len(own):
+            standing = self._standing_of(self.classes[int(placement.class_index[own[0]])]) if len(own) else None
+            if outlined and standing is not None and isinstance(chart, Chart):
+                align = standing.align_to_normal
+                if (slope := self._slope(chart, align)) is not None:
+                    # The normals that contact knew: between the chart's cells they differ a little from those of the faces.
+                    ground.normal[own] = normal_of_slope(
+                        slope_at(slope, placement.position[own], self.problem.rectangle.size), align
+                    )
                 # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
                 # that were drawn for this body.
-                standing = self.classes[int(placement.class_index[own[0]])].standing or everyones
                 factor, turn = draw(standing, identity, ground.long[own], self.settings.seed)
                 ground.heading[own] -= turn.astype(np.float32)
-                ground.fit[own] = placement.scale[own] / (1.0 if isinstance(shape.area, tuple) else factor)
+                ground.fit[own] = placement.scale[own] / factor
             elif isinstance(shape.area, tuple) and outlines:
                 ground.fit[own] = np.sqrt(
                     placement.area[own] / np.array([outline.area for outline in outlines])[variant]
                 )
             if shape.line is not None and outlines:
                 # Of lines, the outline's middle lies on the point.
-                ground.heading[own] -= np.array([outline.angle for outline in outlines])[variant]
+                ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
+                ground.heading[own] -= ground.axis[own]
                 ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
         rotation, lift = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
         scale = np.empty(count, np.float32)
         for number, scatter_class in enumerate(self.classes):
             own = np.flatnonzero(placement.class_index == number)
             rotation[own], scale[own], lift[own] = stand(
-                scatter_class.standing or everyones, ground.part(own), self.settings.seed
+                self._standing_of(scatter_class), ground.part(own), self.settings.seed
             )
         position = (surface.position + lift).astype(np.float32)
-        return _Placed(Instances(position, rotation, scale, source), ground, lift)
+        return _Placed(Instances(position, rotation, scale, source), ground, lift, stuck_attributes(surface))
 
     def _attributes(self, placement: Placement, placed: _Placed) -> dict[str, tuple[str, np.ndarray]]:
         instances, ground = placed.instances, placed.ground
         colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
         return {
             "id": ("INT", ground.identity),
+            **({BODY_ANGLE: ("FLOAT", placement.angle)} if placement.angle.any() else {}),
+            **({BODY_LENGTH: ("FLOAT", placement.length)} if placement.length.any() else {}),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
             INSTANCE_INDEX: ("INT", instances.source),
@@ -577,12 +692,14 @@ class ScatterJob:
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
+            **_overlapping(placement),
+            **placed.stuck,
         }
 
 
 @takes(ScatterSettings)
 def scatter(
-    target: bpy.types.Object,
+    target: Target,
     classes: Sequence[ScatterClass],
     settings: ScatterSettings | None = None,
     *,
@@ -594,8 +711,8 @@ def scatter(
     """Place objects on a mesh, all classes and sizes at once.
 
     Args:
-        target: Mesh object of the current view layer, used with its modifiers and as it stands in the world. It is seen
-            from above: where it overhangs itself, the topmost surface counts.
+        target: Mesh object of the current view layer, several of them, or a collection of them, used with their modifiers and as
+            they stand in the world. Several are one surface where they touch. Seen from above, the topmost surface counts.
         classes: What to place, how many, following which densities.
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
@@ -614,6 +731,34 @@ def scatter(
     job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
     job.solve(progress)
     return job.write()
+
+
+def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
+    """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
+    if density.min() == density.max():
+        return "none"
+    cell_width, cell_height = (float(length) for length in chart.cell)
+    edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
+    weight = np.where(chart.area > 0.0, edges.weight, 0.0)
+    if not weight.any():
+        return "none"
+    weight /= weight.max()
+    return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
+
+
+def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
+    """Return how many bodies an amount is on this surface."""
+    area = float((np.minimum(density, 1.0) * chart.area).sum())
+    return amount.number(area, mean_footprint(asked), f'class "{asked.name}"')
+
+
+def _ground_for(chart: Chart, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
+    """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
+    if not all(isinstance(size.footprint, Footprints) for size in sizes):
+        # Discs and capsules lie in the plan.
+        return np.ones(chart.shape)
+    steep = np.arccos(1.0 / np.maximum(chart.stretch, 1.0))
+    return 1.0 / np.cos(standing.align_to_normal * steep)
 
 
 def _check_result(result: object) -> bpy.types.Object | None:
@@ -650,7 +795,7 @@ def _check_classes(classes: object) -> list[ScatterClass]:
     return list(classes)
 
 
-def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[bpy.types.Object]:
+def _source_objects(source: object, targets: list[bpy.types.Object], key: str) -> list[bpy.types.Object]:
     """Return the objects that a size instances: the source itself, or the variants in a collection, by name."""
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
@@ -666,9 +811,9 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
     for member in members:
-        if member == target:
+        if member in targets:
             raise ProblemError(
-                f'`source` of {key} must not hold the target "{target.name}", which would stand on itself'
+                f'`source` of {key} must not hold the target "{member.name}", which would stand on itself'
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
@@ -765,8 +910,27 @@ def _footprint(outline: Outline, long: bool) -> Footprint:
     return Footprint.polygon(corners)
 
 
+def _variant_footprints(shape: _Shape) -> list[Footprint]:
+    """Return the outlines of what a size places."""
+    return [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+
+
+def _with_any_outline(size: Size, shape: _Shape) -> Size:
+    """Return a size whose bodies have the outlines of what is placed there, turned and chosen somehow."""
+    return replace(size, footprint=Footprints(_variant_footprints(shape), turn=0.0)) if shape.own_outlines else size
+
+
 def _engine_size(size: ScatterSize, shape: _Shape) -> Size:
     return Size(size.name, shape.area, size.count, size.share, size.distribution, shape.line)
+
+
+def _overlapping(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attribute that says of every point whether its object overlaps another; none where no two do."""
+    if placement.report is None or not placement.report.overlapping:
+        return {}
+    overlaps = np.zeros(len(placement.position), bool)
+    overlaps[list(placement.report.overlapping)] = True
+    return {OVERLAPPING: ("BOOLEAN", overlaps)}
 
 
 def _rgba(color: Sequence[float] | None) -> tuple[float, ...]:

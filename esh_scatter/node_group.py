@@ -8,7 +8,7 @@ import bpy
 
 from .target import RESULT_TAG
 
-__all__ = ["HIDE_RENDER", "HIDE_VIEWPORT", "INSTANCE_INDEX", "ROTATION", "SCALE", "build_node_group"]
+__all__ = ["HIDE_RENDER", "HIDE_VIEWPORT", "INSTANCE_INDEX", "ROTATION", "SCALE", "build_node_group", "shown_by"]
 
 INSTANCE_INDEX = "instance_index"
 ROTATION = "rotation"
@@ -88,3 +88,8 @@ def build_node_group(name: str, sources: Sequence[bpy.types.Object]) -> bpy.type
         link(instance.outputs["Instances"], join, "Geometry")
     link(join.outputs["Geometry"], add("NodeGroupOutput", 6, 0), "Geometry")
     return group
+
+
+def shown_by(group: bpy.types.NodeTree) -> list[bpy.types.Object | None]:
+    """Return the objects that a node group instances, in the order that ``instance_index`` counts."""
+    return [node.inputs["Object"].default_value for node in group.nodes if node.bl_idname == "GeometryNodeObjectInfo"]

@@ -9,14 +9,24 @@ import bpy
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
-from ..engine.problem.scatter_settings import RunSettings, Standing
-from . import running, words
+from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
+from . import checksums, forecast, live, running, words
+from .class_copy import KEPT_APART
+from .density_panel import draw_density
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
 from .properties.scene import active_scatter, selected_class, selected_scatter
 
 __all__ = ["CLASSES"]
+
+
+# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn.
+FACES = {
+    "face_material": (True, "materials", "MATERIAL"),
+    "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
+    "face_attribute": (True, "attributes", "SPREADSHEET"),
+}
 
 
 class _Panel:
@@ -58,20 +68,48 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         top = layout.column()
         top.enabled = running.session is None
         _draw_active_scatter(context, top.row(align=True), scatter)
-        row = top.row()
-        row.alert = scatter.target is None
-        row.prop(scatter, "target")
+        row = top.row(align=True)
+        choice = row.row()
+        choice.alert = scatter.chosen_target is None
+        choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection")
+        row.prop(scatter, "target_kind", text="", icon_only=True)
         layout.separator(factor=0.5)
         if running.session is not None:
             _draw_progress(context, layout)
             return
-        button = layout.row()
+        button = layout.row(align=True)
         button.scale_y = 1.8
         result = scatter.result_in(context.scene)
         button.operator(
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
+        switch = button.row(align=True)
+        switch.ui_units_x = 3.5
+        switch.prop(scatter, "live", toggle=True)
+        if scatter.live and not live.is_live(context.scene, scatter):
+            # It was switched on in the file that was opened, or by redo.
+            live.wake()
         _draw_status(context, layout.column(align=True), scatter)
+        if checksums.is_old():
+            running.redraw_later()
+
+
+class ESH_PT_surface(_SubPanel, bpy.types.Panel):
+    """Which part of the target is scattered on."""
+
+    bl_label = "Surface"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw which side, and which faces."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        target = scatter.first_target
+        _draw_settings(column, scatter, TargetSettings, FACES)
+        if target is None:
+            return
+        for name, (of_mesh, where, icon) in FACES.items():
+            column.prop_search(scatter, name, target.data if of_mesh else target, where, icon=icon)
 
 
 class ESH_PT_classes(_SubPanel, bpy.types.Panel):
@@ -157,6 +195,9 @@ class ESH_PT_class(_ClassPanel, bpy.types.Panel):
             range_column.prop(size, "area_largest")
             column.prop(size, "distribution")
         column.prop(size, "shape")
+        if selected_scatter(context).avoid_overlap:
+            for name in KEPT_APART:
+                column.prop(body_class, name)
         if len(body_class.sizes) == 1:
             column.operator("esh.size_add", text="Add a Size", icon="ADD")
 
@@ -167,26 +208,10 @@ class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
     bl_label = "Density"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the density of the selected class."""
+        """Draw the layers of the density of the selected class."""
         column = self._column()
-        scatter = selected_scatter(context)
-        body_class = selected_class(context)
-        target = scatter.target if scatter.target and scatter.target.type == "MESH" else None
-        column.prop(body_class, "density_kind", text="Follow")
-        if body_class.density_kind == "UNIFORM":
-            return
-        if body_class.density_kind == "IMAGE":
-            _draw_image(column, body_class, "image")
-            column.prop(body_class, "mapping")
-            if body_class.mapping == "UV" and target:
-                column.prop_search(body_class, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
-        elif target is None:
-            column.label(text="Choose a target first", icon="ERROR")
-        elif body_class.density_kind == "VERTEX_GROUP":
-            column.prop_search(body_class, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
-        elif body_class.density_kind == "ATTRIBUTE":
-            column.prop_search(body_class, "attribute", target.data, "attributes", icon="SPREADSHEET")
-        column.prop(body_class, "invert")
+        for note in draw_density(column, selected_scatter(context), selected_class(context)):
+            _write_text(context, column, note, icon="INFO")
 
 
 class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
@@ -216,7 +241,7 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         elif body_class.direction_kind == "IMAGE":
             _draw_image(column, body_class, "direction_image")
         column.separator()
-        _draw_settings(column, body_class, ClassSettings)
+        _draw_settings(column, body_class, ClassSettings, KEPT_APART)
 
 
 class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
@@ -277,6 +302,10 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
         _draw_counts(layout.box(), report, scatter.names_in_report())
         facts = layout.column(align=True)
         _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
+        if report["overlaps"] and report.get("deepest_pair") is not None:
+            row = facts.row(align=True)
+            row.operator("esh.select_overlapping", text="Select")
+            row.operator("esh.frame_overlap", text="Frame Worst")
         if evenness := words.evenness(report):
             _draw_fact(facts, "Spread", evenness)
         if report.get("closest") is not None:
@@ -339,7 +368,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         _write_text(context, column, "The result is no longer there", icon="INFO")
     elif report is not None:
         changes = scatter.changes()
-        if changes:
+        if changes and live.is_busy(context.scene, scatter):
+            _write_text(context, column, "Following …", icon="FILE_REFRESH")
+        elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
             _write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
         else:
@@ -349,10 +380,26 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 words.summary(report, words.UNBROKEN),
                 icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
+    said = live.status(context.scene, scatter)
+    if said:
+        _write_text(context, column, said, icon="ERROR")
+    _draw_forecast(context, column, scatter)
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         _write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _draw_forecast(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say before a run what cannot be placed without overlap."""
+    if not scatter.avoid_overlap:
+        return
+    cover = forecast.known(scatter, context.scene)
+    text = words.cover(cover.covered, cover.fits, cover.crowded) if cover is not None else ""
+    if cover is not None and text:
+        _write_text(context, column, text, icon="ERROR")
+        if cover.covered > cover.fits:
+            column.operator("esh.counts_to_fit")
 
 
 def _draw_source(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
@@ -422,8 +469,9 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     row = layout.row(align=True)
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
+    row.operator("esh.keep", text="Keep")
     row.operator("esh.stop", text="", icon="CANCEL")
-    _write_text(context, layout, "Esc stops the run. The scene stays as it is", icon="INFO")
+    _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 
 def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list[str]) -> None:
@@ -478,6 +526,7 @@ def _write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 
 CLASSES = (
     ESH_PT_scatter,
+    ESH_PT_surface,
     ESH_PT_classes,
     ESH_PT_class,
     ESH_PT_density,

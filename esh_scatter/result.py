@@ -7,15 +7,17 @@ from collections.abc import Mapping, Sequence
 import bpy
 import numpy as np
 
-from .node_group import build_node_group
+from .node_group import HIDE_RENDER, HIDE_VIEWPORT, build_node_group, shown_by
 from .target import RESULT_TAG, RESULT_TARGET, is_result
 
-__all__ = ["CLASS_NAMES", "find_result", "remove_result", "rename_result", "write_result"]
+__all__ = ["CLASS_NAMES", "OVERLAPPING", "find_result", "remove_result", "rename_result", "write_result"]
 
 # Custom property of a result: the name that it was made with.
 NAME = "esh_scatter_name"
 # And what its indices count: names of classes, and for each the names of its sizes, as JSON.
 CLASS_NAMES = "esh_scatter_classes"
+# Attribute of points: whether the object there overlaps another; absent where no two do.
+OVERLAPPING = "overlapping"
 
 _WRITTEN = {
     "FLOAT": "value",
@@ -27,7 +29,9 @@ _WRITTEN = {
 }
 
 
-def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
+def find_result(
+    scene: bpy.types.Scene, target: bpy.types.Object | bpy.types.Collection, name: str
+) -> bpy.types.Object | None:
     """Return the object of ``scene`` that an earlier run with this name made on this target, whatever it is called now.
 
     Of a result and its copies it is the one that was there first; one that another scene shows, too, is that scene's.
@@ -52,7 +56,7 @@ def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> lis
 def write_result(
     scene: bpy.types.Scene,
     replaced: bpy.types.Object | None,
-    target: bpy.types.Object | None,
+    target: bpy.types.Object | bpy.types.Collection | None,
     name: str,
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,
@@ -70,6 +74,8 @@ def write_result(
         position: Points in the world [m], shape ``[n, 3]``.
         attributes: Name -> (Blender's type, values of shape ``[n]`` or ``[n, k]``), one value for each point.
     """
+    if replaced is not None and _shows(replaced, name, sources) and _move_points(replaced.data, position, attributes):
+        return replaced
     mesh = _point_mesh(name, position, attributes)
     group = build_node_group(name, sources)
     if replaced is None:
@@ -97,6 +103,27 @@ def write_result(
     return item
 
 
+def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object]) -> bool:
+    """Tell whether a result was made with a name and already shows these objects, in this order."""
+    groups = [m.node_group for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)]
+    return item.get(NAME) == name and len(groups) == 1 and shown_by(groups[0]) == list(sources)
+
+
+def _move_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bool:
+    """Give a mesh of as many points other places and values; tell whether it has just these attributes."""
+    kept = {"position": "FLOAT_VECTOR", HIDE_VIEWPORT: "BOOLEAN", HIDE_RENDER: "BOOLEAN"}
+    there = {a.name: a.data_type for a in mesh.attributes if not a.name.startswith(".")}
+    wanted = {name: kind for name, (kind, _) in attributes.items()}
+    if len(mesh.vertices) != len(position) or mesh.users != 1 or {**kept, **wanted} != {**kept, **there}:
+        return False
+    if HIDE_VIEWPORT in there or HIDE_RENDER in there:
+        # Points have other classes now.
+        return False
+    _write_points(mesh, position, attributes)
+    mesh.update()
+    return True
+
+
 def _is_ours(group: bpy.types.NodeTree | None) -> bool:
     return group is not None and bool(group.get(RESULT_TAG))
 
@@ -116,14 +143,19 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
     mesh = bpy.data.meshes.new(name)
     mesh[RESULT_TAG] = True
     mesh.vertices.add(len(position))
+    for attribute_name, (kind, _) in attributes.items():
+        mesh.attributes.new(attribute_name, kind, "POINT")
+    _write_points(mesh, position, attributes)
+    mesh.update()
+    return mesh
+
+
+def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
     # As an attribute, which is copied as a whole; vertices are set one after the other.
     mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
     for attribute_name, (kind, values) in attributes.items():
         dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
-        attribute = mesh.attributes.new(attribute_name, kind, "POINT")
-        attribute.data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
-    mesh.update()
-    return mesh
+        mesh.attributes[attribute_name].data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
 
 
 def rename_result(item: bpy.types.Object, name: str) -> None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..engine.problem.scatter_settings import Standing
+from ..engine.problem.slopes import LEVEL, lengthened, slope_of_normal
 from ..engine.surface.instances import body_rotations, rotate
 
 __all__ = ["Ground", "Stand", "draw", "stand"]
@@ -24,10 +25,12 @@ class Ground:
     Attributes:
         identity: Number of the point, which its random numbers follow, shape ``[n]``, int32.
         normal: Of the surface, of length 1, shape ``[n, 3]``, float32.
-        heading: Turn about the object's own axis that the placement asks for [rad], shape ``[n]``, float32.
+        heading: Turn about the object's own axis that the placement asks for [rad], shape ``[n]``, float32; of a long one as it is
+            seen from above.
         long: Whether the object lies along a direction, so that it is not turned at random, shape ``[n]``, bool.
         fit: Scale that fits the object to its footprint, shape ``[n]``, float32.
         middle: What of an object at scale 1 lies on the point, seen from its origin [m], shape ``[n, 2]``, float32.
+        axis: Of a long object, where its longer side points before it is turned [rad], shape ``[n]``, float32.
     """
 
     identity: np.ndarray
@@ -36,6 +39,7 @@ class Ground:
     long: np.ndarray
     fit: np.ndarray
     middle: np.ndarray
+    axis: np.ndarray
 
     def part(self, chosen: np.ndarray) -> Ground:
         """Return some of the points."""
@@ -59,6 +63,13 @@ def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) 
     return 1.0 + standing.scale_jitter * (2.0 * random[:, 2] - 1.0), turn
 
 
+def _turn_seen_so(direction: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return the turns with which axes in planes of these slopes have these directions [rad] seen from above."""
+    way = lengthened(np.stack([np.cos(direction), np.sin(direction)], axis=1), slope)
+    leaning = np.abs(slope).max(axis=1) > LEVEL
+    return np.where(leaning, np.arctan2(way[:, 1], way[:, 0]), direction)
+
+
 def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     """Return how objects stand on their points; all float32.
 
@@ -68,6 +79,10 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     factor, turn = draw(standing, ground.identity, ground.long, seed)
     scale = (ground.fit * factor).astype(np.float32)
     turn = ground.heading + turn
+    long = np.flatnonzero(ground.long)
+    if len(long) and standing.align_to_normal > 0.0:
+        slope = slope_of_normal(ground.normal[long], standing.align_to_normal)
+        turn[long] = _turn_seen_so(turn[long] + ground.axis[long], slope) - ground.axis[long]
     tilt = None
     if standing.tilt > 0.0:
         # Directions alike, and within the cone all points alike, as far as it is flat.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["UNBROKEN", "evenness", "evenness_word", "meters", "notes", "overlaps", "summary"]
+__all__ = ["UNBROKEN", "cover", "evenness", "evenness_word", "meters", "notes", "overlaps", "summary"]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07.
 VERY_EVEN = 0.04
 EVEN = 0.1
+# Share of the objects from which on a crowded region is spoken of.
+LEAST_CROWDED = 0.01
 # A space at which no line is broken.
 UNBROKEN = "\u00a0"
 # Fewer than this have no evenness to speak of.
@@ -60,6 +62,21 @@ def overlaps(report: dict[str, Any]) -> str:
     if not count:
         return "none"
     return f"{count:,} pair{'s' * (count != 1)}" + (f", up to {meters(deepest)}" if deepest > 0.0 else "")
+
+
+def cover(covered: float, fits: float, crowded: float) -> str:
+    """Return what cannot be avoided, before a run: "covers 131%, about 78% fits"; empty where nothing need be said.
+
+    Args:
+        covered: Sum of the footprints over the ground that there is for them.
+        fits: Share of the ground that can be taken without overlap.
+        crowded: Share of the objects that are asked for where more is asked for than fits.
+    """
+    if covered > fits:
+        return f"Overlap is unavoidable: it covers {covered:.0%} of the ground, about {fits:.0%} fits"
+    if crowded > LEAST_CROWDED:
+        return f"Too crowded in places: {crowded:.0%} is asked for where more than {fits:.0%} of the ground would be covered"
+    return ""
 
 
 def meters(length: float) -> str:

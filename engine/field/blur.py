@@ -184,7 +184,7 @@ class Blur:
         inside = deposit_images(launcher, [np.ones((1, 1), np.float32)], layout)
         convolution.apply(smooth, inside)
         # Of the whole domain, a node's share of the area, and the charges there would be if it were dense everywhere.
-        area = layout.size[0] * layout.size[1]
+        area = layout.space.area
         whole, dense = layout.node_area / area, area / spacing**2
         launcher.launch(
             kernels_blur.find_variances,

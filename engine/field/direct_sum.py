@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..space.density import box_integrals
+from ..space.space import Space
 from .field import FieldTarget
 
 __all__ = ["direct_field"]
@@ -24,8 +25,7 @@ TINY = 1e-30
 def direct_field(
     position: np.ndarray,
     *,
-    size: tuple[float, float],
-    periodic: bool,
+    space: Space,
     interaction: np.ndarray,
     targets: Sequence[FieldTarget],
     charge: np.ndarray,
@@ -38,8 +38,7 @@ def direct_field(
 
     Args:
         position: Charge positions, shape ``[n, 2]``.
-        size: Extent of the domain.
-        periodic: Whether it wraps; then the sums run over all images (Ewald summation).
+        space: Where the charges are; where it wraps, the sums run over all images (Ewald summation).
         interaction: M, shape ``[group_count, group_count]``.
         targets: One per group.
         charge: Charges, shape ``[n]``.
@@ -53,6 +52,7 @@ def direct_field(
     Returns:
         Field, shape ``[n, 2]``, float64.
     """
+    size = space.size
     # Whole cells per pixel, so that every cell has one density and its charge lies at its middle.
     rows, columns = (int(np.lcm.reduce([t.image.shape[axis] for t in targets])) for axis in (0, 1))
     rows *= max(1, int(np.ceil(2.0 * size[1] / blur / rows)))
@@ -73,7 +73,7 @@ def direct_field(
         sources = ((position, pushing, of_charge, core), (points, pulling, of_point, (0.0, 1.0)))
         total = np.zeros((len(own), 2))
         for source, strength, variances, cores in sources:
-            if periodic:
+            if space.periodic:
                 total += _periodic_sum(position[own], of_charge[own], source, strength, variances, cores, size)
             else:
                 total += _plane_sum(position[own], of_charge[own], source, strength, variances, cores)

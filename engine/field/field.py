@@ -18,7 +18,7 @@ import warp as wp
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
-from ..space.space import space_for_kernels
+from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from . import blur, kernels_blur, kernels_field, kernels_splines
 from .blur import LEAST_OF_SMALL, SHARPER_BETWEEN, USUAL_REGULARITY
@@ -51,8 +51,7 @@ class Field:
 
     Args:
         launcher: Where to run.
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: Where the charges are.
         interaction: M, shape ``[group_count, group_count]``.
         targets: One per group.
         spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
@@ -83,8 +82,7 @@ class Field:
         self,
         launcher: Launcher,
         *,
-        size: tuple[float, float],
-        periodic: bool,
+        space: Space,
         interaction: np.ndarray,
         targets: Sequence[FieldTarget],
         spacing: float,
@@ -97,8 +95,7 @@ class Field:
         fewest_nodes: int | None = None,
     ) -> None:
         self.launcher = launcher
-        self.size = size
-        self.periodic = periodic
+        self.space = space
         self.group_count = len(targets)
         self.charge_count = len(charge)
         device = launcher.device
@@ -107,8 +104,7 @@ class Field:
         if blur_over_spacing is None:
             blur_over_spacing = blur.blur_over_spacing(regularity, uniform)
         self.layout = charge_mesh(
-            size,
-            periodic,
+            space,
             spacing,
             charge_count=self.charge_count,
             group_count=self.group_count,
@@ -148,8 +144,7 @@ class Field:
         )
         self._correction = TargetCorrection(
             launcher,
-            size=size,
-            periodic=periodic,
+            space=space,
             images=images,
             attraction=np.stack([(interaction * same) @ charge_of_image, (interaction * ~same) @ charge_of_image]),
             sharper=sharper,
@@ -174,11 +169,11 @@ class Field:
 
     def _choose_cells(self) -> None:
         along = kernels_field.COLUMNS_PER_CUTOFF, kernels_field.ROWS_PER_CUTOFF
-        counts = [max(1, int(n * length / self.cutoff)) for n, length in zip(along, self.size, strict=True)]
+        counts = [max(1, int(n * length / self.cutoff)) for n, length in zip(along, self.space.size, strict=True)]
         cells = kernels_cells.CellGrid()
         cells.count_x, cells.count_y = counts
-        cells.inverse_size = wp.vec2(counts[0] / self.size[0], counts[1] / self.size[1])
-        cells.space = space_for_kernels(self.size, self.periodic)
+        cells.inverse_size = wp.vec2(counts[0] / self.space.size[0], counts[1] / self.space.size[1])
+        cells.space = self.space.for_kernels()
         self.cells = cells
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
@@ -265,7 +260,7 @@ class Field:
         rows = self.cells.count_y
         bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, rows // 2))
         # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
-        alone = 1 if self.periodic and bands % 2 == 1 and bands > 1 else 0
+        alone = 1 if self.space.periodic and bands % 2 == 1 and bands > 1 else 0
         rounds = [(0, (bands - alone + 1) // 2), (1, (bands - alone) // 2), (bands - 1, alone)]
         for first_band, count in rounds:
             self.launcher.launch(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..errors import ProblemError
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
+from ..space.space import Space
 from .blur import BLUR_OVER_SPACING, LOWEST, WIDEST
 
 __all__ = ["FEWEST_NODES", "FINEST_BLUR_OVER_MESH", "charge_mesh", "cutoff_of", "target_mesh", "widest_blur"]
@@ -29,8 +30,7 @@ REACH_OVER_BLUR = 4.7
 
 
 def charge_mesh(
-    size: tuple[float, float],
-    periodic: bool,
+    space: Space,
     spacing: float,
     *,
     charge_count: int,
@@ -44,8 +44,7 @@ def charge_mesh(
     a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
 
     Args:
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: What it lies over.
         spacing: Typical distance of neighbouring bodies where they are dense.
         charge_count: Number of charges.
         group_count: Number of groups.
@@ -55,17 +54,17 @@ def charge_mesh(
     Raises:
         ProblemError: A periodic domain that is too long and narrow for a GPU's transforms.
     """
-    crowding = max(1.0, size[0] * size[1] / (charge_count * spacing**2))
+    crowding = max(1.0, space.area / (charge_count * spacing**2))
     coarsening = (group_count * crowding) ** 0.25
     least = CUTOFF_OVER_BLUR / CUTOFF_OVER_MESH * blur_over_spacing
-    wanted = min(max(coarsening * MESH_OVER_SPACING, least) * spacing, max(size) / SMALLEST_MESH)
-    if not periodic:
-        return open_mesh(size, wanted, on_gpu=on_gpu)
-    most = min(size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_MESH)
-    layout = periodic_mesh(size, min(wanted, most), on_gpu=on_gpu)
+    wanted = min(max(coarsening * MESH_OVER_SPACING, least) * spacing, max(space.size) / SMALLEST_MESH)
+    if not space.periodic:
+        return open_mesh(space, wanted, on_gpu=on_gpu)
+    most = min(space.size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_MESH)
+    layout = periodic_mesh(space, min(wanted, most), on_gpu=on_gpu)
     if max(layout.spacing) > 1.001 * most:
         raise ProblemError(
-            f"a periodic domain must not be {max(size) / min(size):,.0f} times longer than wide on this GPU; "
+            f"a periodic domain must not be {max(space.size) / min(space.size):,.0f} times longer than wide on this GPU; "
             'use `device` "cpu"'
         )
     return layout
@@ -82,8 +81,7 @@ def widest_blur(cutoff: float) -> float:
 
 
 def target_mesh(
-    size: tuple[float, float],
-    periodic: bool,
+    space: Space,
     spacing: float,
     *,
     charge_count: int,
@@ -97,11 +95,11 @@ def target_mesh(
 
     Where the density is ``uniform``, the blur is nowhere narrower than usual.
     """
-    coarsest = (size[0] * size[1] / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
+    coarsest = (space.area / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
     narrowest = max((1.0 if uniform else LOWEST**0.5) * blur_over_spacing, LEAST_BLUR_OVER_SPACING) * spacing
     wanted = max(narrowest / FINEST_BLUR_OVER_MESH, coarsest)
-    if periodic:
-        return periodic_mesh(size, wanted, on_gpu=on_gpu)
+    if space.periodic:
+        return periodic_mesh(space, wanted, on_gpu=on_gpu)
     widest = min(WIDEST**0.5 * blur_over_spacing * spacing, widest_blur(cutoff))
     reach = max(cutoff, REACH_OVER_BLUR * widest)
-    return open_mesh(size, wanted, on_gpu=on_gpu, kernel_reach=reach)
+    return open_mesh(space, wanted, on_gpu=on_gpu, kernel_reach=reach)

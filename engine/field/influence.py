@@ -31,7 +31,7 @@ def far_influence(convolution: Convolution, layout: MeshLayout, cutoff: float) -
     one reaches around, convolves exactly.
     """
     launcher = convolution.launcher
-    if layout.periodic:
+    if layout.space.periodic:
         influence = launcher.zeros(convolution.influence_size, float)
         waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
         # The mean potential has no force.

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..space.space import Space
 from . import kernels_mirror
 from .field import Field, FieldTarget
 
@@ -23,7 +24,7 @@ class MirroredField:
 
     Args:
         launcher: Where to run.
-        size: Extent of the domain along x and y.
+        space: Where the charges are.
         targets: One per group.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
@@ -37,21 +38,20 @@ class MirroredField:
         self,
         launcher: Launcher,
         *,
-        size: tuple[float, float],
+        space: Space,
         targets: Sequence[FieldTarget],
         charge: np.ndarray,
         charge_group: np.ndarray,
         **more: Any,
     ) -> None:
         self._launcher = launcher
-        self._size = wp.vec2(*size)
+        self._size = wp.vec2(*space.size)
         self._count = len(charge)
         # An image that several groups follow stays one.
         mirrored = {id(part.image): mirror(part.image) for target in targets for part in (target, *target.more)}
         self.field = Field(
             launcher,
-            size=(2.0 * size[0], 2.0 * size[1]),
-            periodic=True,
+            space=space.with_mirror_images(),
             targets=[_mirrored(target, mirrored) for target in targets],
             charge=np.tile(charge, COPIES),
             charge_group=np.tile(charge_group, COPIES),

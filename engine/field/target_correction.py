@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
 from . import kernels_blur
 from .blur import Blur
@@ -29,8 +30,7 @@ class TargetCorrection:
 
     Args:
         launcher: Where to run.
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: What the targets lie over.
         images: The distinct target densities.
         attraction: Charge of each image that attracts each group, shape ``[2, group_count, image_count]``: of its own
             family, and of all others, whose variances are divided by ``sharper``.
@@ -55,8 +55,7 @@ class TargetCorrection:
         self,
         launcher: Launcher,
         *,
-        size: tuple[float, float],
-        periodic: bool,
+        space: Space,
         images: Sequence[np.ndarray],
         attraction: np.ndarray,
         sharper: float,
@@ -69,8 +68,7 @@ class TargetCorrection:
         fewest_nodes: int,
     ) -> None:
         self.layout = target_mesh(
-            size,
-            periodic,
+            space,
             spacing,
             charge_count=len(charge),
             cutoff=cutoff,

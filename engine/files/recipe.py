@@ -207,6 +207,7 @@ def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
     for table in tables:
         sizes = table.get("size")
         for size in sizes if isinstance(sizes, list) else []:
+            names.append(size.get("slope") if isinstance(size, dict) else None)
             line = size.get("line") if isinstance(size, dict) else None
             if isinstance(line, dict):
                 names += [line.get("length"), line.get("direction") if line.get("direction") not in WORDS else None]

@@ -22,6 +22,7 @@ FOOTPRINT_KEYS = {
     "gap": 0.0,
     "variant": None,
     "scale": None,
+    "slope": None,
 }
 ACCEPTED = (
     "{ disc = radius }, { capsule = [length, width] }, { rectangle = [length, width] } or { polygon = [[x, y], ...] }"
@@ -52,8 +53,8 @@ def check_footprint(value: object, key: str) -> tuple[tuple[Footprint, ...], tup
     )
 
 
-def written_footprints(footprints: Footprints) -> dict[str, Any]:
-    """Return the keys and values to write for the footprints of a size."""
+def written_footprints(footprints: Footprints, name_array: Callable[[str, np.ndarray], str]) -> dict[str, Any]:
+    """Return the keys and values to write for the footprints of a size; slopes are a file that ``name_array`` names."""
     none: list[Any] = [None] * len(footprints.outlines)
     weights = none if footprints.weights is None else list(footprints.weights)
     tables = []
@@ -67,6 +68,8 @@ def written_footprints(footprints: Footprints) -> dict[str, Any]:
     keys: dict[str, Any] = {"footprint": tables}
     for name, default in FOOTPRINT_KEYS.items():
         value = getattr(footprints, name)
+        if name == "slope" and value is not None:
+            value = name_array(name, value)
         value = value.tolist() if isinstance(value, np.ndarray) else value
         if value is not None and value != default:
             keys[name] = value

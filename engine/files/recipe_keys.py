@@ -194,11 +194,20 @@ def _read_footprint(table: RecipeTable) -> Footprints:
             raise table.error(name, "is only for a size with a `footprint`")
     outlines, weights = table.take("footprint", check_footprint)
     given = {name: table.entries[name] for name in FOOTPRINT_KEYS if name in table.entries}
+    if "slope" in given:
+        table.take("slope", _check_slope)
+        given["slope"] = table.read("slope", read_array)
     return table.build(lambda: Footprints(outlines, weights=weights, **given))
 
 
-def _write_footprint(footprints: Footprints, _name_array: NameArray) -> dict[str, Any]:
-    return written_footprints(footprints)
+def _write_footprint(footprints: Footprints, name_array: NameArray) -> dict[str, Any]:
+    return written_footprints(footprints, name_array)
+
+
+def _check_slope(value: object, key: str) -> str:
+    if not isinstance(value, str) or not _is_array(value):
+        raise ProblemError(f"{key} must be the name of a .npy file of slopes [rows, columns, 2]; got {show(value)}")
+    return value
 
 
 def _is_array(name: str) -> bool:

@@ -66,8 +66,8 @@ def recipe_text(
 
     Args:
         problem: What it describes.
-        name_array: Gets what an array is (``"density"``, ``"length"``, ``"direction"`` or ``"obstacle"``), the array, and the name of
-            its class; returns the name of its file.
+        name_array: Gets what an array is (``"density"``, ``"length"``, ``"direction"``, ``"slope"`` or ``"obstacle"``), the array, and
+            the name of its class; returns the name of its file.
         colors: Of the classes, in a halftone.
     """
     domain = problem.rectangle
@@ -101,7 +101,7 @@ def recipe_text(
 def _asked(placed: PreparedClass) -> BodyClass:
     """Return what a class was made from; where more went into it, what asks for it as it is."""
     placed = placed.base or placed
-    return placed.asked or BodyClass(placed.name, placed.sizes, placed.density_image)
+    return placed.asked or BodyClass(placed.name, placed.sizes, placed.density_image, room=placed.room, gap=placed.gap)
 
 
 def _table_lines(header: str, keys: dict[str, Any]) -> list[str]:

@@ -57,6 +57,31 @@ class ClassSettings(Settings):
             "Make the edges of the density stronger", more="Before everything else", label="Sharpen", of=Unsharp
         ),
     )
+    room: float = field(
+        default=1.0,
+        metadata=setting(
+            "Factor on the footprints for keeping apart. Above 1 they leave room around them, below 1 they may overlap a little. "
+            "What is seen stays as large as it is",
+            more="It takes ``avoid_overlap``, and multiplies the ``room`` that :class:`Footprints` have",
+            label="Room",
+            low=validation.SMALLEST_ROOM,
+            high=validation.LARGEST_ROOM,
+            soft_low=0.5,
+            soft_high=3.0,
+        ),
+    )
+    gap: float = field(
+        default=0.0,
+        metadata=setting(
+            "Distance that footprints of this class keep from each other; from other classes half of it, and half of theirs",
+            more="It takes ``avoid_overlap``, and adds to the ``gap`` that :class:`Footprints` have",
+            label="Gap",
+            unit="m",
+            low=0.0,
+            high=validation.LARGEST_LENGTH,
+            soft_high=2.0,
+        ),
+    )
 
 
 @described

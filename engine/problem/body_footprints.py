@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .footprint import Footprint, Footprints
+from .packing import CELLS, in_cells
 from .problem import Problem
 from .size import with_count
+from .slopes import level_share, slope_at
 
 if TYPE_CHECKING:
     from .placement import Placement
@@ -35,6 +37,9 @@ class BodyFootprints:
         variant: Which of the variants of its size it has, int32; 0 where there are none.
         room: Factor on the outline for keeping apart, float64.
         gap: Distance from others' outlines that is kept [m], float64.
+        slopes: The different images of slopes that outlines lie in, each of shape ``[rows, columns, 2]``, not ``[n]``.
+        slope: Which of them a body's outline lies in, int32; -1 where it is horizontal.
+        seen: Area of an outline as it is seen from above over the area that it has, in the mean where its class may be, float64.
     """
 
     shapes: tuple[Footprint, ...]
@@ -46,6 +51,22 @@ class BodyFootprints:
     variant: np.ndarray
     room: np.ndarray
     gap: np.ndarray
+    slopes: tuple[np.ndarray, ...] = ()
+    slope: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    seen: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if not len(self.slope):
+            object.__setattr__(self, "slope", np.full(len(self.shape), -1, np.int32))
+            object.__setattr__(self, "seen", np.ones(len(self.shape)))
+
+    def slopes_at(self, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+        """Slope of the plane that every outline lies in, at these positions [m] of a domain of this size, shape ``[n, 2]``."""
+        result = np.zeros((len(position), 2))
+        for number, image in enumerate(self.slopes):
+            own = self.slope == number
+            result[own] = slope_at(image, position[own], size)
+        return result
 
     @property
     def scale(self) -> np.ndarray:
@@ -59,7 +80,7 @@ class BodyFootprints:
         return replace(self, shape=shape, factor=factor, variant=variant)
 
     def areas(self, length: np.ndarray, width: np.ndarray, *, apart: bool) -> np.ndarray:
-        """Area of every outline [m²], shape ``[n]``, float64.
+        """Area of every outline [m²] as it is seen from above, about, shape ``[n]``, float64.
 
         Args:
             length: Length of every line's axis [m].
@@ -73,7 +94,7 @@ class BodyFootprints:
         outlined = area[self.shape] * factor**2 + edge[self.shape] * factor * around + math.pi * around**2
         room = self.room if apart else 1.0
         radius = 0.5 * width * room + around
-        return np.where(self.shape == CAPSULE, 2.0 * length * room * radius + math.pi * radius**2, outlined)
+        return np.where(self.shape == CAPSULE, 2.0 * length * room * radius + math.pi * radius**2, outlined * self.seen)
 
 
 def _perimeter(outline: Footprint) -> float:
@@ -91,12 +112,16 @@ def footprints_of(problem: Problem) -> BodyFootprints:
     factor, room, gap = np.ones(n), np.ones(n), np.zeros(n)
     turn = np.zeros(n)
     free, is_outline = np.zeros(n, bool), np.zeros(n, bool)
+    slopes: list[np.ndarray] = []
+    slope, seen = np.full(n, -1, np.int32), np.ones(n)
     area = problem.body_areas()
     begin = 0
     for (c, s, size), count in zip(sizes, counts, strict=True):
         own = slice(begin, begin + count)
         begin += count
         given = size.footprint
+        body_class = problem.classes[c]
+        room[own], gap[own] = size.room * body_class.room, size.gap + body_class.gap
         if given is None:
             if size.line is not None:
                 first[own] = CAPSULE
@@ -122,9 +147,22 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         first[own] = len(shapes)
         shapes.extend(given.outlines)
         free[own] = size.line is None and isinstance(given.turn, str) and given.turn == "free"
-        room[own], gap[own] = given.room, given.gap
         is_outline[own] = True
-    return BodyFootprints(tuple(shapes), first + variant, factor, turn, free, is_outline, variant, room, gap)
+        if given.slope is not None:
+            known = [k for k, image in enumerate(slopes) if image is given.slope]
+            slope[own] = known[0] if known else len(slopes)
+            slopes += [] if known else [given.slope]
+            seen[own] = _seen(given.slope, body_class.density_image)
+    return BodyFootprints(
+        tuple(shapes), first + variant, factor, turn, free, is_outline, variant, room, gap, tuple(slopes), slope, seen
+    )
+
+
+def _seen(slope: np.ndarray, density: np.ndarray) -> float:
+    """Mean of what slopes leave of areas as they are seen from above, where a density is."""
+    shape = (CELLS, CELLS)
+    weight = in_cells(density, shape)
+    return float(np.average(in_cells(level_share(slope), shape), weights=weight))
 
 
 def footprints_of_placement(placement: Placement) -> BodyFootprints:

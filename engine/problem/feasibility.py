@@ -11,6 +11,7 @@ from . import validation
 from .domain import Domain
 from .obstacles import Obstacle
 from .prepared_class import PreparedClass
+from .size import Size
 from .validation import show
 
 if TYPE_CHECKING:
@@ -99,12 +100,21 @@ def _check_areas(problem: Problem) -> None:
             f"{low:g} m²"
         )
     # Counts may be larger than any float.
-    covered = sum(float(min(size.count or 0, 10**18)) * (size.mean_ground / problem.domain.area) for _, size in sizes)
+    covered = sum(
+        float(min(size.count or 0, 10**18)) * (_ground_with_room(size, c) / problem.domain.area) for c, size in sizes
+    )
     if problem.avoid_overlap and covered > validation.MOST_COVERED:
         raise ProblemError(
             f"`avoid_overlap` cannot keep footprints apart that add up to {covered:.3g} times the domain; lower the counts or "
             "the areas, or let them overlap"
         )
+
+
+def _ground_with_room(size: Size, body_class: PreparedClass) -> float:
+    """Mean ground that a body covers or keeps free [m²], about."""
+    ground, room, gap = size.mean_ground, size.room * body_class.room, size.gap + body_class.gap
+    radius = math.sqrt(ground / math.pi)
+    return ground if room == 1.0 and gap == 0.0 else math.pi * (radius * room + 0.5 * gap) ** 2
 
 
 def _check_emphasis(problem: Problem) -> None:
@@ -137,6 +147,7 @@ def _check_extents(problem: Problem) -> None:
                 key, extent = "line", size.line.longest + (size.line.width or disc)
             if size.footprint is not None:
                 key, extent = "footprint", max(extent, size.longest_reach * 2.0)
+            extent = extent * size.room * c.room + size.gap + c.gap
             if extent > most * side:
                 raise ProblemError(
                     f'`{key}` of size "{size.name}" of class "{c.name}" must not make bodies longer than {most:,} times the '
@@ -155,8 +166,9 @@ def _check_inset(problem: Problem) -> None:
     most = min(problem.domain.size)
     for c in problem.classes:
         for size in c.sizes:
-            if size.widest > most * (1.0 + 1e-9):
+            widest = size.widest * size.room * c.room + size.gap + c.gap
+            if widest > most * (1.0 + 1e-9):
                 raise ProblemError(
                     f'bodies of size "{size.name}" of class "{c.name}" must not be wider than the domain that they are to lie in, '
-                    f"{most:g} m; got {size.widest:.4g}"
+                    f"{most:g} m; got {widest:.4g}"
                 )

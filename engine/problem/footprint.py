@@ -25,6 +25,8 @@ ARC = 64
 DIRECTIONS = 16
 # Turns of a long body about its axis: its frame lies along it, or the other way round.
 ALONG_THE_AXIS = 1e-6
+# Largest rise of the ground over a metre.
+STEEPEST = 100.0
 # Beyond this an angle [rad] has no digits left that say where it points.
 LARGEST_ANGLE = 1e9
 
@@ -216,6 +218,9 @@ class Footprints:
             half of the bodies round, and an array holds 0 or pi.
         room: Factor on the outlines for keeping apart.
         gap: Distance that outlines keep from each other [m], instead of ``room``.
+        slope: How far the ground rises for each metre along x and y, where bodies lean with it: their outlines lie in planes of this
+            slope, and are foreshortened in the domain. An image stretched over the domain, shape ``[rows, columns, 2]``, row 0 at
+            the largest y; None: they are horizontal. Discs and the round of other outlines stay as large as they are.
 
     Raises:
         ProblemError: A value outside these ranges.
@@ -229,6 +234,7 @@ class Footprints:
     turn: str | float | np.ndarray | Sequence[float] = "free"
     room: float = 1.0
     gap: float = 0.0
+    slope: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         given = (self.variants,) if isinstance(self.variants, Footprint) else self.variants
@@ -268,6 +274,8 @@ class Footprints:
         object.__setattr__(self, "gap", validation.check_at_least_zero(self.gap, "`gap` of footprints"))
         if self.room != 1.0 and self.gap != 0.0:
             raise ProblemError(f"`room` of footprints cannot be combined with a `gap`; got {self.room:g}")
+        if self.slope is not None:
+            object.__setattr__(self, "slope", _checked_slope(self.slope))
         self._check_lengths()
 
     def _check_lengths(self) -> None:
@@ -406,6 +414,20 @@ def _checked_turn(value: object) -> str | float | np.ndarray:
             f"`turn` of footprints must be at most {LARGEST_ANGLE:g} radians; got {np.abs(angles).max():g}"
         )
     return _kept(angles)
+
+
+def _checked_slope(value: object) -> np.ndarray:
+    accepted = f"an image of slopes, shape [rows, columns, 2], of at most {STEEPEST:g} metres a metre"
+    try:
+        slope = None if isinstance(value, (str, bytes)) else np.array(value)
+    except FOREIGN_ERRORS:
+        slope = None
+    if slope is None or slope.ndim != 3 or slope.shape[2] != 2 or not slope.size or slope.dtype.kind not in "uif":
+        raise ProblemError(f"`slope` of footprints must be {accepted}; got {show(value)}")
+    slope = slope.astype(np.float32)
+    if not (np.abs(slope) <= STEEPEST).all():
+        raise ProblemError(f"`slope` of footprints must be {accepted}; it holds {float(np.abs(slope).max()):g}")
+    return _kept(slope)
 
 
 def _kept(values: np.ndarray) -> np.ndarray:

@@ -42,20 +42,25 @@ def elongation_of(outline: Footprint) -> float:
     return outline.area / outline.width**2
 
 
-def packable_share(sizes: Sequence[Size]) -> float:
-    """Share of the ground that bodies of these sizes can cover without overlap, about, by the shares that sizes have."""
+def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -> float:
+    """Share of the ground that bodies of these sizes can cover without overlap, about, by the shares that sizes have.
+
+    Args:
+        sizes: Sizes of a class.
+        room: Factor of the class on its footprints for keeping apart.
+        gap: Distance that footprints of the class keep from each other [m].
+    """
     fits = []
     for size in sizes:
         given = size.footprint
-        if not isinstance(given, Footprints):
-            # Lines lie side by side.
-            fits.append(DISCS if size.line is None else FREE)
-            continue
-        free = size.line is not None or (isinstance(given.turn, str) and given.turn == "free")
-        share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
+        # Lines lie side by side.
+        share = DISCS if size.line is None else FREE
+        if isinstance(given, Footprints):
+            free = size.line is not None or (isinstance(given.turn, str) and given.turn == "free")
+            share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
         # The room that outlines keep for themselves is ground that they do not cover.
         radius = math.sqrt(size.mean_area / math.pi)
-        fits.append(share * min(1.0, (radius / (radius * given.room + 0.5 * given.gap)) ** 2))
+        fits.append(share * min(1.0, (radius / (radius * size.room * room + 0.5 * (size.gap + gap))) ** 2))
     return float(np.average(fits, weights=[size.share or 1.0 for size in sizes]))
 
 

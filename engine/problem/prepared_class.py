@@ -51,6 +51,9 @@ class PreparedClass:
         notes: Sentences for the report on what happened to the density.
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
         share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
+        room: Factor on the footprints for keeping apart.
+        gap: Distance that footprints keep from each other [m].
+        most: Largest density that is followed on a surface, where it is a share of the ground to cover.
         base: The class before obstacles were cut out of its density and fixed bodies added to its counts; None if it is that.
     """
 
@@ -61,6 +64,9 @@ class PreparedClass:
     asked: BodyClass | None = None
     base: PreparedClass | None = None
     share: float = 1.0
+    room: float = 1.0
+    gap: float = 0.0
+    most: float = math.inf
 
     @property
     def body_count(self) -> int:
@@ -76,7 +82,7 @@ class PreparedClass:
         """The density that bodies follow at points of a surface, shape ``[n]``, float64."""
         if self.asked is None or not callable(self.asked.density):
             return np.full(len(points.triangle), float(self.density_image[0, 0]))
-        return density_on(self.asked, points)
+        return np.minimum(density_on(self.asked, points), self.most)
 
 
 def density_on(body_class: BodyClass, points: PointsOnSurface) -> np.ndarray:
@@ -89,8 +95,14 @@ def density_on(body_class: BodyClass, points: PointsOnSurface) -> np.ndarray:
     return correct_density(values[None], key)[0] if body_class.density_correction else values
 
 
-def prepare_on_surface(body_class: BodyClass, surface: Surface) -> PreparedClass:
+def prepare_on_surface(body_class: BodyClass, surface: Surface, most: float, share: float) -> PreparedClass:
     """Return a class as it is placed on a surface.
+
+    Args:
+        body_class: What is asked.
+        surface: Where.
+        most: Largest density that is followed, of a share of the ground to cover.
+        share: What a count of ``"cover"`` means of what the density adds up to.
 
     Raises:
         ProblemError: An image, a density that is 0 everywhere or returns something else, or a share without a body.
@@ -101,12 +113,23 @@ def prepare_on_surface(body_class: BodyClass, surface: Surface) -> PreparedClass
         raise ProblemError(
             f"{key} must be a number or a function of points on a surface, such as SurfaceImage(image); got an image"
         )
+    image = np.minimum(image, np.float32(most))
     mean = float(image[0, 0])
     if callable(body_class.density):
-        mean = float(density_on(body_class, surface.sample()).mean())
+        mean = float(np.minimum(density_on(body_class, surface.sample()), most).mean())
     if mean <= 0.0:
         raise ProblemError(f"{key} must be above 0 somewhere on the surface; it is 0 everywhere")
-    return PreparedClass(body_class.name, count_sizes(body_class, mean * surface.area), image, notes, body_class)
+    return PreparedClass(
+        body_class.name,
+        count_sizes(body_class, share * mean * surface.area),
+        image,
+        notes,
+        body_class,
+        share=share,
+        room=body_class.room,
+        gap=body_class.gap,
+        most=most,
+    )
 
 
 def prepare(
@@ -129,18 +152,22 @@ def prepare(
     Raises:
         ProblemError: A sharpening that leaves nothing, a density that covers less than half a body, or a share without a body.
     """
+    covering = apart and body_class.count == "cover"
+    most = packable_share(body_class.sizes, body_class.room, body_class.gap) if covering else math.inf
     if isinstance(domain, Surface):
-        return prepare_on_surface(body_class, domain)
+        return prepare_on_surface(body_class, domain, most, share)
     if callable(body_class.density):
         raise ProblemError(
             f'`density` of class "{body_class.name}" is a function of points, which needs a Surface as `domain`; got a Domain'
         )
     image, notes = density or prepare_density(body_class)
     area = domain if isinstance(domain, float) else domain.area
-    if apart and body_class.count == "cover":
-        image = np.minimum(image, np.float32(packable_share(body_class.sizes)))
+    if covering:
+        image = np.minimum(image, np.float32(most))
     sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * area)
-    return PreparedClass(body_class.name, sizes, image, notes, body_class, share=share)
+    return PreparedClass(
+        body_class.name, sizes, image, notes, body_class, share=share, room=body_class.room, gap=body_class.gap
+    )
 
 
 def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obstacle]) -> PreparedClass:

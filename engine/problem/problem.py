@@ -237,7 +237,7 @@ def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
     covering = [c for c in classes if isinstance(c, BodyClass) and c.count == "cover"]
     if not covering:
         return 1.0
-    fits = [packable_share(c.sizes) for c in covering]
+    fits = [packable_share(c.sizes, c.room, c.gap) for c in covering]
     images = [np.minimum(prepare_density(c).image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
     return scale_to_fit(images, max(fits))
 

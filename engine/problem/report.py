@@ -50,6 +50,7 @@ class Report:
         deepest_overlap: How deep the deepest overlap is [m]: the shortest way that parts the two; 0 where nothing overlaps.
         deepest_pair: The two bodies, None where nothing overlaps.
         deepest_place: The middle between them [m].
+        overlapping: Bodies that overlap others, those that lie deepest in another first; at most 10,000.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
         closest: Smallest distance between two bodies' centres [m], in the plane of the domain; None with fewer than two bodies.
         usual: Median of every body's distance to its nearest neighbour [m].
@@ -70,6 +71,7 @@ class Report:
     deepest_overlap: float = 0.0
     deepest_pair: tuple[int, int] | None = None
     deepest_place: tuple[float, float] | None = None
+    overlapping: tuple[int, ...] = ()
 
     def to_dict(self) -> dict:
         """Return the report as plain dictionaries and lists, ready for JSON."""

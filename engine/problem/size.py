@@ -131,13 +131,23 @@ class Size(Settings):
 
     @property
     def widest(self) -> float:
-        """Smallest width of the widest body that there may be [m]."""
+        """Smallest width of the widest body that there may be, without the room that it keeps [m]."""
         if self.footprint is not None:
             given = self._footprints
-            return max(outline.width for outline in given.outlines) * self._largest_scale * given.room + given.gap
+            return max(outline.width for outline in given.outlines) * self._largest_scale
         if self.line is not None:
             return self.line.width or 0.0
         return 2.0 * math.sqrt(self.area_span[1] / math.pi)
+
+    @property
+    def room(self) -> float:
+        """Factor on the outlines for keeping apart."""
+        return 1.0 if self.footprint is None else self._footprints.room
+
+    @property
+    def gap(self) -> float:
+        """Distance that outlines keep from each other [m]."""
+        return 0.0 if self.footprint is None else self._footprints.gap
 
     @property
     def outlines(self) -> tuple[Footprint, ...]:
@@ -146,10 +156,9 @@ class Size(Settings):
 
     @property
     def longest_reach(self) -> float:
-        """Farthest that an outline reaches from a body's position, with the room that it keeps [m]."""
-        given = self._footprints
-        longest = max(outline.circumradius for outline in given.outlines)
-        return longest * self._largest_scale * given.room + 0.5 * given.gap
+        """Farthest that an outline reaches from a body's position [m]."""
+        longest = max(outline.circumradius for outline in self._footprints.outlines)
+        return longest * self._largest_scale
 
     @property
     def _largest_scale(self) -> float:

@@ -43,6 +43,8 @@ SHORTEST_LINE = 1e-7
 LARGEST_ANGLE = 1e4
 # Bodies are numbered by signed 32-bit integers.
 MOST_BODIES = 2**31 - 1
+# Factors on footprints for keeping apart.
+SMALLEST_ROOM, LARGEST_ROOM = 0.01, 100.0
 # The footprints of bodies that push each other apart, over the domain: a hundred times what could ever fit.
 MOST_COVERED = 100.0
 # Charges of one line body: the stretch and turn of a body are sums over them.

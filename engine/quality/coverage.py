@@ -141,8 +141,7 @@ class Coverage:
                 self._class,
                 one,
                 *self.shape,
-                wp.vec2(*self._bodies.size),
-                int(self.domain.periodic),
+                self._bodies.space.for_kernels(),
             ],
             [self._grid],
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_space import wrap
+from ..space.kernels_space import Space, number_inside
 
 wp.set_module_options({"enable_backward": False})
 
@@ -35,8 +35,7 @@ def deposit_clouds(
     one: int,
     rows: int,
     columns: int,
-    domain: wp.vec2,
-    periodic: int,
+    space: Space,
     # outputs
     grid: wp.array(dtype=wp.int64),
 ):
@@ -44,8 +43,8 @@ def deposit_clouds(
     i = first + wp.tid()
     if one >= 0 and class_index[i] != one:
         return
-    u = pose[i][0] / domain[0] * float(columns) - 0.5
-    v = pose[i][1] / domain[1] * float(rows) - 0.5
+    u = pose[i][0] / space.size[0] * float(columns) - 0.5
+    v = pose[i][1] / space.size[1] * float(rows) - 0.5
     left = int(wp.floor(u))
     low = int(wp.floor(v))
     for b in range(2):
@@ -54,12 +53,8 @@ def deposit_clouds(
         for a in range(2):
             column = left + a
             weight = weight_y * (1.0 - wp.abs(u - float(column)))
-            r = wp.clamp(row, 0, rows - 1)
-            c = wp.clamp(column, 0, columns - 1)
-            if periodic != 0:
-                r = wrap(row, rows)
-                c = wrap(column, columns)
-            add_at_once(grid, r * columns + c, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
+            cell = number_inside(row, rows, space) * columns + number_inside(column, columns, space)
+            add_at_once(grid, cell, wp.int64(wp.round(charge[i] * weight * CLOUD_SCALE)))
 
 
 @wp.kernel

@@ -41,6 +41,164 @@ class Lattice:
     periodic: wp.int32
 
 
+@wp.struct
+class Given:
+    """What outlines bodies have: shape, factor on it, how it is turned, and of lines the length of the axis and the thickness.
+
+    Corners of the shapes, one shape after the other from ``start`` on, and their roundings, reaches and widths without roundings. The
+    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on all of it. ``slope`` is that of the plane
+    that it lies in; there is none where all planes are horizontal.
+    """
+
+    shape: wp.array(dtype=wp.int32)
+    factor: wp.array(dtype=wp.float64)
+    angle: wp.array(dtype=wp.float64)
+    length: wp.array(dtype=wp.float64)
+    width: wp.array(dtype=wp.float64)
+    smaller: wp.array(dtype=wp.float64)
+    start: wp.array(dtype=wp.int32)
+    corner: wp.array(dtype=wp.vec2d)
+    shape_rounding: wp.array(dtype=wp.float64)
+    shape_reach: wp.array(dtype=wp.float64)
+    shape_width: wp.array(dtype=wp.float64)
+    capsule: wp.int32
+    slope: wp.array(dtype=wp.vec2d)
+
+
+@wp.func
+def seen_from_above(p: wp.vec2d, c: wp.float64, s: wp.float64, slope: wp.vec2d):
+    """A point of an outline that is turned by the angle of this cosine and sine, and leans as the plane that it lies in."""
+    at = wp.vec2d(p[0] * c - p[1] * s, p[0] * s + p[1] * c)
+    square = wp.dot(slope, slope)
+    if square == ZERO:
+        return at
+    # 1 - cosine, over the square.
+    return at - slope * (wp.dot(at, slope) / (ONE + square + wp.sqrt(ONE + square)))
+
+
+@wp.kernel
+def lay_out(
+    first: int,
+    given: Given,
+    # outputs
+    shapes: Shapes,
+):
+    """Corners with outward normals, rounding, reach and smallest width of every body, as it is turned."""
+    i = first + wp.tid()
+    shape = given.shape[i]
+    scale = given.factor[i] * given.smaller[i]
+    rounding = given.shape_rounding[shape] * scale
+    reach = given.shape_reach[shape] * scale
+    if shape == given.capsule:
+        scale = HALF * given.length[i] * given.smaller[i]
+        rounding = HALF * given.width[i] * given.smaller[i]
+        reach = HALF * (given.length[i] + given.width[i]) * given.smaller[i]
+    shapes.rounding[i] = rounding
+    shapes.reach[i] = reach
+    shapes.width[i] = given.shape_width[shape] * scale + wp.float64(2.0) * rounding
+    c = wp.cos(given.angle[i])
+    s = wp.sin(given.angle[i])
+    slope = wp.vec2d(ZERO, ZERO)
+    if given.slope.shape[0] > 0:
+        slope = given.slope[i]
+        if given.length[i] > ZERO:
+            # The angle of a line is that of its axis as it is seen from above.
+            way = wp.vec2d(c, s)
+            way = way + slope * (wp.dot(way, slope) / (ONE + wp.sqrt(ONE + wp.dot(slope, slope))))
+            way = wp.normalize(way)
+            c = way[0]
+            s = way[1]
+    begin = given.start[shape]
+    count = given.start[shape + 1] - begin
+    to = shapes.first_corner[i]
+    for k in range(count):
+        p = given.corner[begin + k] * scale
+        q = given.corner[begin + (k + 1) % count] * scale
+        at = seen_from_above(p, c, s, slope)
+        edge = seen_from_above(q, c, s, slope) - at
+        size = wp.length(edge)
+        if size == ZERO:
+            size = ONE
+        shapes.corner[to + k] = wp.vec4d(at[0], at[1], edge[1] / size, -edge[0] / size)
+
+
+@wp.kernel
+def find_levels(
+    first: int,
+    reach: wp.array(dtype=wp.float64),
+    largest: wp.float64,
+    most: int,
+    # outputs
+    level: wp.array(dtype=wp.int32),
+):
+    """How many times a body's reach can be doubled before it is above the largest one, ``most`` at most."""
+    i = first + wp.tid()
+    own = int(0)
+    doubled = wp.float64(2.0) * reach[i]
+    while doubled <= largest and own < most:
+        doubled = wp.float64(2.0) * doubled
+        own += 1
+    level[i] = own
+
+
+@wp.kernel
+def find_cells(
+    first: int,
+    position: wp.array(dtype=wp.vec2d),
+    level: wp.array(dtype=wp.int32),
+    lattice: Lattice,
+    # outputs
+    cell: wp.array(dtype=wp.int32),
+):
+    """In which cell of its level every body lies."""
+    i = first + wp.tid()
+    m = level[i]
+    columns = lattice.columns[m]
+    rows = lattice.rows[m]
+    column = wp.clamp(int(position[i][0] / lattice.size[0] * wp.float64(columns)), 0, columns - 1)
+    row = wp.clamp(int(position[i][1] / lattice.size[1] * wp.float64(rows)), 0, rows - 1)
+    cell[i] = lattice.first_cell[m] + row * columns + column
+
+
+@wp.kernel
+def sort_into_cells(
+    first: int,
+    cell: wp.array(dtype=wp.int32),
+    cell_count: int,
+    parts: int,
+    # outputs
+    start: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+):
+    """List the bodies of every cell, in their order; an element does that for its part of the cells, and looks at all bodies."""
+    part = wp.int64(first + wp.tid())
+    low = int(part * wp.int64(cell_count) / wp.int64(parts))
+    high = int((part + wp.int64(1)) * wp.int64(cell_count) / wp.int64(parts))
+    n = cell.shape[0]
+    if low == 0:
+        start[0] = 0
+    # Behind every cell: at first how many it has, then where its next one goes, at last where the next cell begins.
+    for c in range(low, high):
+        start[c + 1] = 0
+    place = int(0)
+    for i in range(n):
+        c = cell[i]
+        if c < low:
+            place += 1
+        elif c < high:
+            start[c + 1] = start[c + 1] + 1
+    for c in range(low, high):
+        count = start[c + 1]
+        start[c + 1] = place
+        place += count
+    for i in range(n):
+        c = cell[i]
+        if c >= low and c < high:
+            at = start[c + 1]
+            member[at] = i
+            start[c + 1] = at + 1
+
+
 @wp.func
 def inside_of_faces(
     corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, d: wp.vec2d, enough: wp.float64
@@ -113,11 +271,91 @@ def cell_number(unwrapped: wp.float64, count: int):
     return int(wp.floor(wp.clamp(unwrapped, -limit, limit)))
 
 
+@wp.func
+def cells_within(position: wp.float64, reach: wp.float64, size: wp.float64, count: int, periodic: int):
+    """First and last of ``count`` cells along an axis that come within ``reach`` of ``position``; unwrapped, none of them twice."""
+    scale = wp.float64(count) / size
+    low = cell_number((position - reach) * scale, count)
+    high = cell_number((position + reach) * scale, count)
+    if periodic == 0:
+        return wp.vec2i(wp.clamp(low, 0, count - 1), wp.clamp(high, 0, count - 1))
+    if high - low >= count:
+        return wp.vec2i(0, count - 1)
+    return wp.vec2i(low, high)
+
+
+@wp.func
+def shortest_way(start: wp.vec2d, end: wp.vec2d, lattice: Lattice):
+    """The vector from ``start`` to ``end``, the shorter one round a periodic domain."""
+    way = end - start
+    if lattice.periodic == 0:
+        return way
+    return wp.vec2d(
+        way[0] - lattice.size[0] * wp.floor(way[0] / lattice.size[0] + HALF),
+        way[1] - lattice.size[1] * wp.floor(way[1] / lattice.size[1] + HALF),
+    )
+
+
+@wp.func
+def deepest_of_images(i: int, j: int, way: wp.vec2d, images: wp.vec2i, shapes: Shapes, size: wp.vec2d):
+    """How deep body ``i`` lies in any of the images of body ``j``, the nearest of which is at offset ``way``; 0 if in none."""
+    touching = shapes.reach[i] + shapes.reach[j]
+    columns = 2 * images[0] + 1
+    depth = wp.float64(0.0)
+    for image in range(columns * (2 * images[1] + 1)):
+        x = image % columns - images[0]
+        y = image / columns - images[1]
+        at = wp.vec2d(way[0] + wp.float64(x) * size[0], way[1] + wp.float64(y) * size[1])
+        if (j != i or x != 0 or y != 0) and wp.dot(at, at) < touching * touching:
+            depth = wp.max(depth, depth_of_overlap(i, j, at, shapes))
+    return depth
+
+
+@wp.struct
+class Found:
+    """What a body lies in: how many others, how deep at most, and which is that one."""
+
+    count: wp.int32
+    deepest: wp.float64
+    partner: wp.int32
+
+
+@wp.func
+def look_into_cell(
+    before: Found,
+    i: int,
+    cell: int,
+    shapes: Shapes,
+    lattice: Lattice,
+    images: wp.vec2i,
+    tolerance: wp.float64,
+    most: int,
+):
+    """What body ``i`` has been found to lie in, and what it lies in of the bodies of a cell."""
+    found = Found()
+    found.count = before.count
+    found.deepest = before.deepest
+    found.partner = before.partner
+    for s in range(lattice.start[cell], lattice.start[cell + 1]):
+        j = lattice.member[s]
+        way = shortest_way(shapes.position[i], shapes.position[j], lattice)
+        touching = shapes.reach[i] + shapes.reach[j]
+        movable = shapes.fixed[i] * shapes.fixed[j] == 0
+        if found.count < most and movable and wp.dot(way, way) < touching * touching:
+            depth = deepest_of_images(i, j, way, images, shapes, lattice.size)
+            if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
+                # An image of itself counts twice, as each of a couple counts once.
+                found.count = found.count + wp.where(j == i, 2, 1)
+                if depth > found.deepest:
+                    found.deepest = depth
+                    found.partner = j
+    return found
+
+
 @wp.kernel
 def find_overlaps(
     first: int,
     shapes: Shapes,
-    level: wp.array(dtype=wp.int32),
     lattice: Lattice,
     images: wp.vec2i,
     tolerance: wp.float64,
@@ -129,67 +367,23 @@ def find_overlaps(
 ):
     """Of every body: in how many others it lies deeper than ``tolerance`` smaller widths, how deep at most [m], and in which.
 
-    A body is left as soon as ``most`` are found. One that overlaps an image of itself counts twice, as each of a couple counts once.
+    A body is left as soon as ``most`` are found.
     """
     i = first + wp.tid()
     own = shapes.position[i]
-    count = int(0)
-    worst = wp.float64(0.0)
-    worst_partner = int(-1)
+    found = Found()
+    found.partner = -1
     for m in range(lattice.reach.shape[0]):
         within = shapes.reach[i] + lattice.reach[m]
         columns = lattice.columns[m]
         rows = lattice.rows[m]
-        scale_x = wp.float64(columns) / lattice.size[0]
-        scale_y = wp.float64(rows) / lattice.size[1]
-        left = cell_number((own[0] - within) * scale_x, columns)
-        right = cell_number((own[0] + within) * scale_x, columns)
-        low = cell_number((own[1] - within) * scale_y, rows)
-        high = cell_number((own[1] + within) * scale_y, rows)
-        if lattice.periodic != 0:
-            if right - left >= columns:
-                left = 0
-                right = columns - 1
-            if high - low >= rows:
-                low = 0
-                high = rows - 1
-        else:
-            left = wp.clamp(left, 0, columns - 1)
-            right = wp.clamp(right, 0, columns - 1)
-            low = wp.clamp(low, 0, rows - 1)
-            high = wp.clamp(high, 0, rows - 1)
-        for y in range(low, high + 1):
+        across = cells_within(own[0], within, lattice.size[0], columns, lattice.periodic)
+        up = cells_within(own[1], within, lattice.size[1], rows, lattice.periodic)
+        for y in range(up[0], up[1] + 1):
             row = (y + 2 * rows) % rows
-            for x in range(left, right + 1):
+            for x in range(across[0], across[1] + 1):
                 cell = lattice.first_cell[m] + row * columns + (x + 2 * columns) % columns
-                for s in range(lattice.start[cell], lattice.start[cell + 1]):
-                    if count < most:
-                        j = lattice.member[s]
-                        d = shapes.position[j] - own
-                        if lattice.periodic != 0:
-                            d = wp.vec2d(
-                                d[0] - lattice.size[0] * wp.floor(d[0] / lattice.size[0] + HALF),
-                                d[1] - lattice.size[1] * wp.floor(d[1] / lattice.size[1] + HALF),
-                            )
-                        touching = shapes.reach[i] + shapes.reach[j]
-                        if wp.dot(d, d) < touching * touching and shapes.fixed[i] * shapes.fixed[j] == 0:
-                            depth = wp.float64(0.0)
-                            for image_y in range(-images[1], images[1] + 1):
-                                for image_x in range(-images[0], images[0] + 1):
-                                    if j != i or image_x != 0 or image_y != 0:
-                                        at = wp.vec2d(
-                                            d[0] + wp.float64(image_x) * lattice.size[0],
-                                            d[1] + wp.float64(image_y) * lattice.size[1],
-                                        )
-                                        if wp.dot(at, at) < touching * touching:
-                                            depth = wp.max(depth, depth_of_overlap(i, j, at, shapes))
-                            if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
-                                count += 1
-                                if j == i:
-                                    count += 1
-                                if depth > worst:
-                                    worst = depth
-                                    worst_partner = j
-    overlaps[i] = count
-    deepest[i] = worst
-    partner[i] = worst_partner
+                found = look_into_cell(found, i, cell, shapes, lattice, images, tolerance, most)
+    overlaps[i] = found.count
+    deepest[i] = found.deepest
+    partner[i] = found.partner

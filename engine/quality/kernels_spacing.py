@@ -6,9 +6,12 @@ import warp as wp
 
 from ..space.kernels_cells import CellGrid
 from ..space.kernels_images import Images, density_pixel
-from ..space.kernels_space import difference, wrap
+from ..space.kernels_space import Space, difference, number_across, numbers_beside
 
 wp.set_module_options({"enable_backward": False})
+
+# What a body without a neighbour in sight has as its distance, and what has no spacing as its share of one.
+NOBODY = wp.constant(1.0e6)
 
 
 @wp.kernel
@@ -30,6 +33,26 @@ def find_number_density(
     number_density[i] = total
 
 
+@wp.func
+def distance_to_nearest(
+    i: int,
+    position: wp.vec2,
+    begin: int,
+    end: int,
+    pose: wp.array(dtype=wp.vec4),
+    order: wp.array(dtype=wp.int32),
+    space: Space,
+):
+    """Distance of body ``i`` to the nearest other one of those from place ``begin`` to ``end``."""
+    closest = float(NOBODY)
+    for s in range(begin, end):
+        j = order[s]
+        if j != i:
+            way = difference(position, wp.vec2(pose[j][0], pose[j][1]), space)
+            closest = wp.min(closest, wp.length(way))
+    return closest
+
+
 @wp.kernel
 def find_nearest(
     first: int,
@@ -40,34 +63,28 @@ def find_nearest(
     grid: CellGrid,
     # outputs
     nearest: wp.array(dtype=float),
+    share: wp.array(dtype=float),
 ):
-    """Find each body's nearest neighbour in units of its own spacing."""
+    """How far each body's nearest neighbour is, and that over the spacing that is asked for where it is; 1e6 where none is in sight.
+
+    Where nothing is asked for there is no spacing, either: a share of 1e6.
+    """
     i = first + wp.tid()
     p = wp.vec2(pose[i][0], pose[i][1])
-    inverse_spacing = wp.sqrt(number_density[i])
     cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
     cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
-    closest = float(1.0e6)
-    # Fewer than three cells along a periodic axis would be visited twice.
-    low_x = wp.where(grid.space.periodic != 0 and grid.count_x < 3, -cx, -1)
-    high_x = wp.where(grid.space.periodic != 0 and grid.count_x < 3, grid.count_x - 1 - cx, 1)
-    low_y = wp.where(grid.space.periodic != 0 and grid.count_y < 3, -cy, -1)
-    high_y = wp.where(grid.space.periodic != 0 and grid.count_y < 3, grid.count_y - 1 - cy, 1)
-    for b in range(low_y, high_y + 1):
-        row = cy + b
-        if grid.space.periodic != 0:
-            row = wrap(row, grid.count_y)
-        if row >= 0 and row < grid.count_y:
-            for a in range(low_x, high_x + 1):
-                column = cx + a
-                if grid.space.periodic != 0:
-                    column = wrap(column, grid.count_x)
-                if column >= 0 and column < grid.count_x:
-                    cell = row * grid.count_x + column
-                    for s in range(cell_start[cell], cell_start[cell + 1]):
-                        j = order[s]
-                        if j != i:
-                            d = difference(p, wp.vec2(pose[j][0], pose[j][1]), grid.space)
-                            distance = wp.length(d)
-                            closest = wp.min(closest, distance * inverse_spacing)
+    closest = float(NOBODY)
+    rows = numbers_beside(cy, grid.count_y, grid.space)
+    columns = numbers_beside(cx, grid.count_x, grid.space)
+    for y in range(rows[0], rows[1] + 1):
+        row = number_across(y, grid.count_y, grid.space)
+        for x in range(columns[0], columns[1] + 1):
+            column = number_across(x, grid.count_x, grid.space)
+            if row >= 0 and row < grid.count_y and column >= 0 and column < grid.count_x:
+                cell = row * grid.count_x + column
+                found = distance_to_nearest(i, p, cell_start[cell], cell_start[cell + 1], pose, order, grid.space)
+                closest = wp.min(closest, found)
     nearest[i] = closest
+    share[i] = NOBODY
+    if closest < NOBODY and number_density[i] > 0.0:
+        share[i] = closest * wp.sqrt(number_density[i])

@@ -10,6 +10,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.domain import Domain
+from ..space.space import Space
 
 __all__ = ["MeasuredBodies", "measured_bodies"]
 
@@ -36,9 +37,9 @@ class MeasuredBodies:
         return len(self.pose)
 
     @property
-    def size(self) -> tuple[float, float]:
-        """Extent of the domain."""
-        return self.domain.size[0] / self.unit, self.domain.size[1] / self.unit
+    def space(self) -> Space:
+        """Where they are, in that unit."""
+        return Space.of(self.domain, self.unit)
 
 
 def measured_bodies(

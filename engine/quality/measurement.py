@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.body_footprints import footprints_of
 from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.problem import Problem
@@ -45,7 +46,9 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
     errors = [coverage.error([target], one) for one, target in enumerate(targets)]
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
-    covered = float(area.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
+    # Of what leans with the ground, as it is seen from above.
+    seen = area * footprints_of(problem).seen
+    covered = float(seen.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher)
     # Why bodies still overlap is looked into where they do.
@@ -73,6 +76,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         deepest_overlap=overlaps.deepest,
         deepest_pair=overlaps.pair,
         deepest_place=overlaps.place,
+        overlapping=overlaps.bodies,
         covered=covered,
         classes=_class_reports(placement, errors),
         notes=tuple(notes),
@@ -128,7 +132,7 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
     device = bodies.launcher.device
     images = [c.density_image for c in problem.classes]
     per_pixel = [
-        c.body_count / (bodies.size[0] * bodies.size[1] * float(image.mean(dtype=np.float64)))
+        c.body_count / (bodies.space.area * float(image.mean(dtype=np.float64)))
         for c, image in zip(problem.classes, images, strict=True)
     ]
     result = bodies.launcher.empty(bodies.count, float)
@@ -138,8 +142,8 @@ def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
         [
             bodies.pose,
             wp.array(per_pixel, dtype=float, device=device),
-            images_for_kernels(bodies.launcher, images, bodies.size, to_support=False),
-            wp.vec2(*bodies.size),
+            images_for_kernels(bodies.launcher, images, bodies.space.size, to_support=False),
+            wp.vec2(*bodies.space.size),
         ],
         [result],
     )

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..problem.body_footprints import footprints_of
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_heat
@@ -109,6 +110,8 @@ def _overlaps(placement: Placement, launcher: Launcher) -> int:
     """Pairs of footprints on one side that overlap, in a straight line, by more than 1e-3 of their distance."""
     n = len(placement.position)
     radius = np.where(placement.width > 0.0, 0.5 * placement.width, np.sqrt(placement.area / math.pi))
+    # With less room than they have they may overlap that far.
+    radius *= np.minimum(footprints_of(placement.problem).room, 1.0)
     half = np.where(placement.width > 0.0, 0.5 * placement.length, 0.0)
     unit = float((radius + half).max())
     position, normal = _on_device(placement, unit, launcher)

@@ -63,8 +63,7 @@ class Contact:
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, area)
         self._near = Neighbourhood(
             launcher,
-            model.size,
-            model.problem.rectangle.periodic,
+            model.space,
             self._radii(longest) / model.unit,
             half / model.unit,
             mass,
@@ -77,12 +76,12 @@ class Contact:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
         width = self._model.widths(length)
         if not self._model.problem.avoid_overlap:
-            area = self._model.body.area
-        else:
-            # While bodies find their places an outline is a disc of its area.
-            area = self._model.footprints.areas(length, width, apart=True)
-        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(area / math.pi))
-        return radius if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
+            return AXIS_RADIUS * np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+        footprints = self._model.footprints
+        # While bodies find their places an outline is a disc of its area.
+        area = footprints.areas(length, width, apart=True)
+        half = 0.5 * width * footprints.room + 0.5 * footprints.gap
+        return np.where(width > 0.0, half, np.sqrt(area / math.pi))
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""

@@ -11,14 +11,15 @@ from ..space.kernels_neighbourhood import (
     ContactGrid,
     Footprints,
     Sorted,
-    cells_of_period,
-    cells_within,
+    bodies_of_run,
+    cells_around,
     closest_places,
     lowest_bit,
-    may_touch,
+    next_near,
+    run_count,
     set_sorted,
 )
-from ..space.kernels_space import Space, confine, difference, wrap
+from ..space.kernels_space import Space, confine, difference
 from .kernels_descent import PINNED, Bodies, confine_line, slide
 
 wp.set_module_options({"enable_backward": False})
@@ -32,6 +33,121 @@ def uncrossed(axis: wp.vec2, crossed: wp.vec2, place: float):
     if beyond > 0.0:
         normal = -normal
     return wp.vec3(normal[0], normal[1], wp.abs(beyond))
+
+
+@wp.struct
+class Capsule:
+    """What contact knows of a footprint: half its axis, how long that is, half its thickness, mass and moment of inertia."""
+
+    half_axis: wp.vec2
+    half: float
+    radius: float
+    mass: float
+    inertia: float
+
+
+@wp.struct
+class Push:
+    """What another body does to one: a shift and a turn; 1 if it pushes, else 0; how far the axes are apart, below 0 if they cross."""
+
+    shift: wp.vec2
+    turn: float
+    count: float
+    distance: float
+
+
+@wp.func
+def capsule(half_axis: wp.vec2, half: float, radius: float, mass: float):
+    """A capsule as heavy to turn as a rod of its length."""
+    reach = half + radius
+    result = Capsule()
+    result.half_axis = half_axis
+    result.half = half
+    result.radius = radius
+    result.mass = mass
+    result.inertia = mass * reach * reach / 3.0
+    return result
+
+
+@wp.func
+def push_between(i: int, j: int, between: wp.vec2, own: Capsule, other: Capsule, wanted: float):
+    """What brings body ``i`` as far from body ``j`` as is ``wanted``; nothing where it is.
+
+    ``between`` is the way from one middle to the other. The pair shares what is missing by mass and moment of inertia.
+    """
+    result = Push()
+    places = closest_places(between, own.half_axis, other.half_axis)
+    gap = between + places[1] * other.half_axis - places[0] * own.half_axis
+    distance = wp.length(gap)
+    if distance < wanted:
+        # Bodies on one another part in a direction of their own, opposite for the two.
+        away = wp.vec2(wp.cos(float(i + j)), wp.sin(float(i + j)))
+        if i > j:
+            away = -away
+        if distance > 1.0e-6 * (own.radius + other.radius):
+            away = -gap / distance
+        elif own.half > 0.0 and other.half > 0.0:
+            # Axes that cross: the end that reaches less far beyond the other axis goes back.
+            own_end = uncrossed(own.half_axis, other.half_axis, places[0])
+            other_end = uncrossed(other.half_axis, own.half_axis, places[1])
+            if own_end[2] < other_end[2]:
+                away = wp.vec2(own_end[0], own_end[1])
+                distance = -own_end[2]
+                places = wp.vec2(wp.sign(places[0]), places[1])
+            else:
+                away = -wp.vec2(other_end[0], other_end[1])
+                distance = -other_end[2]
+                places = wp.vec2(places[0], wp.sign(places[1]))
+        lever = places[0] * (own.half_axis[0] * away[1] - own.half_axis[1] * away[0])
+        other_lever = places[1] * (other.half_axis[0] * away[1] - other.half_axis[1] * away[0])
+        ease = 1.0 / own.mass + lever * lever / own.inertia
+        other_ease = 1.0 / other.mass + other_lever * other_lever / other.inertia
+        push = (wanted - distance) / (ease + other_ease)
+        result.shift = away * (push / own.mass)
+        result.turn = push * lever / own.inertia
+        result.count = 1.0
+    result.distance = distance
+    return result
+
+
+@wp.func
+def scale_of_pushes(pushes: float, damping: float):
+    """Share of all pushes together that is made at once: many of them push the same way."""
+    if pushes > 2.0:
+        return damping * 2.0 / pushes
+    return damping
+
+
+@wp.func
+def add_pushes_of_run(
+    total: wp.vec4,
+    i: int,
+    at: wp.vec2,
+    own: Capsule,
+    members: wp.vec2i,
+    pose: wp.array(dtype=wp.vec4),
+    near: Sorted,
+    footprints: Footprints,
+    slack: float,
+    space: Space,
+):
+    """What pushes body ``i`` so far (shift, turn, and how many do), and what the bodies of a run of cells add to it."""
+    result = wp.vec4(total[0], total[1], total[2], total[3])
+    for start in range(members[0], members[1], LANES):
+        found = next_near(at, own.half + own.radius, (1.0 + slack) * SAFELY, start, members[1], near, space)
+        while found != 0:
+            s = start + lowest_bit(found)
+            found = found & (found - 1)
+            j = near.body[s]
+            if j != i:
+                other = pose[j]
+                between = difference(at, wp.vec2(other[0], other[1]), space)
+                wanted = (own.radius + footprints.radius[j]) * (1.0 + slack)
+                if wp.length(between) < own.half + 0.5 * other[3] + wanted:
+                    second = capsule(near.half_axis[s], 0.5 * other[3], footprints.radius[j], footprints.mass[j])
+                    push = push_between(i, j, between, own, second, wanted)
+                    result += wp.vec4(push.shift[0], push.shift[1], push.turn, push.count)
+    return result
 
 
 @wp.kernel
@@ -51,100 +167,20 @@ def push_apart(
 ):
     """The shift and turn that bring every body out of those that it overlaps, and how many these are.
 
-    A pair shares the way by mass and moment of inertia. ``slack`` is how much farther than touching, as a share of the radii, bodies
-    are pushed. An element is ``at_once`` bodies.
+    ``slack`` is how much farther than touching, as a share of the radii, bodies are pushed. An element is ``at_once`` bodies.
     """
     block = (first + wp.tid()) * at_once
     for i in range(block, wp.min(block + at_once, body_count)):
-        own = pose[i]
-        radius = footprints.radius[i]
-        mass = footprints.mass[i]
-        axis = near.half_axis[near.place[i]]
-        half = 0.5 * own[3]
-        reach = half + radius
-        # Of a rod as long as the capsule.
-        inertia = mass * reach * reach / 3.0
-        shift = wp.vec2(0.0, 0.0)
-        turn = float(0.0)
-        pushes = int(0)
-        wrapping = wp.where(grid.space.periodic != 0, 1, 0)
+        at = wp.vec2(pose[i][0], pose[i][1])
+        own = capsule(near.half_axis[near.place[i]], 0.5 * pose[i][3], footprints.radius[i], footprints.mass[i])
+        total = wp.vec4(0.0, 0.0, 0.0, 0.0)
         for m in range(grid.level_count):
-            distance_most = (reach + grid.reach[m]) * (1.0 + slack)
-            columns = cells_within(own[0], distance_most, grid.space.size[0], grid.count_x[m], grid.space.periodic)
-            rows = cells_within(own[1], distance_most, grid.space.size[1], grid.count_y[m], grid.space.periodic)
-            for unwrapped in range(rows[0], rows[1] + 1):
-                row = wrap(unwrapped, grid.count_y[m])
-                base = grid.first_cell[m] + row * grid.count_x[m]
-                # Cells of a row are neighbours in memory: they are one range, or two where they lie on both sides of a wrap.
-                for period in range(1 - wrapping, 2 + wrapping):
-                    cells = cells_of_period(columns, period, grid.count_x[m])
-                    begin = int(0)
-                    end = int(0)
-                    if cells[0] <= cells[1]:
-                        begin = cell_start[base + cells[0]]
-                        end = cell_start[base + cells[1] + 1]
-                    for start in range(begin, end, LANES):
-                        found = may_touch(
-                            own[0],
-                            own[1],
-                            reach,
-                            (1.0 + slack) * SAFELY,
-                            grid.space.size,
-                            grid.space.periodic,
-                            start,
-                            end,
-                            near.x,
-                            near.y,
-                            near.reach,
-                        )
-                        while found != 0:
-                            s = start + lowest_bit(found)
-                            found = found & (found - 1)
-                            j = near.body[s]
-                            if j != i:
-                                other = pose[j]
-                                between = difference(wp.vec2(own[0], own[1]), wp.vec2(other[0], other[1]), grid.space)
-                                touching = radius + footprints.radius[j]
-                                wanted = touching * (1.0 + slack)
-                                if wp.length(between) < half + 0.5 * other[3] + wanted:
-                                    other_axis = near.half_axis[s]
-                                    places = closest_places(between, axis, other_axis)
-                                    gap = between + places[1] * other_axis - places[0] * axis
-                                    distance = wp.length(gap)
-                                    if distance < wanted:
-                                        # Bodies on one another part in a direction of their own, opposite for the two.
-                                        away = wp.vec2(wp.cos(float(i + j)), wp.sin(float(i + j)))
-                                        if i > j:
-                                            away = -away
-                                        if distance > 1.0e-6 * touching:
-                                            away = -gap / distance
-                                        elif half > 0.0 and other[3] > 0.0:
-                                            # Axes that cross: the end that reaches less far beyond the other axis goes back.
-                                            own_end = uncrossed(axis, other_axis, places[0])
-                                            other_end = uncrossed(other_axis, axis, places[1])
-                                            if own_end[2] < other_end[2]:
-                                                away = wp.vec2(own_end[0], own_end[1])
-                                                distance = -own_end[2]
-                                                places = wp.vec2(wp.sign(places[0]), places[1])
-                                            else:
-                                                away = -wp.vec2(other_end[0], other_end[1])
-                                                distance = -other_end[2]
-                                                places = wp.vec2(places[0], wp.sign(places[1]))
-                                        lever = places[0] * (axis[0] * away[1] - axis[1] * away[0])
-                                        other_lever = places[1] * (other_axis[0] * away[1] - other_axis[1] * away[0])
-                                        other_mass = footprints.mass[j]
-                                        other_reach = 0.5 * other[3] + footprints.radius[j]
-                                        other_inertia = other_mass * other_reach * other_reach / 3.0
-                                        ease = 1.0 / mass + lever * lever / inertia
-                                        other_ease = 1.0 / other_mass + other_lever * other_lever / other_inertia
-                                        push = (wanted - distance) / (ease + other_ease)
-                                        shift += away * (push / mass)
-                                        turn += push * lever / inertia
-                                        pushes += 1
-        scale = damping
-        if pushes > 2:
-            scale = damping * 2.0 / float(pushes)
-        push_of_body[i] = wp.vec4(shift[0] * scale, shift[1] * scale, turn * scale, float(pushes))
+            around = cells_around(at, (own.half + own.radius + grid.reach[m]) * (1.0 + slack), m, grid)
+            for run in range(run_count(around)):
+                members = bodies_of_run(run, around, cell_start)
+                total = add_pushes_of_run(total, i, at, own, members, pose, near, footprints, slack, grid.space)
+        scale = scale_of_pushes(total[3], damping)
+        push_of_body[i] = wp.vec4(total[0] * scale, total[1] * scale, total[2] * scale, total[3])
 
 
 @wp.kernel

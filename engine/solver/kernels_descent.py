@@ -9,7 +9,7 @@ import warp as wp
 
 from ..space.kernels_images import Images, density_pixel, in_support, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
-from ..space.kernels_space import Space, along_border, confine, difference, overhang
+from ..space.kernels_space import Space, along_border, confine, difference, overhang, wrapped
 from .body_flags import BodyFlags
 from .kernels_direction import LENGTHS, add, add_products
 
@@ -215,9 +215,7 @@ def vector_into_support(
 @wp.func
 def middle_confined(pose: wp.vec4, space: Space):
     """A pose whose middle is wrapped into a periodic space; an open one holds it by its charges."""
-    if space.periodic == 0:
-        return pose
-    middle = confine(wp.vec2(pose[0], pose[1]), space)
+    middle = wrapped(wp.vec2(pose[0], pose[1]), space)
     return wp.vec4(middle[0], middle[1], pose[2], pose[3])
 
 

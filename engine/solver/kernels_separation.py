@@ -49,7 +49,7 @@ class Outlines:
 
     The body's number in the model; its first corner (one more at the end); the shape, and the factor on it; radius around the core,
     reach (from the position to the farthest point), smallest width and skin; inverse mass and inverse moment of inertia; the length of
-    a line's axis, and how the outline is turned from it.
+    a line's axis, and how the outline is turned from it; the slope of the plane that the outline lies in.
     Corners of shapes, with the outward normal of the edge that begins there; ``corner`` are those of the bodies as they are turned.
     """
 
@@ -65,6 +65,7 @@ class Outlines:
     ease: wp.array(dtype=float)
     length: wp.array(dtype=float)
     offset: wp.array(dtype=float)
+    slope: wp.array(dtype=wp.vec2)
     shape_start: wp.array(dtype=wp.int32)
     shape_corner: wp.array(dtype=wp.vec4)
     corner: wp.array(dtype=wp.vec4)
@@ -84,6 +85,17 @@ class Pairs:
     note: wp.array(dtype=wp.int32)
     push: wp.array(dtype=wp.vec4)
     depth: wp.array(dtype=float)
+
+
+@wp.struct
+class Slopes:
+    """Images of slopes, one after the other: which a body lies in (-1: none), first pixel, rows, columns, and the pixels."""
+
+    image: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.int32)
+    rows: wp.array(dtype=wp.int32)
+    columns: wp.array(dtype=wp.int32)
+    pixel: wp.array(dtype=wp.vec2)
 
 
 # Numbers of a round, by their places in an array, because they change.
@@ -115,6 +127,59 @@ def begin_list(
 
 
 @wp.kernel
+def find_slopes(
+    first: int,
+    place: wp.array(dtype=wp.vec4),
+    slopes: Slopes,
+    space: Space,
+    # outputs
+    slope: wp.array(dtype=wp.vec2),
+):
+    """Slope of the plane that every outline lies in where its body is, blended from the pixels around it."""
+    i = first + wp.tid()
+    m = slopes.image[i]
+    if m >= 0:
+        p = confine(wp.vec2(place[i][0], place[i][1]), space)
+        rows = slopes.rows[m]
+        columns = slopes.columns[m]
+        x = wp.clamp(p[0] / space.size[0] * float(columns) - 0.5, 0.0, float(columns - 1))
+        y = wp.clamp((1.0 - p[1] / space.size[1]) * float(rows) - 0.5, 0.0, float(rows - 1))
+        left = int(x)
+        top = int(y)
+        right = wp.min(left + 1, columns - 1)
+        below = wp.min(top + 1, rows - 1)
+        u = x - float(left)
+        v = y - float(top)
+        upper = slopes.start[m] + top * columns
+        lower = slopes.start[m] + below * columns
+        one = slopes.pixel[upper + left] * (1.0 - u) + slopes.pixel[upper + right] * u
+        other = slopes.pixel[lower + left] * (1.0 - u) + slopes.pixel[lower + right] * u
+        slope[i] = one * (1.0 - v) + other * v
+
+
+@wp.func
+def seen_from_above(v: wp.vec4, slope: wp.vec2):
+    """A corner and its normal, in a plane of this slope, as they are seen from above."""
+    square = wp.length_sq(slope)
+    root = wp.sqrt(1.0 + square)
+    along = (v[0] * slope[0] + v[1] * slope[1]) / (1.0 + square + root)
+    across = (v[2] * slope[0] + v[3] * slope[1]) / (1.0 + root)
+    n = wp.normalize(wp.vec2(v[2] + slope[0] * across, v[3] + slope[1] * across))
+    return wp.vec4(v[0] - slope[0] * along, v[1] - slope[1] * along, n[0], n[1])
+
+
+@wp.func
+def turned_corner(v: wp.vec4, factor: float, c: float, s: float, slope: wp.vec2):
+    """A corner of a shape and its normal as a body has them."""
+    w = wp.vec4(
+        factor * (c * v[0] - s * v[1]), factor * (s * v[0] + c * v[1]), c * v[2] - s * v[3], s * v[2] + c * v[3]
+    )
+    if slope[0] != 0.0 or slope[1] != 0.0:
+        w = seen_from_above(w, slope)
+    return w
+
+
+@wp.kernel
 def turn_corners(
     first: int,
     place: wp.array(dtype=wp.vec4),
@@ -127,13 +192,17 @@ def turn_corners(
     count = outlines.first_corner[i + 1] - begin
     c = wp.cos(place[i][2] + outlines.offset[i])
     s = wp.sin(place[i][2] + outlines.offset[i])
+    slope = outlines.slope[i]
+    if outlines.length[i] > 0.0 and (slope[0] != 0.0 or slope[1] != 0.0):
+        # The angle of a line is that of its axis as it is seen from above.
+        across = (c * slope[0] + s * slope[1]) / (1.0 + wp.sqrt(1.0 + wp.length_sq(slope)))
+        way = wp.normalize(wp.vec2(c + slope[0] * across, s + slope[1] * across))
+        c = way[0]
+        s = way[1]
     factor = outlines.factor[i]
     start = outlines.shape_start[outlines.shape[i]]
     for k in range(count):
-        v = outlines.shape_corner[start + k]
-        corner[begin + k] = wp.vec4(
-            factor * (c * v[0] - s * v[1]), factor * (s * v[0] + c * v[1]), c * v[2] - s * v[3], s * v[2] + c * v[3]
-        )
+        corner[begin + k] = turned_corner(outlines.shape_corner[start + k], factor, c, s, slope)
 
 
 @wp.func
@@ -1034,13 +1103,7 @@ def propose_turns(
             c = wp.cos(trial)
             s = wp.sin(trial)
             for k in range(count):
-                v = outlines.shape_corner[start + k]
-                corner[corners + k] = wp.vec4(
-                    factor * (c * v[0] - s * v[1]),
-                    factor * (s * v[0] + c * v[1]),
-                    c * v[2] - s * v[3],
-                    s * v[2] + c * v[3],
-                )
+                corner[corners + k] = turned_corner(outlines.shape_corner[start + k], factor, c, s, outlines.slope[i])
             # As much may be left at most.
             most = keep * cost[i] - best
             after = cost_of_place(i, corners, i, at, most, place, outlines, near, cell_start, grid, images, inset)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell, slot_of
-from ..space.kernels_neighbourhood import closest_places
 from ..surface.kernels_facets import carried, spot_at, tangential
-from .kernels_contact import uncrossed
+from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
 from .kernels_on_surface import Ground, walk
 
@@ -73,6 +72,86 @@ def in_plane(vector: wp.vec3, along: wp.vec3, beside: wp.vec3):
     return wp.vec2(wp.dot(vector, along), wp.dot(vector, beside))
 
 
+@wp.func
+def cell_of_block(number: int, counts: wp.vec3i):
+    """Where in a block of so many cells along x, y and z one of them lies, counted along z first."""
+    return wp.vec3i(number / (counts[1] * counts[2]), number / counts[2] % counts[1], number % counts[2])
+
+
+@wp.struct
+class Here:
+    """A body as others meet it: where, on which part, the plane that touches the surface there, and its footprint in that plane."""
+
+    position: wp.vec3
+    label: wp.int32
+    normal: wp.vec3
+    along: wp.vec3
+    beside: wp.vec3
+    footprint: Capsule
+
+
+@wp.func
+def direction_in_plane(normal: wp.vec3):
+    """Any direction across ``normal``."""
+    across = wp.vec3(-normal[2], 0.0, normal[0])
+    if wp.abs(normal[0]) < 0.6:
+        across = wp.vec3(0.0, -normal[2], normal[1])
+    return wp.normalize(across)
+
+
+@wp.func
+def stand(position: wp.vec3, facet: int, axis: wp.vec3, radius: float, mass: float, ground: Ground):
+    """A body on a facet, seen in the plane along its axis."""
+    half = wp.length(axis)
+    here = Here()
+    here.position = position
+    here.label = ground.facets.label[facet]
+    here.normal = ground.facets.normal[facet]
+    here.along = axis / wp.max(half, 1.0e-12)
+    if half == 0.0:
+        here.along = direction_in_plane(here.normal)
+    here.beside = wp.cross(here.normal, here.along)
+    here.footprint = capsule(wp.vec2(half, 0.0), half, radius, mass)
+    return here
+
+
+@wp.func
+def pushed_by(
+    i: int,
+    j: int,
+    here: Here,
+    facet: int,
+    position: wp.vec3,
+    axis: wp.vec3,
+    footprints: Footprints,
+    ground: Ground,
+    slack: float,
+):
+    """What body ``j`` does to body ``i``. What lies on another part, or looks to the other side, is not met."""
+    way = position - here.position
+    distance = wp.length(way)
+    own = here.footprint
+    touching = own.radius + footprints.radius[j]
+    normal = ground.facets.normal[facet]
+    met = ground.facets.label[facet] == here.label and wp.dot(normal, here.normal) > 0.0
+    if not (met and distance < own.half + own.radius + footprints.reach[j] + slack * touching):
+        return Push()
+    # Into the plane here, as far off as they are.
+    flat = in_plane(way, here.along, here.beside)
+    length = wp.length(flat)
+    if length > 1.0e-6 * touching:
+        flat = flat * (distance / length)
+    carried_axis = carried(axis, normal, here.normal)
+    reach = footprints.reach[j]
+    other = Capsule()
+    other.half_axis = in_plane(carried_axis, here.along, here.beside)
+    other.half = wp.length(other.half_axis)
+    other.radius = footprints.radius[j]
+    other.mass = footprints.mass[j]
+    other.inertia = other.mass * reach * reach / 3.0
+    return push_between(i, j, flat, own, other, touching * (1.0 + slack))
+
+
 @wp.kernel
 def push_apart(
     first: int,
@@ -95,102 +174,37 @@ def push_apart(
 ):
     """The shift and turn that bring every body out of those that it overlaps; how many push it, and how many of them overlap it.
 
-    What lies on another part, or looks to the other side, is not met. Bodies are in the slots of where they were when these were
-    sorted, ``sorted_at``.
+    Bodies are in the slots of where they were when these were sorted, ``sorted_at``.
     """
     i = first + wp.tid()
-    at = position[i]
-    normal = ground.facets.normal[facet[i]]
-    label = ground.facets.label[facet[i]]
-    radius = footprints.radius[i]
-    mass = footprints.mass[i]
-    own_axis = axis[i]
-    half = wp.length(own_axis)
-    along = own_axis / wp.max(half, 1.0e-12)
-    if half == 0.0:
-        away = wp.vec3(-normal[2], 0.0, normal[0])
-        if wp.abs(normal[0]) < 0.6:
-            away = wp.vec3(0.0, -normal[2], normal[1])
-        along = wp.normalize(away)
-    beside = wp.cross(normal, along)
-    flat_axis = wp.vec2(half, 0.0)
-    reach = half + radius
-    inertia = mass * reach * reach / 3.0
+    here = stand(position[i], facet[i], axis[i], footprints.radius[i], footprints.mass[i], ground)
+    reach = here.footprint.half + here.footprint.radius
     total = wp.vec2(0.0, 0.0)
     total_turn = float(0.0)
-    pushed = int(0)
+    pushed = float(0.0)
     overlapping = int(0)
     for m in range(footprints.level_count):
         most = (reach + footprints.level_reach[m]) * (1.0 + slack)
         inverse = footprints.inverse_cell[m]
-        low = cell_at(at - wp.vec3(most, most, most), inverse)
-        high = cell_at(at + wp.vec3(most, most, most), inverse)
-        for x in range(low[0], high[0] + 1):
-            for y in range(low[1], high[1] + 1):
-                for z in range(low[2], high[2] + 1):
-                    cell = wp.vec3i(x, y, z)
-                    slot = slot_of_level(cell, m, mask)
-                    for s in range(slot_start[slot], slot_start[slot + 1]):
-                        j = order[s]
-                        if j != i and footprints.level[j] == m and same_cell(cell_at(sorted_at[j], inverse), cell):
-                            way = position[j] - at
-                            distance = wp.length(way)
-                            touching = radius + footprints.radius[j]
-                            wanted = touching * (1.0 + slack)
-                            other = facet[j]
-                            if (
-                                distance < reach + footprints.reach[j] + slack * touching
-                                and ground.facets.label[other] == label
-                                and wp.dot(ground.facets.normal[other], normal) > 0.0
-                            ):
-                                # Into the plane here, as far off as they are.
-                                flat = in_plane(way, along, beside)
-                                length = wp.length(flat)
-                                if length > 1.0e-6 * touching:
-                                    flat = flat * (distance / length)
-                                carried_axis = carried(axis[j], ground.facets.normal[other], normal)
-                                other_axis = in_plane(carried_axis, along, beside)
-                                places = closest_places(flat, flat_axis, other_axis)
-                                gap = flat + places[1] * other_axis - places[0] * flat_axis
-                                between = wp.length(gap)
-                                if between < wanted:
-                                    # Bodies on one another part in a direction of their own, opposite for the two.
-                                    angle = float(i + j)
-                                    out = wp.vec2(wp.cos(angle), wp.sin(angle))
-                                    if i > j:
-                                        out = -out
-                                    if between > 1.0e-6 * touching:
-                                        out = -gap / between
-                                    elif half > 0.0 and wp.length_sq(other_axis) > 0.0:
-                                        own_end = uncrossed(flat_axis, other_axis, places[0])
-                                        other_end = uncrossed(other_axis, flat_axis, places[1])
-                                        if own_end[2] < other_end[2]:
-                                            out = wp.vec2(own_end[0], own_end[1])
-                                            between = -own_end[2]
-                                            places = wp.vec2(wp.sign(places[0]), places[1])
-                                        else:
-                                            out = -wp.vec2(other_end[0], other_end[1])
-                                            between = -other_end[2]
-                                            places = wp.vec2(places[0], wp.sign(places[1]))
-                                    lever = places[0] * (flat_axis[0] * out[1] - flat_axis[1] * out[0])
-                                    other_lever = places[1] * (other_axis[0] * out[1] - other_axis[1] * out[0])
-                                    other_mass = footprints.mass[j]
-                                    other_reach = footprints.reach[j]
-                                    other_inertia = other_mass * other_reach * other_reach / 3.0
-                                    ease = 1.0 / mass + lever * lever / inertia
-                                    other_ease = 1.0 / other_mass + other_lever * other_lever / other_inertia
-                                    push = (wanted - between) / (ease + other_ease)
-                                    total += out * (push / mass)
-                                    total_turn += push * lever / inertia
-                                    pushed += 1
-                                    if between < touching:
-                                        overlapping += 1
-    scale = damping
-    if pushed > 2:
-        scale = damping * 2.0 / float(pushed)
-    shift[i] = scale * (total[0] * along + total[1] * beside)
+        low = cell_at(here.position - wp.vec3(most, most, most), inverse)
+        high = cell_at(here.position + wp.vec3(most, most, most), inverse)
+        counts = high - low + wp.vec3i(1, 1, 1)
+        for number in range(counts[0] * counts[1] * counts[2]):
+            cell = low + cell_of_block(number, counts)
+            slot = slot_of_level(cell, m, mask)
+            for s in range(slot_start[slot], slot_start[slot + 1]):
+                j = order[s]
+                if j != i and footprints.level[j] == m and same_cell(cell_at(sorted_at[j], inverse), cell):
+                    push = pushed_by(i, j, here, facet[j], position[j], axis[j], footprints, ground, slack)
+                    total += push.shift
+                    total_turn += push.turn
+                    pushed += push.count
+                    if push.count > 0.0 and push.distance < here.footprint.radius + footprints.radius[j]:
+                        overlapping += 1
+    scale = scale_of_pushes(pushed, damping)
+    shift[i] = scale * (total[0] * here.along + total[1] * here.beside)
     turn[i] = scale * total_turn
-    pushes[i] = pushed
+    pushes[i] = int(pushed)
     overlaps[i] = overlapping
 
 

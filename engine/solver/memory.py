@@ -20,6 +20,7 @@ from ..problem.surface import Surface
 from ..problem.validation import MOST_BODIES, show
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout
+from ..space.space import Space
 from ..space.survey import typical_spacing
 
 __all__ = ["check_memory", "machine_memory", "required_memory"]
@@ -82,13 +83,13 @@ def _required_for_meshes(problem: Problem) -> int:
     groups = _group_count(problem)
     classes = len(problem.classes)
     unit = math.sqrt(problem.rectangle.area / problem.charge_count)
-    size = problem.rectangle.size[0] / unit, problem.rectangle.size[1] / unit
-    spacing, periodic, charges = typical_spacing(problem) / unit, problem.rectangle.periodic, problem.charge_count
+    space = Space.of(problem.rectangle, unit)
+    spacing, charges = typical_spacing(problem) / unit, problem.charge_count
     if problem.rectangle.mirrored:
         # The mesh lies over the images beyond the borders as well.
-        size, periodic, charges = (2.0 * size[0], 2.0 * size[1]), True, COPIES * charges
-    coarse = charge_mesh(size, periodic, spacing, charge_count=charges, group_count=groups, on_gpu=False)
-    fine = target_mesh(size, periodic, spacing, charge_count=charges, cutoff=cutoff_of(coarse), on_gpu=False)
+        space, charges = space.with_mirror_images(), COPIES * charges
+    coarse = charge_mesh(space, spacing, charge_count=charges, group_count=groups, on_gpu=False)
+    fine = target_mesh(space, spacing, charge_count=charges, cutoff=cutoff_of(coarse), on_gpu=False)
     of_coarse = (
         groups * (BYTES_PER_NODE_AND_GROUP * coarse.node_count + _halves(coarse)) + 4 * classes * coarse.node_count
     )

@@ -18,6 +18,7 @@ from ..problem.line import Line
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from ..space.space import Space
 from .body_flags import BodyFlags
 from .supports import supports_of
 
@@ -78,6 +79,7 @@ class Model:
         problem: What is to be placed.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
         unit: Metres per unit of length; None for that in which charges have a mean number density of 1.
+        groups: Groups of the bodies, where they are some of a larger problem's; None for those of this one.
 
     Attributes:
         problem: The problem.
@@ -94,7 +96,14 @@ class Model:
         size: Extent of the rectangle in units; 0 on a surface.
     """
 
-    def __init__(self, problem: Problem, flags: np.ndarray | None = None, *, unit: float | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        flags: np.ndarray | None = None,
+        *,
+        unit: float | None = None,
+        groups: Groups | None = None,
+    ) -> None:
         self.problem = problem
         sizes = [(c, size) for c in problem.classes for size in c.sizes]
         counts = [size.count or 0 for _, size in sizes]
@@ -102,7 +111,7 @@ class Model:
         self.kinds = tuple(LineKind(c, size.line) for c, size in sizes if size.line is not None)
         kind = np.where(is_line, np.cumsum(is_line) - 1, -1)
         longest = np.array([0.0 if size.line is None else size.line.longest for _, size in sizes])
-        self.groups: Groups = group_bodies(problem)
+        self.groups: Groups = groups or group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
         area = problem.body_areas()
@@ -126,12 +135,10 @@ class Model:
         self.charge: BodyCharges = charges_of(problem)
         self.interaction = _within_range(self.groups.matrix, self.charge.charge)
         domain = problem.domain
-        self.size = (0.0, 0.0)
         if isinstance(domain, Surface):
             self.unit = _typical_spacing(problem, domain)
         else:
             self.unit = unit or math.sqrt(domain.area / len(self.charge.charge))
-            self.size = (domain.size[0] / self.unit, domain.size[1] / self.unit)
 
     def carry(self, old: Model, carried: CarriedOver) -> None:
         """Give bodies that were in another model before the identities and flags that they had there."""
@@ -142,6 +149,16 @@ class Model:
         flags[came] |= kept[carried.source[came]]
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
         self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
+
+    @property
+    def space(self) -> Space:
+        """Where the bodies are, in the model's unit; for problems in a rectangle."""
+        return Space.of(self.problem.rectangle, self.unit)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent of that space along x and y."""
+        return self.space.size
 
     @property
     def body_count(self) -> int:

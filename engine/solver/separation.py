@@ -9,7 +9,7 @@ momentum and no pull.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,10 +20,10 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from ..space.space import space_for_kernels
 from . import kernels_descent, kernels_separation
 from .body_flags import BodyFlags
 from .model import Model
+from .spatial_order import spatial_order
 
 __all__ = ["Separation", "footprint_tables"]
 
@@ -52,8 +52,10 @@ MOST_ROUNDS = 2500
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
-# Where footprints cover more than the ground, none of this helps.
+# Where footprints cover more than the ground, none of this helps: so many rounds, of many bodies as many as this has of all bodies.
 ROUNDS_OF_THE_HOPELESS = 150
+FEWEST_ROUNDS = 15
+BODIES_OF_THE_HOPELESS = 2_000_000
 # Rounds after the last overlap that counts until those below the tolerance may stay.
 LAST_ROUNDS = 100
 # Trading places: passes before the first round, rounds between two later passes and how many there are; candidates for each body,
@@ -205,7 +207,7 @@ class Separation:
         self._model = model
         self._count = n = model.body_count
         domain = model.problem.rectangle
-        self._space = space_for_kernels(model.size, domain.periodic)
+        self._space = model.space.for_kernels()
         self._inset = int(domain.inset)
         unit = model.unit
         given = pose.numpy()
@@ -216,8 +218,8 @@ class Separation:
         angle = np.where(self._is_line, given[:, 2], start_turn)
         offset = np.where(self._is_line, start_turn, 0.0)
         reach, skin = tables.reach / unit, SKIN * np.sqrt(tables.area) / unit
-        self._near = Neighbourhood(launcher, model.size, domain.periodic, reach + skin, np.zeros(n), np.ones(n))
-        order = self._spatial_order(given)
+        self._near = Neighbourhood(launcher, model.space, reach + skin, np.zeros(n), np.ones(n))
+        order = spatial_order(launcher, pose, model.space.size)
         self._order = order
         self._near.footprints.radius.assign((reach + skin)[order].astype(np.float32))
         level = self._near.footprints.level.numpy()[order]
@@ -230,9 +232,8 @@ class Separation:
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         mass = tables.area / tables.area.mean()
-        is_round = (np.diff(tables.start)[tables.shape] == 1) & (
-            np.hypot(*tables.corners[tables.start[tables.shape], :2].T) == 0.0
-        )
+        is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
+        is_round = is_round[tables.shape]
         lightness = np.where(pinned, 0.0, 1.0 / mass)
         ease = np.where(
             pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
@@ -240,6 +241,7 @@ class Separation:
         self._outlines = self._outlines_for_kernels(
             tables, order, skin=skin, lightness=lightness, ease=ease, length=length / unit, offset=offset
         )
+        self._slopes = self._slopes_for_kernels(order)
         self._covered = float(tables.area.sum() / domain.area)
         self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
@@ -248,12 +250,23 @@ class Separation:
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
-    def _spatial_order(self, given: np.ndarray) -> np.ndarray:
-        """Bodies as they lie in space, so that those near each other lie near each other in memory."""
-        rows = max(1, int(math.sqrt(self._count / 4.0)))
-        row = np.minimum(given[:, 1] / self._model.size[1] * rows, rows - 1).astype(np.int64)
-        row = np.maximum(row, 0)
-        return np.lexsort((given[:, 0], row))
+    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_separation.Slopes | None:
+        """Slopes of the planes that outlines lie in; None where all are horizontal."""
+        footprints, device = self._model.footprints, self.launcher.device
+        if not footprints.slopes:
+            return None
+
+        def whole(values: Sequence[int] | np.ndarray) -> wp.array:
+            return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
+
+        pixels = [image.reshape(-1, 2) for image in footprints.slopes]
+        slopes = kernels_separation.Slopes()
+        slopes.image = whole(footprints.slope[order])
+        slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
+        slopes.rows = whole([image.shape[0] for image in footprints.slopes])
+        slopes.columns = whole([image.shape[1] for image in footprints.slopes])
+        slopes.pixel = wp.array(np.concatenate(pixels), dtype=wp.vec2, device=device)
+        return slopes
 
     def _outlines_for_kernels(
         self, tables: FootprintTables, order: np.ndarray, **others: np.ndarray
@@ -261,7 +274,7 @@ class Separation:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
-            return wp.array(values[order].astype(np.float32), dtype=float, device=device)
+            return wp.array(values.astype(np.float32)[order], dtype=float, device=device)
 
         def whole(values: np.ndarray) -> wp.array:
             return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
@@ -278,6 +291,7 @@ class Separation:
         outlines.width = numbers(tables.width / unit)
         for name, values in others.items():
             setattr(outlines, name, numbers(values))
+        outlines.slope = self.launcher.zeros(len(order), wp.vec2)
         outlines.shape_start = whole(tables.start)
         outlines.shape_corner = wp.array(tables.corners.astype(np.float32), dtype=wp.vec4, device=device)
         # Behind them there is room for trials of how bodies may be turned.
@@ -315,9 +329,9 @@ class Separation:
 
     def _make_arrays(self, given: np.ndarray, angle: np.ndarray) -> None:
         launcher, n = self.launcher, self._count
-        values = np.column_stack([given[:, 0], given[:, 1], angle, np.zeros(self._count)])[self._order].astype(
-            np.float32
-        )
+        values = np.zeros((n, 4), np.float32)
+        values[:, :2], values[:, 2] = given[:, :2], angle
+        values = values[self._order]
         self._start = values
         self._place = wp.array(values, dtype=wp.vec4, device=launcher.device)
         self._home = wp.clone(self._place)
@@ -360,6 +374,12 @@ class Separation:
         # Who was parted before keeps its place.
         return not self._again and bool(self._may_swap.any())
 
+    @property
+    def _most_rounds(self) -> int:
+        if self._covered > 1.0:
+            return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
+        return MOST_ROUNDS
+
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
         self._last_move.zero_()
@@ -374,7 +394,7 @@ class Separation:
         if not hot and self._covered <= 1.0 and self._free and not self._again:
             self._turn_first()
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
-        most = ROUNDS_OF_THE_HOPELESS if self._covered > 1.0 else MOST_ROUNDS
+        most = self._most_rounds
         swaps = HOT_SWAPS if hot else MOST_SWAPS
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         least, since, swapped, clean = math.inf, 0, 0, 0
@@ -451,6 +471,13 @@ class Separation:
             self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
 
     def _turn_corners(self) -> None:
+        if self._slopes is not None:
+            self.launcher.launch(
+                kernels_separation.find_slopes,
+                self._count,
+                [self._place, self._slopes, self._space],
+                [self._outlines.slope],
+            )
         self.launcher.launch(
             kernels_separation.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
         )

@@ -79,7 +79,9 @@ class SurfaceContact:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
         width = self._model.widths(length)
         radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
-        return radius if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
+        footprints = self._model.footprints
+        apart = radius * footprints.room + 0.5 * footprints.gap
+        return apart if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
 
     def push(self, state: SurfaceState) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that the state remembers."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_space import wrap
+from .kernels_space import Space, number_inside
 
 wp.set_module_options({"enable_backward": False})
 
@@ -17,7 +17,7 @@ class Mesh:
     count_y: wp.int32
     inverse_spacing: wp.vec2
     margin: wp.int32
-    periodic: wp.int32
+    space: Space
 
 
 @wp.func
@@ -25,8 +25,5 @@ def nearest_node(position: wp.vec2, mesh: Mesh):
     """Index of the mesh node nearest to ``position``, which lies inside the domain."""
     column = int(position[0] * mesh.inverse_spacing[0] + 0.5) + mesh.margin
     row = int(position[1] * mesh.inverse_spacing[1] + 0.5) + mesh.margin
-    if mesh.periodic != 0:
-        column = wrap(column, mesh.count_x)
-        row = wrap(row, mesh.count_y)
     # Of a position that is no number, too, there is a node.
-    return wp.clamp(row, 0, mesh.count_y - 1) * mesh.count_x + wp.clamp(column, 0, mesh.count_x - 1)
+    return number_inside(row, mesh.count_y, mesh.space) * mesh.count_x + number_inside(column, mesh.count_x, mesh.space)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_space import Space
+from .kernels_space import Space, wrap
 
 wp.set_module_options({"enable_backward": False})
 
@@ -140,6 +140,51 @@ def cells_of_period(cells: wp.vec2i, period: int, count: int):
     return wp.vec2i(wp.max(cells[0] - start, 0), wp.min(cells[1] - start, count - 1))
 
 
+@wp.struct
+class Around:
+    """Cells of a level that come within reach of a position: columns and rows (unwrapped), and how many periods they may lie in."""
+
+    columns: wp.vec2i
+    rows: wp.vec2i
+    count_x: wp.int32
+    count_y: wp.int32
+    first_cell: wp.int32
+    first_period: wp.int32
+    periods: wp.int32
+
+
+@wp.func
+def cells_around(position: wp.vec2, reach: float, level: int, grid: ContactGrid):
+    """The cells of a level that come within ``reach`` of ``position``."""
+    space = grid.space
+    around = Around()
+    around.count_x = grid.count_x[level]
+    around.count_y = grid.count_y[level]
+    around.columns = cells_within(position[0], reach, space.size[0], around.count_x, space.periodic)
+    around.rows = cells_within(position[1], reach, space.size[1], around.count_y, space.periodic)
+    around.first_cell = grid.first_cell[level]
+    around.first_period = wp.where(space.periodic != 0, 0, 1)
+    around.periods = wp.where(space.periodic != 0, 3, 1)
+    return around
+
+
+@wp.func
+def run_count(around: Around):
+    """Cells of a row are neighbours in memory: they are one run of bodies, or two where they lie on both sides of a wrap."""
+    return (around.rows[1] - around.rows[0] + 1) * around.periods
+
+
+@wp.func
+def bodies_of_run(run: int, around: Around, cell_start: wp.array(dtype=wp.int32)):
+    """First place in :class:`Sorted` of the bodies of a run, and the one after the last."""
+    cells = cells_of_period(around.columns, around.first_period + run % around.periods, around.count_x)
+    if cells[0] > cells[1]:
+        return wp.vec2i(0, 0)
+    row = wrap(around.rows[0] + run / around.periods, around.count_y)
+    base = around.first_cell + row * around.count_x
+    return wp.vec2i(cell_start[base + cells[0]], cell_start[base + cells[1] + 1])
+
+
 # Which of the next bodies may be within reach, as bits: a quick look at several at once, wrong on the safe side only. Positions differ
 # by less than a period; the nearest image of a body is meant.
 _MAY_TOUCH = f"""
@@ -189,6 +234,14 @@ def may_touch(
     ys: wp.array(dtype=float),
     reaches: wp.array(dtype=float),
 ) -> int: ...
+
+
+@wp.func
+def next_near(position: wp.vec2, reach: float, wider: float, start: int, end: int, near: Sorted, space: Space):
+    """Which of the bodies from ``start`` on, :data:`LANES` of them at most, may be within reach of ``position``, as bits."""
+    return may_touch(
+        position[0], position[1], reach, wider, space.size, space.periodic, start, end, near.x, near.y, near.reach
+    )
 
 
 @wp.func_native("""

@@ -1,6 +1,8 @@
 """What kernels know of the space that bodies are in: its edges, or how it wraps.
 
-Only these functions know that it is a rectangle. Another space provides the same ones.
+Other kernels ask these functions, and do not look into :class:`Space` for how it ends: where positions go, ways between them, what the
+border does to a force; and which of the cells or nodes that are numbered along an axis lies beyond an end. Another space provides the
+same ones.
 """
 
 from __future__ import annotations
@@ -71,6 +73,56 @@ def along_border(force: wp.vec2, position: wp.vec2, space: Space):
     if (position[1] <= 0.0 and y < 0.0) or (position[1] >= space.size[1] and y > 0.0):
         y = 0.0
     return wp.vec2(x, y)
+
+
+@wp.func
+def wrapped(position: wp.vec2, space: Space):
+    """``position`` inside a space that repeats itself; where one ends, it may lie outside."""
+    if space.periodic != 0:
+        return confine(position, space)
+    return position
+
+
+@wp.func
+def number_inside(i: int, count: int, space: Space):
+    """Which of ``count`` cells or nodes along an axis stands for number ``i``: the nearest one, or in a space that wraps its image."""
+    inside = i
+    if space.periodic != 0:
+        inside = wrap(i, count)
+    return wp.clamp(inside, 0, count - 1)
+
+
+@wp.func
+def number_across(i: int, count: int, space: Space):
+    """Which of ``count`` cells along an axis lies at number ``i``, at most a period outside; below 0 or not below ``count``: none."""
+    if space.periodic != 0:
+        return wrap(i, count)
+    return i
+
+
+@wp.func
+def shift_across(i: int, count: int, length: float, space: Space):
+    """What is added to a place along an axis so that the cell that :func:`number_across` finds is beside it."""
+    if space.periodic != 0:
+        if i < 0:
+            return length
+        if i >= count:
+            return -length
+    return 0.0
+
+
+@wp.func
+def goes_across(low: int, high: int, count: int, space: Space):
+    """Whether cells ``low`` to ``high`` along an axis, of ``count``, are continued on the other side."""
+    return space.periodic != 0 and (low < 0 or high >= count)
+
+
+@wp.func
+def numbers_beside(i: int, count: int, space: Space):
+    """First and last number, for :func:`number_across`, of cell ``i`` along an axis and of those that touch it, none of them twice."""
+    if space.periodic != 0 and count < 3:
+        return wp.vec2i(0, count - 1)
+    return wp.vec2i(i - 1, i + 1)
 
 
 @wp.func

@@ -11,6 +11,7 @@ import warp as wp
 from ..transforms.convolution import good_length
 from ..transforms.convolution_gpu import LONGEST_ROW
 from . import kernels_mesh
+from .space import Space
 
 __all__ = ["MeshLayout", "open_mesh", "periodic_mesh"]
 
@@ -27,20 +28,18 @@ class MeshLayout:
     """A mesh of nodes over a domain, row 0 at the bottom.
 
     Attributes:
-        size: Extent of the domain along x and y.
+        space: What it lies over.
         shape: Rows, an even number, and columns.
         padded: Rows and columns of the transforms that convolve it.
         spacing: Distance of nodes along x and y.
         margin: Index of the node at the origin.
-        periodic: Whether it wraps.
     """
 
-    size: tuple[float, float]
+    space: Space
     shape: tuple[int, int]
     padded: tuple[int, int]
     spacing: tuple[float, float]
     margin: int
-    periodic: bool
 
     @property
     def node_count(self) -> int:
@@ -58,7 +57,7 @@ class MeshLayout:
         mesh.count_x, mesh.count_y = self.shape[1], self.shape[0]
         mesh.inverse_spacing = wp.vec2(1.0 / self.spacing[0], 1.0 / self.spacing[1])
         mesh.margin = self.margin
-        mesh.periodic = int(self.periodic)
+        mesh.space = self.space.for_kernels()
         return mesh
 
     def windows(self) -> tuple[np.ndarray, np.ndarray]:
@@ -77,16 +76,17 @@ def _window(count: int) -> np.ndarray:
     return np.sinc(theta / (2.0 * np.pi)) ** 8 / aliases**2 / count
 
 
-def periodic_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool) -> MeshLayout:
-    """Lay a mesh with nodes at most ``wanted`` apart over a periodic domain."""
+def periodic_mesh(space: Space, wanted: float, *, on_gpu: bool) -> MeshLayout:
+    """Lay a mesh with nodes at most ``wanted`` apart over a space that wraps."""
+    size = space.size
     columns, rows = (_length_for(length / wanted, on_gpu) for length in size)
     shape = (rows, columns)
-    return MeshLayout(size, shape, shape, (size[0] / columns, size[1] / rows), 0, True)
+    return MeshLayout(space, shape, shape, (size[0] / columns, size[1] / rows), 0)
 
 
-def open_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool, kernel_reach: float = math.inf) -> MeshLayout:
-    """Lay a mesh with nodes at most ``wanted`` apart over an open domain, padded for a kernel that reaches so far."""
-    longer = max(size)
+def open_mesh(space: Space, wanted: float, *, on_gpu: bool, kernel_reach: float = math.inf) -> MeshLayout:
+    """Lay a mesh with nodes at most ``wanted`` apart over a space that ends, padded for a kernel that reaches so far."""
+    size, longer = space.size, max(space.size)
     # Nodes that the transform holds besides those within the domain: margins, one that makes rows even, the wrap's guard and the
     # kernel's reach.
     extra = 2 * OPEN_MARGIN + 2 + WRAP_GUARD
@@ -106,7 +106,7 @@ def open_mesh(size: tuple[float, float], wanted: float, *, on_gpu: bool, kernel_
     padded = tuple(
         _length_for(n + padding(n) + (2 if padding(n) == n else 1) * WRAP_GUARD, on_gpu) for n in (rows, columns)
     )
-    return MeshLayout(size, (rows, columns), (padded[0], padded[1]), (step, step), OPEN_MARGIN, False)
+    return MeshLayout(space, (rows, columns), (padded[0], padded[1]), (step, step), OPEN_MARGIN)
 
 
 def _length_for(least: float, on_gpu: bool) -> int:

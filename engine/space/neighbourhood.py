@@ -14,7 +14,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from . import kernels_neighbourhood
 from .cell_sort import CellSort
-from .space import space_for_kernels
+from .space import Space
 
 __all__ = ["Neighbourhood"]
 
@@ -27,8 +27,7 @@ class Neighbourhood:
 
     Args:
         launcher: Where to run.
-        size: Extent of the domain along x and y.
-        periodic: Whether it wraps.
+        space: Where they are.
         radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
         half_length: Half the longest axis that it may have, shape ``[n]``.
         mass: Of every body, shape ``[n]``; infinite for one that others cannot push.
@@ -37,8 +36,7 @@ class Neighbourhood:
     def __init__(
         self,
         launcher: Launcher,
-        size: tuple[float, float],
-        periodic: bool,
+        space: Space,
         radius: np.ndarray,
         half_length: np.ndarray,
         mass: np.ndarray,
@@ -52,8 +50,8 @@ class Neighbourhood:
         level = np.searchsorted(used, level).astype(np.int32) if len(used) <= used[-1] else level
         most_reach = np.array([reach.max(initial=0.0, where=level == m) for m in range(len(used))])
         # Cells as large as a body, but not many more than bodies.
-        cell = np.maximum(2.0 * most_reach, math.sqrt(size[0] * size[1] / (2 * n + 64)))
-        counts = np.array([[max(1, int(length / side)) for length in size] for side in cell])
+        cell = np.maximum(2.0 * most_reach, math.sqrt(space.area / (2 * n + 64)))
+        counts = np.array([[max(1, int(length / side)) for length in space.size] for side in cell])
         first = np.concatenate([[0], np.cumsum(counts.prod(axis=1))])
         grid = kernels_neighbourhood.ContactGrid()
         grid.level_count = len(used)
@@ -61,7 +59,7 @@ class Neighbourhood:
         grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
         grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
         grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
-        grid.space = space_for_kernels(size, periodic)
+        grid.space = space.for_kernels()
         self.grid = grid
         footprints = kernels_neighbourhood.Footprints()
         footprints.level = wp.array(level, dtype=wp.int32, device=device)

@@ -27,7 +27,7 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
         Share of every image's integral at every node, flat, one image after the other.
     """
     result = launcher.empty(len(images) * layout.node_count, float)
-    fold = FOLD if layout.periodic else 0
+    fold = FOLD if layout.space.periodic else 0
     nodes = layout.node_count
     done: dict[int, int] = {}
     for index, image in enumerate(images):
@@ -35,7 +35,9 @@ def deposit_images(launcher: Launcher, images: Sequence[np.ndarray], layout: Mes
             wp.copy(result, result, dest_offset=index * nodes, src_offset=done[id(image)] * nodes, count=nodes)
             continue
         done[id(image)] = index
-        bands = spline_bands(image.shape, layout.size, layout.shape, layout.spacing, layout.margin, layout.periodic)
+        bands = spline_bands(
+            image.shape, layout.space.size, layout.shape, layout.spacing, layout.margin, layout.space.periodic
+        )
         target = wp.array(
             ptr=result.ptr + 4 * index * nodes,
             shape=(nodes,),

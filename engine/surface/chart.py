@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ProblemError
+from ..problem.slopes import slope_of_normal
 from .surface_points import SurfacePoints
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
@@ -75,6 +76,7 @@ class Chart:
             spots = tuple(values[self._filled] for values in spots)
         self.points = SurfacePoints(self.view, *spots)
         cosine = np.abs(view.cosine[self.points.triangle])
+        self._slopes: dict[float, np.ndarray] = {}
         self.area = np.zeros(self.shape)
         self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
 
@@ -89,6 +91,13 @@ class Chart:
     def stretch(self) -> np.ndarray:
         """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface."""
         return self.area / self.cell.prod()
+
+    def slope(self, align: float) -> np.ndarray:
+        """Return the slopes of planes that lean so far, from 0 to 1, from level towards the surface, shape ``[rows, columns, 2]``."""
+        if align not in self._slopes:
+            slope = slope_of_normal(self.points.normal, align)
+            self._slopes[align] = np.stack([self.continued(along) for along in slope.T], axis=-1)
+        return self._slopes[align]
 
     def continued(self, values: np.ndarray) -> np.ndarray:
         """Return values of :attr:`points` over the whole rectangle, shape ``shape``, float32.
@@ -108,13 +117,13 @@ class Chart:
         spots = self.view.cast(xy)
         beside = np.flatnonzero(spots[0] < 0)
         if len(beside):
-            anchor = np.column_stack([xy[beside], self._height_near(position[beside])])
+            anchor = np.column_stack([xy[beside], self.height_near(position[beside])])
             for values, nearest in zip(spots, self.view.nearest(anchor), strict=True):
                 values[beside] = nearest
         return SurfacePoints(self.view, *spots)
 
-    def _height_near(self, position: np.ndarray) -> np.ndarray:
-        """Return z of the surface in the cell of each position, or in a cell beside it."""
+    def height_near(self, position: np.ndarray) -> np.ndarray:
+        """Return z [m] of the surface in the cell of each position ``[n, 2]`` of the rectangle, or in a cell beside it."""
         rows, columns = self.shape
         index = np.full((rows + 2, columns + 2), -1)
         row, column = np.divmod(self._filled, columns)

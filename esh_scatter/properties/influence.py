@@ -15,9 +15,11 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "size_index",
     "result",
     "target",
+    "live",
     "report_json",
     "ran_with",
     "uid",
     "known_name",
     "source_was_in_scene",
+    "layer_index",
 }

@@ -13,6 +13,7 @@ from esh.engine.problem.domain import Domain
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
+from esh.engine.space.space import Space
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
@@ -42,8 +43,7 @@ def two_classes():
 def reference(sums, position, targets):
     return direct_field(
         position,
-        size=tuple(sums.size),
-        periodic=False,
+        space=Space(tuple(sums.size)),
         interaction=sums.groups.matrix,
         targets=targets,
         charge=sums.charge,

@@ -104,6 +104,103 @@ def test_no_two_objects_overlap(side, things, settings):
     assert result.report.overlaps == 0
 
 
+def terrain(name: str, side: float, height) -> bpy.types.Object:
+    """A square grid whose heights are a function of x and y."""
+    n = 40
+    x, y = np.meshgrid(np.linspace(0.0, side, n + 1), np.linspace(0.0, side, n + 1))
+    number = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    faces = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.stack([x, y, height(x, y)], axis=-1).reshape(-1, 3).tolist(), [], faces.tolist())
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(item)
+    bpy.context.view_layer.update()
+    return item
+
+
+GROUNDS = {
+    "slope": lambda x, y: 0.9 * x - 0.6 * y,
+    "hills": lambda x, y: 1.5 * np.sin(0.9 * x) * np.cos(0.7 * y),
+    "roof": lambda x, y: 1.2 * np.abs(x - 5.03),
+}
+
+
+@pytest.mark.parametrize("smooth", [False, True], ids=["flat faces", "smooth"])
+@pytest.mark.parametrize("align", [1.0, 0.5, 0.0])
+@pytest.mark.parametrize("ground", GROUNDS)
+def test_outlines_on_slopes_lie_in_the_planes_that_objects_stand_in(ground, align, smooth):
+    item = terrain("Ground", 10.0, GROUNDS[ground])
+    item.data.polygons.foreach_set("use_smooth", [smooth] * len(item.data.polygons))
+    classes = [
+        esh.ScatterClass("plank", [esh.ScatterSize("all", 60, rectangle("Plank", 0.9, 0.4))]),
+        esh.ScatterClass("box", [esh.ScatterSize("all", 45, rectangle("Box", 0.7, 0.5), (0.1, 0.6))]),
+        esh.ScatterClass("long", [esh.ScatterSize("all", 20, rectangle("Long", 1.5, 0.25))], direction=0.6),
+    ]
+    result = esh.scatter(
+        item, classes, device="cpu", avoid_overlap=True, seed=3, align_to_normal=align, scale_jitter=0.3
+    )
+    seen = outlines_in_the_scene()
+    assert len(seen) == 125 and result.report.overlaps == 0
+    assert overlapping(seen) == 0
+    # Seen from above the objects are as narrow as they lean.
+    share = sum(polygon.area for polygon in seen) / float(result.placement.area.sum())
+    assert share < 0.9 if align == 1.0 else share < 0.97 if align else share > 1.0
+
+
+def test_a_slope_holds_as_many_as_its_surface_has_room_for():
+    """Seen from above the boxes would cover 95 %."""
+    item = terrain("Ground", 10.0, lambda x, y: x)
+    box = rectangle("Box", 0.8, 0.6)
+    count = round(0.67 * 100.0 * math.sqrt(2.0) / 0.48)
+    result = esh.scatter(
+        item,
+        [esh.ScatterClass("box", [esh.ScatterSize("all", count, box)])],
+        device="cpu",
+        avoid_overlap=True,
+        random_turn=0.0,
+    )
+    assert result.report.overlaps == 0 and overlapping(outlines_in_the_scene()) == 0
+    assert result.report.covered == pytest.approx(0.67, abs=0.01)
+
+
+@pytest.mark.parametrize("align", [1.0, 0.0])
+@pytest.mark.parametrize("ground", ["plane", "hills"])
+def test_cover_asks_for_as_much_as_can_lie_there(ground, align):
+    """Of boxes of a given turn about three quarters; of what stands upright no more than there is room for seen from above."""
+    item = rectangle("Ground", 10.0, 10.0) if ground == "plane" else terrain("Ground", 10.0, GROUNDS[ground])
+    box, stone = rectangle("Box", 0.8, 0.6), disc("Stone", 0.25)
+    classes = [
+        esh.ScatterClass("box", [esh.ScatterSize("all", None, box)], count="cover"),
+        esh.ScatterClass("stone", [esh.ScatterSize("all", None, stone)], count="cover", density=0.5),
+    ]
+    for made in (classes[:1], classes):
+        result = esh.scatter(item, made, device="cpu", avoid_overlap=True, align_to_normal=align)
+        assert 0.7 < result.report.covered < 0.8
+        assert result.report.overlaps == overlapping(outlines_in_the_scene()) == 0
+        surface = 100.0 if ground == "plane" or align == 0.0 else float(sum(face.area for face in item.data.polygons))
+        assert result.placement.area.sum() == pytest.approx(result.report.covered * surface, rel=0.02)
+
+
+@pytest.mark.parametrize("align", [1.0, 0.0])
+def test_long_objects_point_along_their_direction_seen_from_above(align):
+    item = terrain("Ground", 10.0, lambda x, y: 1.2 * x)
+    long = [esh.ScatterSize("all", 12, rectangle("Long", 1.0, 0.1), line=esh.Line(0.9, 0.7, turn_weights=(0.0, 1.0)))]
+    esh.scatter(
+        item,
+        [esh.ScatterClass("long", long)],
+        device="cpu",
+        avoid_overlap=False,
+        align_to_normal=align,
+    )
+    for polygon in outlines_in_the_scene():
+        corners = np.array(polygon.exterior.coords)[:-1]
+        middle = sorted(
+            (corners + np.roll(corners, -1, axis=0)) / 2.0, key=lambda p: p @ [math.cos(0.7), math.sin(0.7)]
+        )
+        way = middle[-1] - middle[0]
+        assert math.atan2(way[1], way[0]) == pytest.approx(0.7, abs=0.03)
+
+
 def test_the_report_counts_the_outlines_that_still_overlap():
     ground = rectangle("Ground", 6.0, 6.0)
     plank = rectangle("Plank", 2.0, 0.3)

@@ -32,6 +32,7 @@ def points(count, normal=(0.0, 0.0, 1.0), long=False):
         np.full(count, long),
         np.ones(count, np.float32),
         np.zeros((count, 2), np.float32),
+        np.zeros(count, np.float32),
     )
 
 
@@ -154,6 +155,10 @@ def test_outlines_that_are_kept_apart_are_solved_anew_for_another_turn_or_scale(
     assert not scatter.outdated
     scatter.classes[0].scale_jitter = 0.25
     assert scatter.outdated
+    bpy.ops.esh.scatter()
+    assert not scatter.outdated
+    scatter.classes[0].align_to_normal = 0.5
+    assert scatter.changes() == ["align to ground of Tree"]
 
 
 def test_points_that_were_moved_by_hand_stay_where_they_were_put(scatter):

@@ -21,6 +21,7 @@ from esh.engine.field.blur import (
 )
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import Field, FieldTarget
+from esh.engine.space.space import Space
 
 SQUARE, WIDE, TALL = (32.0, 32.0), (64.0, 16.0), (16.0, 64.0)
 
@@ -56,8 +57,7 @@ def fast_and_direct(launcher, variances_of, position, size, periodic, groups, im
     interaction = 0.5 + 0.5 * np.eye(groups)
     targets = [FieldTarget(image, charge[group == g].sum()) for g in range(groups)]
     arguments = {
-        "size": size,
-        "periodic": periodic,
+        "space": Space(size, periodic),
         "interaction": interaction,
         "targets": targets,
         "charge": charge,
@@ -124,7 +124,7 @@ def test_blur_follows_the_local_spacing(launcher, variances_of):
     image = np.array([[3.0, 1.0]])
     targets = [FieldTarget(image, 1024.0)]
     field = Field(
-        launcher, size=SQUARE, periodic=False, interaction=np.eye(1), targets=targets, spacing=0.9, charge=np.ones(1024),
+        launcher, space=Space(SQUARE), interaction=np.eye(1), targets=targets, spacing=0.9, charge=np.ones(1024),
         charge_group=np.zeros(1024, np.int32),
     )  # fmt: skip
     dense, thin = variances_of(field)(np.array([[4.0, 16.0], [28.0, 16.0]]))
@@ -142,8 +142,7 @@ def test_two_families_see_each_other_less_blurred(launcher, variances_of):
     distance = 0.4
     position = np.array([[10.0, 10.0], [10.0 + distance, 10.0]], np.float32)
     arguments = {
-        "size": SQUARE,
-        "periodic": False,
+        "space": Space(SQUARE),
         "interaction": np.ones((2, 2)),
         "spacing": 1.0,
         "charge": np.ones(2),
@@ -174,7 +173,7 @@ def test_close_pairs_are_pushed_apart_and_others_hardly(launcher, distance):
     image = np.zeros((32, 32))
     image[0, 31] = 1.0
     field = Field(
-        launcher, size=SQUARE, periodic=False, interaction=np.eye(1), targets=[FieldTarget(image, 1e-6)], spacing=1.0,
+        launcher, space=Space(SQUARE), interaction=np.eye(1), targets=[FieldTarget(image, 1e-6)], spacing=1.0,
         charge=np.ones(2), charge_group=np.zeros(2, np.int32),
     )  # fmt: skip
     at = wp.array(np.array([[10.0, 10.0], [10.0 + distance, 10.0]], np.float32), dtype=wp.vec2, device=launcher.device)
@@ -202,8 +201,7 @@ def test_direct_sum_of_two_charges_is_coulombs_law():
     position = np.array([[1.0, 2.0], [4.0, 6.0]])
     field = direct_field(
         position,
-        size=(8.0, 8.0),
-        periodic=False,
+        space=Space((8.0, 8.0)),
         interaction=np.eye(1),
         targets=[FieldTarget(np.ones((1, 1)), 0.0)],
         charge=np.array([2.0, 3.0]),
@@ -255,8 +253,7 @@ def test_forces_are_minus_the_gradient_of_the_energy():
 
     field = direct_field(
         position,
-        size=size,
-        periodic=False,
+        space=Space(size),
         interaction=interaction,
         targets=targets,
         charge=charge,

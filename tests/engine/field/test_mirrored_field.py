@@ -9,6 +9,7 @@ from esh.engine.field.blur import LEAST_OF_SMALL
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import FieldTarget
 from esh.engine.field.mirrored_field import MirroredField, mirror
+from esh.engine.space.space import Space
 
 SIZE = (24.0, 16.0)
 
@@ -34,7 +35,7 @@ def forces(variances_of):
     interaction = np.array([[1.0, 0.5], [0.5, 1.0]])
     field = MirroredField(
         launcher,
-        size=SIZE,
+        space=Space(SIZE),
         interaction=interaction,
         targets=[FieldTarget(image, q) for image, q in zip(images, total, strict=True)],
         spacing=1.0,
@@ -51,8 +52,7 @@ def forces(variances_of):
     of_target = (charge * share).sum() / charge.sum()
     direct = direct_field(
         np.mod(everywhere, [48.0, 32.0]),
-        size=(48.0, 32.0),
-        periodic=True,
+        space=Space((48.0, 32.0), periodic=True),
         interaction=interaction,
         targets=[FieldTarget(mirror(image), 4 * q) for image, q in zip(images, total, strict=True)],
         charge=np.tile(charge, 4),
@@ -78,7 +78,7 @@ def test_a_charge_on_a_mirror_is_pushed_off_it():
     at = wp.array(np.array([[0.0, 8.0], [24.0, 8.0], [12.0, 16.0], [12.0, 0.0]]), dtype=wp.vec2, device="cpu")
     field = MirroredField(
         launcher,
-        size=SIZE,
+        space=Space(SIZE),
         interaction=np.eye(1),
         targets=[FieldTarget(np.ones((1, 1)), 4.0)],
         spacing=1.0,

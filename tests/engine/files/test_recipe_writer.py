@@ -42,6 +42,8 @@ SAMPLES = {
         "count": [7, "cover"],
         "density_correction": [True],
         "unsharp": [Unsharp(), Unsharp(0.3, 1.5)],
+        "room": [1.25],
+        "gap": [0.1],
     },
     Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5]},
     Size: {
@@ -63,6 +65,7 @@ SAMPLES = {
                 room=1.1,
             ),
             Footprints(Footprint.capsule(0.3, 0.1), scale=0.7, turn="random", scale_jitter=0.1),
+            Footprints(Footprint.rectangle(0.3, 0.1), slope=VECTORS),
         ],
     },
     Line: {

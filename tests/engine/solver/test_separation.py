@@ -225,3 +225,95 @@ def test_bodies_on_one_another_part(contact):
         solver.state.pose.assign(pose)
         assert solver.separate()
         assert contact.overlaps_by_shapely(solver.placement())[0] == 0
+
+
+def sloping():
+    """Ground as steep as 60 degrees, in all directions."""
+    y, x = np.mgrid[0:48, 0:48] / 48.0
+    return np.stack([1.7 * np.sin(6.0 * x + y), 1.2 * np.cos(5.0 * y)], axis=-1)
+
+
+@pytest.mark.parametrize("domain", [Domain((14.0, 14.0)), Domain((14.0, 14.0), "periodic")], ids=["open", "periodic"])
+@pytest.mark.parametrize("turn", ["free", "random"])
+def test_outlines_that_lean_with_the_ground_are_parted_as_they_are_seen_from_above(domain, turn):
+    import shapely
+    from esh.engine.problem.slopes import foreshortened, slope_at
+
+    slope = sloping()
+    footprints = Footprints([PLANK, Footprint.rectangle(0.9, 0.8)], scale_jitter=0.3, turn=turn, slope=slope)
+    placement = solve(problem_of(footprints, 170, 14.0, domain=domain), device="cpu")
+    shapes = []
+    for i in range(len(placement.position)):
+        c, s = math.cos(placement.angle[i]), math.sin(placement.angle[i])
+        corners = footprints.outlines[placement.variant[i]].corners * placement.scale[i] @ np.array([[c, s], [-s, c]])
+        shapes.append(corners)
+    slopes = slope_at(slope, placement.position, domain.size)
+    assert np.hypot(*slopes.T).max() > 1.5
+    seen = [foreshortened(c, s) + p for c, s, p in zip(shapes, slopes, placement.position, strict=True)]
+    polygons = shapely.polygons([shapely.linearrings(corners) for corners in seen])
+    images = [polygons]
+    if domain.periodic:
+        images = [
+            shapely.transform(polygons, lambda p, a=a, b=b: p + [14.0 * a, 14.0 * b])
+            for a in (-1, 0, 1)
+            for b in (-1, 0, 1)
+        ]
+    common = sum(
+        float(np.triu(shapely.area(shapely.intersection(polygons[:, None], image[None])), 1).sum()) for image in images
+    )
+    # Less than a thousandth of the width along a whole side, on the whole.
+    assert common < 1e-3
+    assert placement.report.overlaps == 0 and placement.report.converged
+    # Flat they would overlap.
+    flat = shapely.polygons([shapely.linearrings(c + p) for c, p in zip(shapes, placement.position, strict=True)])
+    assert np.triu(shapely.area(shapely.intersection(flat[:, None], flat[None])), 1).sum() > 0.05
+
+
+def test_lines_on_slopes_have_their_direction_seen_from_above(contact):
+    line = Line(1.6, direction=0.7, width=0.4, stretch_weights=(0.0, 0.1), turn_weights=(0.0, 1.0))
+    slope = np.broadcast_to([1.5, 0.0], (2, 2, 2))
+    size = Size("s", count=30, line=line, footprint=Footprints(PLANK, slope=slope))
+    problem = Problem(Domain((12.0, 8.0)), [BodyClass("a", [size])], avoid_overlap=True, seed=2)
+    placement = solve(problem, device="cpu")
+    np.testing.assert_allclose(placement.angle, 0.7, atol=0.05)
+    assert placement.report.overlaps == 0
+
+
+def test_the_room_of_a_class_counts_for_discs_boxes_and_lines(contact):
+    """Alone, and beside another class that keeps none."""
+    import shapely
+
+    for room, gap, apart in ((1.5, 0.0, 0.1), (1.0, 0.2, 0.1)):
+        roomy = BodyClass("a", [Size("s", math.pi * 0.04, 150)], room=room, gap=gap)
+        plain = BodyClass("b", [Size("s", math.pi * 0.04, 150)])
+        placement = solve(Problem(Domain((9.3, 9.3)), [roomy, plain], seed=1, avoid_overlap=True), device="cpu")
+        distance = np.hypot(*np.moveaxis(placement.position[:, None] - placement.position[None], -1, 0)) - 0.4
+        np.fill_diagonal(distance, 9.0)
+        own = placement.class_index == 0
+        assert distance[own][:, own].min() >= 2.0 * apart - 1e-3
+        assert distance[own][:, ~own].min() >= apart - 1e-3
+        assert -1e-3 <= distance[~own][:, ~own].min() < 2.0 * apart
+        assert placement.report.overlaps == 0
+    line = Line(0.8, direction="none", width=0.2)
+    roomy = BodyClass("a", [Size("s", 0.2, 60, line=line)], gap=0.3)
+    placement = solve(Problem(Domain((9.0, 9.0)), [roomy], seed=1, avoid_overlap=True), device="cpu")
+    along = 0.5 * placement.length[:, None] * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)
+    axes = shapely.linestrings(np.stack([placement.position - along, placement.position + along], axis=1))
+    distance = shapely.distance(axes[:, None], axes[None]) - placement.width[:, None]
+    np.fill_diagonal(distance, 9.0)
+    assert distance.min() >= 0.3 - 2e-3
+    assert placement.report.overlaps == 0
+
+
+def test_many_bodies_that_cannot_fit_take_few_rounds(monkeypatch):
+    """What helps nobody is not done for ever: one that takes a second for a thousand bodies took minutes for a hundred thousand."""
+    from esh.engine.solver import separation
+
+    rounds = []
+    monkeypatch.setattr(separation.Separation, "_move", lambda self: rounds.append(self._count))
+    monkeypatch.setattr(separation, "BODIES_OF_THE_HOPELESS", 20_000)
+    for count, most in ((100, 150), (1_000, 20), (4_000, 15)):
+        rounds.clear()
+        with Solver(problem_of(Footprint.disc(0.5), count, 0.8 * math.sqrt(count * 0.7)), device="cpu") as solver:
+            assert not solver.separate()
+        assert 0 < len(rounds) <= most

@@ -223,3 +223,18 @@ def test_a_million_triangles_are_no_matter():
         assert solver.state.facet.numpy().max() > 200_000
         smallest, _ = metric.spacing(solver.placement().position, solver.placement().normal, 300 / (4.0 * np.pi))
     assert smallest > 0.6
+
+
+@pytest.mark.parametrize("density", [1.0, lambda points: np.ones(len(points.triangle))], ids=["number", "function"])
+def test_cover_asks_for_as_many_as_fit(density):
+    surface = Surface(SurfaceMesh(*meshes.sphere(3)))
+    body_class = BodyClass("a", [Size("s", 0.02)], density, "cover")
+    assert Problem(surface, [body_class]).body_count == round(surface.area / 0.02)
+    placement = solve(Problem(surface, [body_class], avoid_overlap=True), device="cpu")
+    assert placement.report.overlaps == 0
+    assert 0.75 < placement.report.covered < 0.83
+    roomy = dataclasses.replace(body_class, room=1.25)
+    placed = solve(Problem(surface, [roomy], avoid_overlap=True), device="cpu")
+    assert len(placed.position) == pytest.approx(len(placement.position) / 1.25**2, rel=0.01)
+    nearest = cKDTree(placed.position).query(placed.position, 2)[0][:, 1].min()
+    assert nearest > 1.2 * 2.0 * np.sqrt(0.02 / np.pi)

@@ -10,7 +10,7 @@ import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.space import kernels_cells
 from esh.engine.space.cell_sort import CellSort, position_of
-from esh.engine.space.space import space_for_kernels
+from esh.engine.space.space import Space
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def test_poses_are_sorted_by_their_positions(launcher, count):
     grid = kernels_cells.CellGrid()
     grid.count_x, grid.count_y = 12, 8
     grid.inverse_size = wp.vec2(2.0, 2.0)
-    grid.space = space_for_kernels((6.0, 4.0), False)
+    grid.space = Space((6.0, 4.0)).for_kernels()
     cell = np.minimum((pose[:, 1] * 2).astype(int), 7) * 12 + np.minimum((pose[:, 0] * 2).astype(int), 11)
     positions = wp.array(np.ascontiguousarray(pose[:, :2]), dtype=wp.vec2, device="cpu")
     for given in (positions, position_of(wp.array(pose, dtype=wp.vec4, device="cpu"))):

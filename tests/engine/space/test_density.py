@@ -56,10 +56,12 @@ def test_sample_density_reads_the_pixel_under_a_point():
 def test_the_devices_deposit_equals_the_hosts(periodic):
     from esh.engine.device.launcher import Launcher, resolve_device
     from esh.engine.space.mesh_layout import open_mesh, periodic_mesh
+    from esh.engine.space.space import Space
     from esh.engine.space.target_deposit import deposit_images, mix_images
 
     size = (5.0, 3.0)
-    layout = periodic_mesh(size, 0.08, on_gpu=False) if periodic else open_mesh(size, 0.08, on_gpu=False)
+    lay = periodic_mesh if periodic else open_mesh
+    layout = lay(Space(size, periodic), 0.08, on_gpu=False)
     images = [IMAGE, np.random.default_rng(1).random((97, 150)).astype(np.float32), np.ones((1, 1), np.float32)]
     launcher = Launcher(resolve_device("cpu"))
     deposited = deposit_images(launcher, images, layout)

@@ -1,0 +1,123 @@
+"""What can be done about overlap: counts that fit before a run, and after it the objects that overlap, selected or in view."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from .. import forecast
+from ..properties.scatter import ESH_PG_scatter
+from ..properties.scene import active_scatter, selected_scatter
+from ..result import OVERLAPPING
+from .edit import Edit, settings_editable
+
+__all__ = ["CLASSES"]
+
+# How far the view goes from the worst place, in lengths of the usual distance between neighbours, or of the depth where that is more.
+DISTANCE_OF_VIEW = 8.0
+
+
+class ESH_OT_counts_to_fit(Edit):
+    """Lower the counts of all classes alike until their footprints fit on the ground without overlap"""
+
+    bl_idname = "esh.counts_to_fit"
+    bl_label = "Scale Counts to Fit"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Scale the counts."""
+        factor = forecast.scale_to_fit(selected_scatter(context), context.scene)
+        if factor == 1.0:
+            self.report({"INFO"}, "The counts fit as they are")
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Counts scaled to {factor:.0%}")
+        return {"FINISHED"}
+
+
+class _OfResult(bpy.types.Operator):
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Say in the tooltip what is missing."""
+        if not settings_editable(cls, context):
+            return False
+        scatter = active_scatter(context)
+        obstacle = _obstacle(scatter, context) if scatter is not None else "Add a scatter first"
+        if obstacle:
+            cls.poll_message_set(obstacle)
+        return not obstacle
+
+
+class ESH_OT_select_overlapping(_OfResult):
+    """Select the points whose objects overlap others, in Edit Mode of the result"""
+
+    bl_idname = "esh.select_overlapping"
+    bl_label = "Select Overlapping"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Select them."""
+        result = selected_scatter(context).result_in(context.scene)
+        assert result is not None
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        for item in context.selected_objects:
+            item.select_set(False)
+        result.select_set(True)
+        context.view_layer.objects.active = result
+        chosen = _overlapping(result)
+        result.data.vertices.foreach_set("select", chosen)
+        context.tool_settings.mesh_select_mode = (True, False, False)
+        bpy.ops.object.mode_set(mode="EDIT")
+        self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
+        return {"FINISHED"}
+
+
+class ESH_OT_frame_overlap(_OfResult):
+    """Put the 3D cursor where two objects overlap most, and look there"""
+
+    bl_idname = "esh.frame_overlap"
+    bl_label = "Frame Worst Overlap"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Go there."""
+        scatter = selected_scatter(context)
+        result, report = scatter.result_in(context.scene), scatter.report
+        assert result is not None and report is not None
+        pair = [result.matrix_world @ result.data.vertices[index].co for index in report["deepest_pair"]]
+        place: Vector = 0.5 * (pair[0] + pair[1])
+        context.scene.cursor.location = place
+        view = context.space_data.region_3d if context.area is not None and context.area.type == "VIEW_3D" else None
+        if view is not None:
+            view.view_location = place
+            view.view_distance = DISTANCE_OF_VIEW * max(
+                (pair[0] - pair[1]).length, report.get("usual") or 0.0, report["deepest_overlap"]
+            )
+        self.report({"INFO"}, f"Two objects lie {report['deepest_overlap']:.3g} m in each other at the 3D cursor")
+        return {"FINISHED"}
+
+
+def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None:
+    """Return why the overlaps of the last run cannot be shown, or None."""
+    result, report = scatter.result_in(context.scene), scatter.report
+    if result is None or report is None or result.type != "MESH":
+        return "Scatter first"
+    if not report["overlaps"] or report.get("deepest_pair") is None:
+        return "No two objects overlap"
+    if OVERLAPPING not in result.data.attributes and result.mode != "EDIT":
+        return "The result does not say which objects overlap. Scatter once more"
+    if max(report["deepest_pair"]) >= len(result.data.vertices):
+        return "Points were removed by hand. Scatter once more"
+    if result.name not in context.view_layer.objects or not result.visible_get():
+        return "The result is hidden. Show it first"
+    return None
+
+
+def _overlapping(result: bpy.types.Object) -> np.ndarray:
+    chosen = np.zeros(len(result.data.vertices), bool)
+    result.data.attributes[OVERLAPPING].data.foreach_get("value", chosen)
+    return chosen
+
+
+CLASSES = (ESH_OT_counts_to_fit, ESH_OT_select_overlapping, ESH_OT_frame_overlap)

@@ -1,0 +1,102 @@
+"""Outlines in slopes, against rotations in space."""
+
+import math
+
+import numpy as np
+import pytest
+from esh.engine.errors import ProblemError
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.body_footprints import footprints_of
+from esh.engine.problem.cover import cover_of
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
+from esh.engine.problem.slopes import (
+    foreshortened,
+    lengthened,
+    level_share,
+    normal_of_slope,
+    slope_at,
+    slope_of_normal,
+)
+
+BOX = Footprint.rectangle(0.8, 0.6)
+
+
+def normals(count=50):
+    rng = np.random.default_rng(1)
+    normal = rng.normal(size=(count, 3)) * [1.0, 1.0, 0.7]
+    normal[:, 2] = np.abs(normal[:, 2]) + 0.1
+    normal[0] = [0.0, 0.0, 1.0]
+    return normal / np.linalg.norm(normal, axis=1)[:, None]
+
+
+def leaning(normal, align):
+    """Matrices that turn z by a share of the shortest way towards a normal, by Rodrigues' formula."""
+    sine = math.hypot(normal[0], normal[1])
+    if sine == 0.0:
+        return np.eye(3)
+    x, y = -normal[1] / sine, normal[0] / sine
+    cross = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    angle = align * math.atan2(sine, normal[2])
+    return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+
+
+@pytest.mark.parametrize("align", [1.0, 0.4])
+def test_what_is_seen_from_above_is_what_leans_in_space(align):
+    normal = normals()
+    slope = slope_of_normal(normal, align)
+    vector = np.random.default_rng(2).normal(size=(len(normal), 2))
+    flat = np.column_stack([vector, np.zeros(len(normal))])
+    turned = np.array([leaning(n, align) @ v for n, v in zip(normal, flat, strict=True)])
+    np.testing.assert_allclose(foreshortened(vector, slope), turned[:, :2], atol=1e-12)
+    np.testing.assert_allclose(lengthened(turned[:, :2], slope), vector, atol=1e-12)
+    area = [np.linalg.det(leaning(n, align)[:2, :2]) for n in normal]
+    np.testing.assert_allclose(level_share(slope), area, atol=1e-6)
+    np.testing.assert_allclose(normal_of_slope(slope, align), normal, atol=1e-6)
+
+
+def test_slopes_are_blended_between_the_middles_of_pixels():
+    rows, columns, size = 5, 8, (4.0, 3.0)
+    x = (np.arange(columns) + 0.5) * size[0] / columns
+    y = (rows - np.arange(rows) - 0.5) * size[1] / rows
+    image = np.stack(np.broadcast_arrays(2.0 * x[None] - y[:, None], 0.5 * y[:, None] + 1.0), axis=-1)
+    position = np.random.default_rng(3).uniform([0.3, 0.35], [3.7, 2.65], (40, 2))
+    expected = np.stack([2.0 * position[:, 0] - position[:, 1], 0.5 * position[:, 1] + 1.0], axis=1)
+    np.testing.assert_allclose(slope_at(image, position, size), expected, atol=1e-12)
+    np.testing.assert_array_equal(slope_at(image, np.array([[0.0, 3.0], [4.0, 0.0]]), size), image[[0, -1], [0, -1]])
+
+
+def problem_on(slope, count=100, density=1.0, side=10.0):
+    footprints = Footprints(BOX, turn="random", slope=slope)
+    body_class = BodyClass("a", [Size("s", count=count, footprint=footprints)], density)
+    return Problem(Domain((side, side)), [body_class], avoid_overlap=True)
+
+
+def test_cover_is_that_of_the_ground():
+    """What leans by 60 degrees covers half as much as it is seen from above; half of the ground is level."""
+    slope = np.zeros((4, 8, 2))
+    slope[:, 4:, 0] = math.sqrt(3.0)
+    assert cover_of(problem_on(None)).covered == pytest.approx(0.48)
+    assert cover_of(problem_on(slope)).covered == pytest.approx(0.36)
+    left = np.zeros((1, 2))
+    left[0, 1] = 1.0
+    assert cover_of(problem_on(slope, density=left)).covered == pytest.approx(0.48)
+    assert footprints_of(problem_on(slope)).seen == pytest.approx(np.full(100, 0.75))
+
+
+@pytest.mark.parametrize(
+    ("slope", "said"),
+    [
+        (3.0, "got 3"),
+        (np.zeros((3, 3)), "must be an image of slopes"),
+        (np.full((2, 2, 2), np.nan), "of at most 100 metres a metre; it holds nan"),
+        (np.full((2, 2, 2), 200.0), "it holds 200"),
+        ("slope.npy", 'got "slope.npy"'),
+    ],
+)
+def test_a_slope_without_meaning_is_refused(slope, said):
+    with pytest.raises(ProblemError, match="`slope` of footprints must be") as refused:
+        Footprints(BOX, slope=slope)
+    assert said in str(refused.value)

@@ -1,0 +1,119 @@
+"""The space: its host and its kernels agree, and kernels elsewhere ask it instead of looking into it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.domain import Domain
+from esh.engine.space import kernels_space
+from esh.engine.space.space import Space
+
+ENGINE = Path(__file__).resolve().parents[3] / "engine"
+SIZE = (6.0, 4.0)
+
+
+@wp.kernel
+def ask(
+    first: int,
+    start: wp.array(dtype=wp.vec2),
+    end: wp.array(dtype=wp.vec2),
+    space: kernels_space.Space,
+    way: wp.array(dtype=wp.vec2),
+    inside: wp.array(dtype=wp.vec2),
+):
+    i = first + wp.tid()
+    way[i] = kernels_space.difference(start[i], end[i], space)
+    inside[i] = kernels_space.wrapped(end[i], space)
+
+
+@wp.kernel
+def number(
+    first: int,
+    count: int,
+    length: float,
+    space: kernels_space.Space,
+    inside: wp.array(dtype=wp.int32),
+    across: wp.array(dtype=wp.int32),
+    shift: wp.array(dtype=float),
+    beside: wp.array(dtype=wp.vec2i),
+):
+    i = first + wp.tid()
+    inside[i] = kernels_space.number_inside(i - count, count, space)
+    across[i] = kernels_space.number_across(i - count, count, space)
+    shift[i] = kernels_space.shift_across(i - count, count, length, space)
+    beside[i] = kernels_space.numbers_beside(i - count, count, space)
+
+
+@pytest.fixture
+def launcher():
+    launcher = Launcher(resolve_device("cpu"))
+    yield launcher
+    launcher.close()
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_kernels_and_host_know_the_same_ways(launcher, periodic):
+    space = Space(SIZE, periodic)
+    rng = np.random.default_rng(0)
+    start = (rng.random((500, 2)) * SIZE).astype(np.float32)
+    end = ((rng.random((500, 2)) * 2.0 - 0.5) * SIZE).astype(np.float32)
+    way, inside = launcher.empty(500, wp.vec2), launcher.empty(500, wp.vec2)
+    given = [wp.array(values, dtype=wp.vec2, device="cpu") for values in (start, end)]
+    launcher.launch(ask, 500, [*given, space.for_kernels()], [way, inside])
+    np.testing.assert_allclose(way.numpy(), space.shortest(end - start), atol=1e-5)
+    np.testing.assert_allclose(inside.numpy(), space.wrapped(end), atol=1e-5)
+    if periodic:
+        assert (np.abs(way.numpy()) <= np.array(SIZE) / 2.0 + 1e-5).all()
+        assert ((inside.numpy() >= 0.0) & (inside.numpy() < SIZE)).all()
+    else:
+        np.testing.assert_array_equal(way.numpy(), end - start)
+        np.testing.assert_array_equal(inside.numpy(), end)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_cells_beyond_an_end_are_those_of_the_other_side_or_none(launcher, periodic, count):
+    n = 3 * count
+    inside, across = launcher.empty(n, wp.int32), launcher.empty(n, wp.int32)
+    shift, beside = launcher.empty(n, float), launcher.empty(n, wp.vec2i)
+    space = Space(SIZE, periodic)
+    launcher.launch(number, n, [count, SIZE[0], space.for_kernels()], [inside, across, shift, beside])
+    i = np.arange(-count, 2 * count)
+    np.testing.assert_array_equal(inside.numpy(), i % count if periodic else np.clip(i, 0, count - 1))
+    np.testing.assert_array_equal(across.numpy(), i % count if periodic else i)
+    # A place in the cell that lies across is beside this one once it is shifted.
+    np.testing.assert_array_equal(shift.numpy(), SIZE[0] * (across.numpy() - i) / count)
+    for own, (low, high) in zip(i[count : 2 * count], beside.numpy()[count : 2 * count], strict=True):
+        met = [j % count if periodic else j for j in range(low, high + 1)]
+        met = [j for j in met if 0 <= j < count]
+        assert len(set(met)) == len(met)
+        assert set(met) == {(own + d) % count if periodic else own + d for d in (-1, 0, 1)} & set(range(count))
+
+
+def test_a_space_has_the_extent_of_its_domain_and_its_mirror_images_repeat():
+    space = Space.of(Domain((30.0, 20.0), "mirror"), 2.0)
+    assert space == Space((15.0, 10.0), periodic=False) and space.area == 150.0
+    assert space.with_mirror_images() == Space((30.0, 20.0), periodic=True)
+    assert Space.of(Domain((30.0, 20.0), "periodic")).periodic
+
+
+def test_images_are_as_many_periods_away_as_they_can_be_near():
+    assert Space(SIZE, True).images_within(5.0, 4) == (1, 1)
+    assert Space(SIZE, True).images_within(1.0, 4) == (0, 0)
+    assert Space(SIZE, True).images_within(1e30, 4) == (4, 4)
+    assert Space(SIZE).images_within(1e30, 4) == (0, 0)
+
+
+def test_only_the_room_space_looks_into_a_space():
+    """A second space must not need a change in the kernels of forces, of the descent or of the quality."""
+    read = [
+        f"{path.relative_to(ENGINE)}: {line.strip()}"
+        for path in sorted(ENGINE.rglob("kernels_*.py"))
+        if path.parent.name != "space"
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if re.search(r"\bspace\.periodic\b", line)
+    ]
+    assert not [line for line in read if "kernels_separation" not in line], read
