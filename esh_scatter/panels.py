@@ -10,9 +10,10 @@ from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
-from . import forecast, running, words
+from . import checksums, forecast, live, running, words
 from .class_copy import KEPT_APART
 from .density_panel import draw_density
+from .display import get_inputs, input_property, our_modifier
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -77,13 +78,21 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         if running.session is not None:
             _draw_progress(context, layout)
             return
-        button = layout.row()
+        button = layout.row(align=True)
         button.scale_y = 1.8
         result = scatter.result_in(context.scene)
         button.operator(
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
+        switch = button.row(align=True)
+        switch.ui_units_x = 3.5
+        switch.prop(scatter, "live", toggle=True)
+        if scatter.live and not live.is_live(context.scene, scatter):
+            # It was switched on in the file that was opened, or by redo.
+            live.wake()
         _draw_status(context, layout.column(align=True), scatter)
+        if checksums.is_old():
+            running.redraw_later()
 
 
 class ESH_PT_surface(_SubPanel, bpy.types.Panel):
@@ -309,6 +318,31 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
             _write_text(context, layout, note, icon="ERROR")
 
 
+class ESH_PT_display(_SubPanel, bpy.types.Panel):
+    """What of the result is shown: the inputs of its modifier."""
+
+    bl_label = "Display"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is shown in the viewport, and when that is less."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        modifier = our_modifier(result) if result is not None else None
+        if modifier is not None:
+            _draw_inputs(column, modifier, ("Display", "Viewport Share", "Scale", "Follow Target"))
+            column.separator()
+            culling = input_property(modifier, "Camera Culling")
+            _draw_inputs(column, modifier, ("Camera Culling",))
+            if culling and get_inputs(modifier)["Camera Culling"]:
+                _draw_inputs(column, modifier, ("Margin", "Distance"))
+            _draw_inputs(column, modifier, ("Limit Renders",))
+            column.separator()
+        column.prop(scatter, "points_above")
+        column.prop(scatter, "cap")
+
+
 class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
     """Seed, device and steps."""
 
@@ -323,6 +357,14 @@ class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
         _draw_settings(column, scatter, RunSettings)
+
+
+def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
+    """Draw inputs of a result's modifier, as far as it has them."""
+    for name in names:
+        found = input_property(modifier, name)
+        if found is not None:
+            column.prop(*found, text=name)
 
 
 def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
@@ -360,7 +402,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         _write_text(context, column, "The result is no longer there", icon="INFO")
     elif report is not None:
         changes = scatter.changes()
-        if changes:
+        if changes and live.is_busy(context.scene, scatter):
+            _write_text(context, column, "Following …", icon="FILE_REFRESH")
+        elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
             _write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
         else:
@@ -370,6 +414,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 words.summary(report, words.UNBROKEN),
                 icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
+    said = live.status(context.scene, scatter)
+    if said:
+        _write_text(context, column, said, icon="ERROR")
     _draw_forecast(context, column, scatter)
     left_out = scatter.left_out()
     if left_out:
@@ -456,8 +503,9 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     row = layout.row(align=True)
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
+    row.operator("esh.keep", text="Keep")
     row.operator("esh.stop", text="", icon="CANCEL")
-    _write_text(context, layout, "Esc stops the run. The scene stays as it is", icon="INFO")
+    _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 
 def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list[str]) -> None:
@@ -521,5 +569,6 @@ CLASSES = (
     ESH_PT_overlap,
     ESH_PT_balance,
     ESH_PT_report,
+    ESH_PT_display,
     ESH_PT_advanced,
 )

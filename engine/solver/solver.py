@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import NamedTuple
 
@@ -228,6 +228,64 @@ class Solver:
         else:
             assert isinstance(state, State)
             self.descent.state.assign(state)
+        self.descent.place_charges()
+
+    def start_at(
+        self,
+        position: np.ndarray,
+        *,
+        angle: np.ndarray | None = None,
+        length: np.ndarray | None = None,
+        identity: np.ndarray | None = None,
+    ) -> None:
+        """Go on from where somebody has put the bodies, in a rectangle: from a placement that was kept without its state.
+
+        Args:
+            position: Where they are [m], shape ``[body_count, 2]``, in the order of a placement; those outside go to the border.
+                Fixed bodies stay where the problem says.
+            angle: How they lie [rad], as a placement says it, shape ``[body_count]``; None as they would begin.
+            length: Lengths of lines [m], shape ``[body_count]``; None, or 0, as they would begin.
+            identity: Their :attr:`Placement.id`, shape ``[body_count]``; None for those that they have.
+
+        Raises:
+            ProblemError: Another number of bodies, a place that is no finite number, identities that are none, or a surface.
+        """
+        model, body = self.model, self.model.body
+        if not isinstance(self.descent, Descent):
+            raise ProblemError("`domain` must be a rectangle for bodies to start at positions; it is a surface")
+        size = np.array(model.problem.rectangle.size)
+        position = np.asarray(position, np.float64)
+        if position.shape != (model.body_count, 2) or not np.isfinite(position).all():
+            raise ProblemError(
+                f"`position` must hold x and y of {model.body_count} bodies, all finite; got shape {list(position.shape)}"
+            )
+        start = np.full((model.body_count, 4), np.nan)
+        start[:, :2] = np.clip(position, 0.0, size) / model.unit
+        start[model.fixed, :2] = model.problem.fixed.position / model.unit
+        is_line = body.kind >= 0
+        if angle is not None:
+            start[is_line, 2] = angle[is_line]
+            start[is_line, 3] = self.descent.state.pose.numpy()[is_line, 3]
+            if length is not None:
+                given = is_line & (length > 0.0)
+                start[given, 3] = length[given] / model.unit
+        if identity is not None:
+            identity = np.where(model.fixed, body.identity, identity)
+            if len(np.unique(identity)) != len(identity) or (identity < 0).any():
+                raise ProblemError(
+                    "`identity` must be a whole number of 0 or more for every body that no other one has"
+                )
+            model.body = replace(body, identity=identity.astype(np.int32))
+            self._next_identity = int(identity.max()) + 1
+        self.launcher.release(self.descent.step)
+        self.descent = Descent(model, self.launcher, pose=start)
+        if angle is not None:
+            given = model.footprints.is_outline & ~is_line & ~model.fixed
+            turn = self.descent.state.turn.numpy().copy()
+            turn[given] = angle[given]
+            # A line's angle says how its outline lies.
+            turn[is_line & ~model.fixed] = 0.0
+            self.descent.state.turn.assign(turn)
         self.descent.place_charges()
 
     def step(self, count: int = 1) -> float:

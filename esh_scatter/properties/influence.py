@@ -15,10 +15,13 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "size_index",
     "result",
     "target",
+    "live",
     "report_json",
     "ran_with",
     "uid",
     "known_name",
     "source_was_in_scene",
     "layer_index",
+    "points_above",
+    "cap",
 }

@@ -8,12 +8,12 @@ import random
 from functools import lru_cache
 
 import bpy
-from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import settings_of
-from .. import checksums
+from .. import checksums, words
 from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
@@ -27,6 +27,15 @@ __all__ = ["BY_HAND", "CLASSES", "ESH_PG_scatter"]
 
 # Settings of a scatter that the sidebar has in a form of its own: names of classes that may overlap, and standing by class.
 BY_HAND = ("non_overlap", *settings_of(Standing))
+
+
+def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
+    """Follow this scatter, or no longer."""
+    from .. import live
+
+    if not item.uid:
+        item.give_own_uid()
+    live.switched(item, context)
 
 
 @with_properties(
@@ -51,6 +60,28 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
     result: PointerProperty(
         type=bpy.types.Object, name="Result", description="The object that the last run made. The next run replaces it"
+    )
+    uid: IntProperty(options={"HIDDEN"})
+    live: BoolProperty(
+        name="Live",
+        description="Follow settings, painted images and weights, the target and the objects to place while they are changed. "
+        "What is far from a change stays where it is",
+        default=False,
+        update=_live_switched,
+    )
+    points_above: IntProperty(
+        name="Points Above",
+        description="A result of more objects than this begins as points in the viewport. Renders have the objects",
+        default=100_000,
+        min=0,
+        soft_max=10_000_000,
+    )
+    cap: IntProperty(
+        name="Ask Above",
+        description="Before more objects than this are placed, ask, and say how long it will take",
+        default=1_000_000,
+        min=1,
+        soft_max=10_000_000,
     )
     report_json: StringProperty(options={"HIDDEN"})
     ran_with: StringProperty(options={"HIDDEN"})
@@ -109,6 +140,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         body_class.add_size()
         self.class_index = len(self.classes) - 1
         return body_class
+
+    def give_own_uid(self) -> None:
+        """Give this scatter a number that no other one of its scene has."""
+        taken = {0, *(other.uid for other in self.id_data.esh_scatter.scatters)}
+        self.uid = next(uid for _ in range(1000) if (uid := random.getrandbits(30)) not in taken)
 
     def give_uid(self, body_class: ESH_PG_class) -> None:
         """Give a class a number that no other class of this scatter has, by which results know it."""
@@ -188,8 +224,12 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def remember(self, result: bpy.types.Object, report: dict, ran_with: str | None = None) -> None:
         """Keep what a run made and reached; ``ran_with`` is the fingerprint that it began with, None that of now."""
+        from ..display import begin_with_points
         from ..kept_ground import CLASSES_OF_POINTS
 
+        few = self.result != result or words.placed(self.report) <= self.points_above
+        if few and words.placed(report) > self.points_above:
+            begin_with_points(result)
         self.result = result
         # Which objects overlap, the points say.
         self.report_json = json.dumps({name: value for name, value in report.items() if name != "overlapping"})
