@@ -21,7 +21,7 @@ from . import validation
 from .balance import Balance
 from .body_class import BodyClass
 from .domain import Domain
-from .feasibility import check_feasible, check_known_on_surfaces
+from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .packing import packable_share, scale_to_fit
@@ -133,11 +133,9 @@ class Problem(SamplingSettings):
             check_known_on_surfaces(bases, obstacles)
             if obstacles:
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
-        elif obstacles:
-            if any(obstacle.ball is not None for obstacle in obstacles):
-                raise ProblemError(
-                    "`obstacles` in a rectangle must be polygons, discs or images; a ball needs a Surface"
-                )
+        else:
+            check_known_in_rectangles(bases, obstacles)
+        if obstacles and isinstance(domain, Domain):
             prepared = tuple(cut_out(c, domain, obstacles) for c in bases)
         prepared = _sharing_images(prepared)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
