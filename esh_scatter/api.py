@@ -73,7 +73,7 @@ from .densities import (
 from .density_source import Known
 from .following import follow_attributes, followed
 from .footprint import read_source
-from .kept_ground import SEED, ground_attributes
+from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .on_whole_surface import class_on_surface, mean_footprint
 from .references import Reference
@@ -358,12 +358,13 @@ class ScatterJob:
         self._sources: list[Reference] = []
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
-        self._survey = survey
+        self.survey = survey
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
         self._slopes: dict[float, np.ndarray | None] = {}
         self.placement: Placement | None = None
+        self._placed: _Placed | None = None
         if prepare:
             self.prepare()
 
@@ -397,7 +398,7 @@ class ScatterJob:
         Raises:
             EshError: Something asked for has no meaning.
         """
-        reading, survey = self._reading, self._survey or Survey()
+        reading, survey = self._reading, self.survey or Survey()
         if reading is None:
             return
         self._target_name = reading.target.name
@@ -447,23 +448,59 @@ class ScatterJob:
     def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
         """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
         self.prepare()
-        self.placement = solve(self.problem, **values_of(self.settings, RunSettings), progress=progress)
+        self.stand(solve(self.problem, **values_of(self.settings, RunSettings), progress=progress))
+
+    def stand(self, placement: Placement) -> None:
+        """Take a placement of :attr:`problem` for the answer, and stand its objects on the surface; touches nothing of Blender."""
+        self._placed = self._place(placement)
+        self.placement = placement
 
     def instances(self) -> Instances:
         """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
         if self.placement is None:
             raise ProblemError("a scatter must be solved before its objects have a place")
-        return self._place(self.placement).instances
+        return self._standing().instances
+
+    def colors_of_bodies(self) -> np.ndarray:
+        """Return the colour of every body's class, shape ``[n, 4]``, float32; of :attr:`problem`, in any thread."""
+        colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
+        return colors[self.problem.body_indices()[0]]
+
+    def places_of_bodies(self, position: np.ndarray, lift: float) -> np.ndarray:
+        """Return about where bodies of a run under way are in the world [m], shape ``[n, 3]``; in any thread.
+
+        Args:
+            position: As the solver tells it [m].
+            lift: How far above the surface, as a share of its extent.
+        """
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return position + (0.0, 0.0, lift * float((chart.high - chart.low).max()))
+        return np.column_stack([position + chart.origin, chart.height_near(position) + lift * chart.view.extent])
+
+    def _standing(self) -> _Placed:
+        """Return where the objects of :attr:`placement` stand."""
+        assert self.placement is not None
+        if self._placed is None or len(self._placed.lift) != len(self.placement.position):
+            self._placed = self._place(self.placement)
+        return self._placed
 
     def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
         """Make the result object, or replace the points of an earlier one; on the main thread only."""
         if self.placement is None or self.placement.report is None:
             raise ProblemError("a scatter must be solved before it is written")
+        item, sources = self.show(context)
+        return ScatterResult(item, self.placement.report, self.placement, self._standing().instances, tuple(sources))
+
+    def show(self, context: bpy.types.Context | None = None) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
+        """Write the result as :meth:`write` does, whether it has a report or not; return it and the objects it shows."""
+        if self.placement is None:
+            raise ProblemError("a scatter must be solved before it is shown")
         # All of them first: nothing has been changed if one is gone.
         scene = self._scene.get() if context is None else context.scene
         target, sources = self.target, self.sources
         replaced = self.result or find_result(scene, target, self.name)
-        placed = self._place(self.placement)
+        placed = self._standing()
         item = write_result(
             scene,
             replaced,
@@ -478,7 +515,7 @@ class ScatterJob:
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)
         item.data[SEED] = self.settings.seed
-        return ScatterResult(item, self.placement.report, self.placement, placed.instances, tuple(sources))
+        return item, sources
 
     def _prepare_classes(
         self, shapes: list[list[_Shape]], values: list[np.ndarray]
@@ -653,6 +690,8 @@ class ScatterJob:
         align = np.array([self._standing_of(c).align_to_normal for c in self.classes], np.float32)
         return {
             "id": ("INT", ground.identity),
+            **({BODY_ANGLE: ("FLOAT", placement.angle)} if placement.angle.any() else {}),
+            **({BODY_LENGTH: ("FLOAT", placement.length)} if placement.length.any() else {}),
             "class_index": ("INT", placement.class_index),
             "size_index": ("INT", placement.size_index),
             INSTANCE_INDEX: ("INT", instances.source),

@@ -17,10 +17,22 @@ import numpy as np
 
 from .target import world_matrix
 
-__all__ = ["is_old", "now", "of_attribute", "of_image", "of_members", "of_object", "of_shape", "of_weights", "place_of"]
+__all__ = [
+    "at_most",
+    "is_old",
+    "now",
+    "of_attribute",
+    "of_image",
+    "of_members",
+    "of_object",
+    "of_shape",
+    "of_weights",
+    "place_of",
+]
 
 # Seconds for which a number is told again, at least, and in times of what it took to work it out: drawing spends 3 % on it at most.
 SHORTEST, TIMES_COST = 0.3, 30.0
+SHORTEST_SHARED = 0.02
 # A number younger than this was worked out in the same drawing.
 SAME_DRAWING = 0.1
 # Numbers that are kept at most; whoever asks again gets the rest anew.
@@ -53,6 +65,7 @@ class _Kept(NamedTuple):
 
 _kept: dict[tuple[Any, ...], _Kept] = {}
 _truth = False
+_throttle = SHORTEST, TIMES_COST
 # Whether something was told since it was last asked that may be old.
 _old = False
 _pixels = np.empty(0, np.float32)
@@ -67,6 +80,17 @@ def now() -> Iterator[None]:
         yield
     finally:
         _truth = before
+
+
+@contextmanager
+def at_most(share: float) -> Iterator[None]:
+    """Have this share of the time go into working numbers out within a ``with`` block, if it takes so much."""
+    global _throttle
+    before, _throttle = _throttle, (SHORTEST_SHARED, 1.0 / share)
+    try:
+        yield
+    finally:
+        _throttle = before
 
 
 def is_old() -> bool:
@@ -120,7 +144,7 @@ def _worked_out(key: tuple[Any, ...], work: Callable[[], int]) -> int:
     known = _kept.get(key)
     if known is not None and not (_truth or bpy.app.background):
         age = start - known.time
-        if age < max(SHORTEST, TIMES_COST * known.cost):
+        if age < max(_throttle[0], _throttle[1] * known.cost):
             _old = _old or age > SAME_DRAWING
             return known.value
     value = work()

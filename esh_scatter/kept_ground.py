@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -12,11 +12,14 @@ from .node_group import ALIGN, HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
 from .standing import Ground, stand
 
 __all__ = [
+    "BODY_ANGLE",
+    "BODY_LENGTH",
     "CLASSES_OF_POINTS",
     "SEED",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
+    "kept_places",
     "paint_points",
     "stand_anew",
 ]
@@ -24,6 +27,8 @@ __all__ = [
 # Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
 SEED = "esh_scatter_seed"
 CLASSES_OF_POINTS = "esh_scatter_classes"
+# How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
+BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 
 _NORMAL, _HEADING, _LONG, _FIT, _MIDDLE, _LIFT = "ground_normal", "heading", "long", "fit", "middle", "lift"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
@@ -113,6 +118,41 @@ def hide_points(result: bpy.types.Object, class_number: int, *, viewport: bool, 
         values[own] = hidden
         _write(mesh, name, values)
     mesh.update()
+
+
+class KeptPlaces(NamedTuple):
+    """Where a result's bodies are: what a solver can start from.
+
+    Attributes:
+        position: On the surface, in the world [m], shape ``[n, 3]``.
+        angle: [rad], shape ``[n]``; None where none lies in any direction.
+        length: [m], shape ``[n]``; None where there are no lines.
+        identity: Numbers of the points, shape ``[n]``.
+        class_index: Which class, shape ``[n]``.
+        size_index: Which of its sizes, shape ``[n]``.
+    """
+
+    position: np.ndarray
+    angle: np.ndarray | None
+    length: np.ndarray | None
+    identity: np.ndarray
+    class_index: np.ndarray
+    size_index: np.ndarray
+
+
+def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
+    """Return where the bodies of a result are, also of points that were moved by hand; None where too little is known of them."""
+    if not can_stand_anew(result):
+        return None
+    mesh = result.data
+    world = np.array(result.matrix_world)
+    position = (_read(mesh, "position") - _read(mesh, _LIFT)) @ world[:3, :3].T + world[:3, 3]
+    return KeptPlaces(
+        position,
+        _read(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,
+        _read(mesh, BODY_LENGTH) if BODY_LENGTH in mesh.attributes else None,
+        *(_read(mesh, name) for name in ("id", "class_index", "size_index")),
+    )
 
 
 def _points_of(mesh: bpy.types.Mesh, class_number: int) -> np.ndarray:

@@ -23,16 +23,20 @@ __all__ = [
     "HIDE_RENDER",
     "HIDE_VIEWPORT",
     "INSTANCE_INDEX",
+    "MADE_OF",
     "ROTATION",
     "SCALE",
     "WEIGHTS",
     "Followed",
     "build_node_group",
+    "made_of",
     "placed_objects",
     "show_input",
 ]
 
 INSTANCE_INDEX = "instance_index"
+# What a group was made of apart from its objects, as a custom property.
+MADE_OF = "esh_made_of"
 ROTATION = "rotation"
 SCALE = "scale"
 HIDE_VIEWPORT = "hide_viewport"
@@ -70,6 +74,11 @@ def placed_objects(group: bpy.types.NodeTree) -> list[bpy.types.Object | None]:
     ]
 
 
+def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
+    """Return what a group is made of apart from its objects: equal for equal groups, within one session of Blender."""
+    return repr([list(classes), [(one.target.session_uid, one.vertices) for one in followed]])
+
+
 def build_node_group(
     name: str,
     sources: Sequence[bpy.types.Object],
@@ -91,6 +100,7 @@ def build_node_group(
     tree = Tree(name)
     group = tree.group
     group[RESULT_TAG] = True
+    group[MADE_OF] = made_of(classes, followed)
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     _take_inputs(tree, classes, bool(followed))

@@ -10,7 +10,7 @@ from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
 from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
-from . import forecast, running, words
+from . import checksums, forecast, live, running, words
 from .class_copy import KEPT_APART
 from .density_panel import draw_density
 from .display import get_inputs, input_property, our_modifier
@@ -78,13 +78,21 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         if running.session is not None:
             _draw_progress(context, layout)
             return
-        button = layout.row()
+        button = layout.row(align=True)
         button.scale_y = 1.8
         result = scatter.result_in(context.scene)
         button.operator(
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
+        switch = button.row(align=True)
+        switch.ui_units_x = 3.5
+        switch.prop(scatter, "live", toggle=True)
+        if scatter.live and not live.is_live(context.scene, scatter):
+            # It was switched on in the file that was opened, or by redo.
+            live.wake()
         _draw_status(context, layout.column(align=True), scatter)
+        if checksums.is_old():
+            running.redraw_later()
 
 
 class ESH_PT_surface(_SubPanel, bpy.types.Panel):
@@ -395,7 +403,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         _write_text(context, column, "The result is no longer there", icon="INFO")
     elif report is not None:
         changes = scatter.changes()
-        if changes:
+        if changes and live.is_busy(context.scene, scatter):
+            _write_text(context, column, "Following …", icon="FILE_REFRESH")
+        elif changes:
             more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
             _write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
         else:
@@ -405,6 +415,9 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 words.summary(report, words.UNBROKEN),
                 icon="ERROR" if report["overlaps"] else "CHECKMARK",
             )
+    said = live.status(context.scene, scatter)
+    if said:
+        _write_text(context, column, said, icon="ERROR")
     _draw_forecast(context, column, scatter)
     left_out = scatter.left_out()
     if left_out:
@@ -491,8 +504,9 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     row = layout.row(align=True)
     row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
+    row.operator("esh.keep", text="Keep")
     row.operator("esh.stop", text="", icon="CANCEL")
-    _write_text(context, layout, "Esc stops the run. The scene stays as it is", icon="INFO")
+    _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 
 def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list[str]) -> None:

@@ -9,6 +9,7 @@ from . import (
     exchange_operators,
     forecast,
     lists,
+    live,
     menus,
     operators,
     painting,
@@ -44,6 +45,7 @@ def unregister() -> None:
     # Blender as a module disables its add-ons on leaving, after Python has called us.
     if not _MODULES[0].CLASSES[0].is_registered:
         return
+    live.end(wait=True)
     running.end(wait=True)
     forecast.detach()
     menus.detach()

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from .display import get_inputs, our_modifier, set_inputs
-from .node_group import Followed, build_node_group
+from .node_group import HIDE_RENDER, HIDE_VIEWPORT, MADE_OF, Followed, build_node_group, made_of, placed_objects
 from .target import RESULT_TAG, RESULT_TARGET, is_result
 
 __all__ = ["CLASS_NAMES", "OVERLAPPING", "find_result", "remove_result", "rename_result", "write_result"]
@@ -79,6 +79,13 @@ def write_result(
         classes: Names of what ``class_index`` counts.
         followed: What the points follow.
     """
+    ingredients = made_of(classes, followed)
+    if (
+        replaced is not None
+        and _shows(replaced, name, sources, ingredients)
+        and _move_points(replaced.data, position, attributes)
+    ):
+        return replaced
     mesh = _point_mesh(name, position, attributes)
     group = build_node_group(name, sources, classes, followed)
     if replaced is None:
@@ -108,6 +115,29 @@ def write_result(
     return item
 
 
+def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object], ingredients: str) -> bool:
+    """Tell whether a result was made with a name, and its node group already shows these objects, in this order."""
+    groups = [m.node_group for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)]
+    if item.get(NAME) != name or len(groups) != 1 or groups[0].get(MADE_OF) != ingredients:
+        return False
+    return placed_objects(groups[0]) == list(sources)
+
+
+def _move_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bool:
+    """Give a mesh of as many points other places and values; tell whether it has just these attributes."""
+    kept = {"position": "FLOAT_VECTOR", HIDE_VIEWPORT: "BOOLEAN", HIDE_RENDER: "BOOLEAN"}
+    there = {a.name: a.data_type for a in mesh.attributes if not a.name.startswith(".")}
+    wanted = {name: kind for name, (kind, _) in attributes.items()}
+    if len(mesh.vertices) != len(position) or mesh.users != 1 or {**kept, **wanted} != {**kept, **there}:
+        return False
+    if HIDE_VIEWPORT in there or HIDE_RENDER in there:
+        # Points have other classes now.
+        return False
+    _write_points(mesh, position, attributes)
+    mesh.update()
+    return True
+
+
 def _is_ours(group: bpy.types.NodeTree | None) -> bool:
     return group is not None and bool(group.get(RESULT_TAG))
 
@@ -127,14 +157,19 @@ def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[
     mesh = bpy.data.meshes.new(name)
     mesh[RESULT_TAG] = True
     mesh.vertices.add(len(position))
+    for attribute_name, (kind, _) in attributes.items():
+        mesh.attributes.new(attribute_name, kind, "POINT")
+    _write_points(mesh, position, attributes)
+    mesh.update()
+    return mesh
+
+
+def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
     # As an attribute, which is copied as a whole; vertices are set one after the other.
     mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
     for attribute_name, (kind, values) in attributes.items():
         dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
-        attribute = mesh.attributes.new(attribute_name, kind, "POINT")
-        attribute.data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
-    mesh.update()
-    return mesh
+        mesh.attributes[attribute_name].data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
 
 
 def rename_result(item: bpy.types.Object, name: str) -> None:

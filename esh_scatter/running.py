@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from .background_run import BackgroundRun
+from .moving_bodies import MovingBodies
 from .references import Reference
 
 if TYPE_CHECKING:
-    from .api import ScatterJob
-    from .properties.scatter import ESH_PG_scatter
+    from ..engine.solver.solver import Progress
 
-__all__ = ["end", "lets_through", "may_compile", "session", "start", "still_stopping", "stop"]
+__all__ = ["end", "keep", "lets_through", "may_compile", "session", "start", "still_stopping", "stop"]
 
 SIDEBAR_TAB = "ESH Scatter"
 
@@ -23,6 +24,11 @@ _TICK = 0.05
 _PATIENCE = 3.0
 # Seconds that disabling the add-on or quitting waits for the thread to come out of the engine.
 _LONGEST_JOIN = 5.0
+# Seconds that a run waits for one that was stopped to come out of the engine: compiling takes no longer.
+_LONGEST_WAIT = 120.0
+
+# Seconds after which what may be old is drawn again.
+_MOMENT = 1.0
 
 # Looking around is allowed during a run; changing anything is not.
 _NAVIGATION = {
@@ -54,24 +60,40 @@ class Session:
     """A run under way.
 
     Attributes:
-        job: The API's job; its ``write`` is called at the end, on the main thread.
+        job: The API's job, whose ``write`` is called at the end, on the main thread; or a survey that comes before it.
         run: The thread.
         scatter_index: Which of the scene's scatters.
         device: Where it runs, by the name that the engine gives it.
         stop_reason: Why it ends early, as a sentence; empty while it runs.
+        keeps: Whether it ends early with what is there.
+        bodies: What the viewport shows of it.
     """
 
-    def __init__(self, context: bpy.types.Context, job: ScatterJob, scatter: ESH_PG_scatter) -> None:
+    def __init__(self, context: bpy.types.Context, job: Any) -> None:
         self.job = job
         self._scene = Reference(context.scene, "scene")
         self.scatter_index = context.scene.esh_scatter.scatter_index
-        self.steps = scatter.max_steps
         self.device = str(getattr(job, "device", ""))
         self.stop_reason = ""
-        self.run = BackgroundRun(job.solve)
+        self.keeps = False
+        self.bodies = MovingBodies(job)
+        before, solve = _still_at_work(), job.solve
+
+        def solve_after_the_last(progress: Callable[[Progress], bool]) -> None:
+            # Two solvers at once would share the processors; the one that was stopped may still be compiling.
+            if before is not None:
+                before.join(_LONGEST_WAIT)
+            solve(lambda now: self._see(now, progress))
+
+        self.run = BackgroundRun(solve_after_the_last)
         self.timer = context.window_manager.event_timer_add(_TICK, window=context.window)
         self._shown = ""
         self.show()
+
+    def _see(self, now: Progress, progress: Callable[[Progress], bool]) -> bool:
+        """Look where bodies are, in the solver's thread; answer whether the run is to go on."""
+        self.bodies.see(now)
+        return progress(now)
 
     @property
     def scene(self) -> bpy.types.Scene:
@@ -88,8 +110,12 @@ class Session:
     def text(self) -> str:
         """What is going on, in a few words."""
         progress = self.run.progress
+        if self.keeps:
+            return "Keeping what is there"
         if progress:
             return f"Step {progress.step} of {progress.steps}"
+        if still_stopping():
+            return "Waiting for the stopped run"
         compiling = self.run.seconds >= _PATIENCE and may_compile(self.device)
         return "Compiling (first run only)" if compiling else "Preparing"
 
@@ -97,6 +123,7 @@ class Session:
         """Bring panel and status bar up to date where something changed."""
         if self.run.progress:
             _ran_on.add(self.device)
+        self.bodies.show()
         if self._shown != self.text:
             self._shown = self.text
             _set_status(f"ESH Scatter: {self.text}   |   Esc: stop without changes")
@@ -118,10 +145,10 @@ session: Session | None = None
 _stopping: BackgroundRun | None = None
 
 
-def start(context: bpy.types.Context, job: ScatterJob, scatter: ESH_PG_scatter) -> None:
-    """Begin solving ``job`` for ``scatter`` in the background."""
+def start(context: bpy.types.Context, job: Any) -> None:
+    """Begin solving ``job`` for the active scatter in the background: a ScatterJob, or what comes before it."""
     global session
-    session = Session(context, job, scatter)
+    session = Session(context, job)
     for handlers in _interrupting():
         handlers.append(_interrupt)
 
@@ -133,6 +160,14 @@ def stop(reason: str) -> None:
         session.stop_reason = session.stop_reason or reason
 
 
+def keep() -> None:
+    """Ask the run to end early, and take what is there for its result."""
+    if session is not None:
+        session.keeps = True
+        session.run.stop()
+        session.show()
+
+
 def end(wait: bool = False) -> None:
     """Take away timer, status text and handlers, and let the thread go; ``wait`` for it to come to its end."""
     global session, _stopping
@@ -142,6 +177,7 @@ def end(wait: bool = False) -> None:
             handlers.remove(_interrupt)
     if ended is not None:
         ended.run.stop()
+        ended.bodies.end()
         _stopping = ended.run
         bpy.context.window_manager.event_timer_remove(ended.timer)
         _set_status(None)
@@ -160,6 +196,11 @@ def still_stopping() -> bool:
     return _stopping is not None
 
 
+def _still_at_work() -> BackgroundRun | None:
+    """Return the run that was stopped and has not come to its end, or None."""
+    return _stopping if still_stopping() else None
+
+
 def lets_through(context: bpy.types.Context, event: bpy.types.Event) -> bool:
     """Tell whether ``event`` may reach the window: looking around, and the sidebar tab with its Stop button."""
     if event.type in _NAVIGATION or event.type.startswith("NUMPAD") or event.type.startswith("NDOF"):
@@ -175,6 +216,12 @@ def redraw_sidebars() -> None:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()
+
+
+def redraw_later() -> None:
+    """Have the sidebars drawn anew in a moment: what they show may be old by then."""
+    if not bpy.app.background and not bpy.app.timers.is_registered(redraw_sidebars):
+        bpy.app.timers.register(redraw_sidebars, first_interval=_MOMENT)
 
 
 def _over_panel(context: bpy.types.Context, event: bpy.types.Event) -> bool:

@@ -7,15 +7,22 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
+import numpy as np
 
 from ..engine.errors import ProblemError
-from .target import is_result
+from ..engine.problem.scatter_settings import TargetSettings
+from .footprint import measure_footprint, read_source
+from .references import Reference
+from .survey import Survey
+from .target import check_target, is_result, read_target
 
 if TYPE_CHECKING:
+    from ..engine.surface.footprint import Outline
+    from ..engine.surface.triangle_mesh import TriangleMesh
     from .properties.body_class import ESH_PG_class
     from .properties.scatter import ESH_PG_scatter
 
-__all__ = ["Measured", "add_classes", "measure", "pleasant_counts", "sources_in"]
+__all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts", "sources_in"]
 
 # What has a footprint: others, such as lights and cameras, are passed over.
 SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
@@ -49,8 +56,6 @@ def measure(items: Sequence[bpy.types.Object], context: bpy.types.Context) -> tu
     Returns:
         Those that take ground, and the names of those that take none.
     """
-    from .footprint import measure_footprint
-
     measured, flat = [], []
     for item in items:
         try:
@@ -61,6 +66,66 @@ def measure(items: Sequence[bpy.types.Object], context: bpy.types.Context) -> tu
         upright = item.dimensions.z > max(footprint.length, footprint.width)
         measured.append(Measured(item, footprint.area, upright))
     return measured, flat
+
+
+class SelectionSurvey:
+    """What is to be known of a selection before it is scattered: read when it is made, worked out in any thread.
+
+    Args:
+        ground: The mesh to scatter on.
+        items: What to place.
+        context: Whose view layer.
+
+    Attributes:
+        device: Where it runs.
+        survey: What it has worked out, for the run that follows.
+        area: Of the ground [m²], once it is solved.
+
+    Raises:
+        EshError: The ground cannot be scattered on.
+    """
+
+    device = "cpu"
+
+    def __init__(self, ground: bpy.types.Object, items: Sequence[bpy.types.Object], context: bpy.types.Context) -> None:
+        self._ground = read_target(check_target(ground, context), context, set())
+        self._items = [_read(item, context) for item in items]
+        self._outlines: list[Outline | None] = []
+        self.survey = Survey()
+        self.area = 0.0
+
+    def solve(self, _progress: object = None) -> None:
+        """Work it out; touches nothing of Blender.
+
+        Raises:
+            EshError: The ground is not seen from above.
+        """
+        self.area = float(np.sum(self.survey.begin(self._ground, TargetSettings()).area))
+        for _, _, mesh in self._items:
+            try:
+                self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
+            except ProblemError:
+                self._outlines.append(None)
+
+    def measured(self) -> tuple[list[Measured], list[str]]:
+        """Return what :func:`measure` does; of what is still there."""
+        found, flat = [], []
+        for (reference, height, _), outline in zip(self._items, self._outlines, strict=True):
+            item = reference.find()
+            if item is not None and outline is not None:
+                found.append(Measured(item, outline.area, height > max(outline.length, outline.width)))
+            elif item is not None:
+                flat.append(item.name)
+        return found, flat
+
+
+def _read(item: bpy.types.Object, context: bpy.types.Context) -> tuple[Reference, float, TriangleMesh | None]:
+    """Return an object, how high it is, and its mesh, or None where it has no faces."""
+    try:
+        mesh = read_source(item, context, "`area`")
+    except ProblemError:
+        mesh = None
+    return Reference(item, "object to place"), float(item.dimensions.z), mesh
 
 
 def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:

@@ -97,7 +97,9 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
     evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated:
         raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
-    mesh = evaluated.to_mesh()
+    # While it is sculpted, what is evaluated lags behind.
+    shown = target if target.mode == "SCULPT" and not target.modifiers else evaluated
+    mesh = shown.to_mesh()
     try:
         if mesh is None or not len(mesh.polygons):
             why = "its modifiers leave none" if len(target.data.polygons) else "its mesh has none"
@@ -118,7 +120,7 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
         for attribute in mesh.attributes:
             _read_attribute(read, attribute, attribute.name in names)
     finally:
-        evaluated.to_mesh_clear()
+        shown.to_mesh_clear()
     if not np.isfinite(read.position).all():
         raise ProblemError(f"{name} must have finite vertex positions; some are NaN or infinite")
     return read

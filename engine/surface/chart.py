@@ -117,13 +117,13 @@ class Chart:
         spots = self.view.cast(xy)
         beside = np.flatnonzero(spots[0] < 0)
         if len(beside):
-            anchor = np.column_stack([xy[beside], self._height_near(position[beside])])
+            anchor = np.column_stack([xy[beside], self.height_near(position[beside])])
             for values, nearest in zip(spots, self.view.nearest(anchor), strict=True):
                 values[beside] = nearest
         return SurfacePoints(self.view, *spots)
 
-    def _height_near(self, position: np.ndarray) -> np.ndarray:
-        """Return z of the surface in the cell of each position, or in a cell beside it."""
+    def height_near(self, position: np.ndarray) -> np.ndarray:
+        """Return z [m] of the surface in the cell of each position ``[n, 2]`` of the rectangle, or in a cell beside it."""
         rows, columns = self.shape
         index = np.full((rows + 2, columns + 2), -1)
         row, column = np.divmod(self._filled, columns)

@@ -47,8 +47,6 @@ def settings_editable(operator: type[bpy.types.Operator], context: bpy.types.Con
     reason = None
     if running.session is not None:
         reason = "A run is in progress. Press Esc to stop it"
-    elif running.still_stopping():
-        reason = "The stopped run has not ended yet. Try again in a moment"
     elif context.scene is None or not context.scene.is_editable:
         reason = "This scene is linked from a library and cannot be changed"
     if reason:

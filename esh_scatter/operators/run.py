@@ -25,6 +25,8 @@ from .edit import remove_at, sentence, settings_editable
 if TYPE_CHECKING:
     from ..api import ScatterResult
     from ..running import Session
+    from ..selection import SelectionSurvey
+    from ..survey import Survey
 
 __all__ = ["CLASSES"]
 
@@ -68,27 +70,45 @@ class _Run(bpy.types.Operator):
         """Solve in the background while the window stays alive; above the cap, ask first."""
         if in_background() or context.window is None:
             return self.execute(context)
+        try:
+            first = self._first(context)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        if first is not None:
+            running.start(context, first)
+        elif not self._start(context):
+            return {"CANCELLED"}
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _start(self, context: bpy.types.Context, survey: "Survey | None" = None) -> bool:
+        """Begin to solve; tell whether that was possible, which otherwise has been reported."""
         from ..api import ScatterJob
 
         settings = self._settings(context)
         if settings is None:
-            return {"CANCELLED"}
+            return False
         count = bodies_ahead(settings)
         if count > settings.cap and not self.asked:
             self._undo(context)
-            return self._ask(context, question(settings, count))
+            self._ask(context, question(settings, count))
+            return False
         try:
             positional, named = settings.arguments(context.scene)
-            job = ScatterJob(*positional, **named)
+            job = ScatterJob(*positional, **named, prepare=False, survey=survey)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
             self._undo(context)
-            return {"CANCELLED"}
-        running.start(context, job, settings)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+            return False
+        running.start(context, job)
+        return True
 
-    def _ask(self, context: bpy.types.Context, text: str) -> set[str]:
+    def _first(self, _context: bpy.types.Context) -> "SelectionSurvey | None":
+        """Return what has to be worked out before there is anything to scatter, or None."""
+        return None
+
+    def _ask(self, context: bpy.types.Context, text: str) -> None:
         """Ask whether to run all the same; whoever says yes presses a button that does not ask."""
 
         def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
@@ -97,7 +117,6 @@ class _Run(bpy.types.Operator):
             popup.layout.operator(self.bl_idname, text="Place Them", icon="PLAY").asked = True
 
         context.window_manager.popup_menu(draw, title="That Many?", icon="QUESTION")
-        return {"CANCELLED"}
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         """Return the settings to run, or None where there is nothing to run, which has been reported."""
@@ -116,7 +135,7 @@ class _Run(bpy.types.Operator):
         if event.type == "TIMER":
             session.show()
             if not session.run.running:
-                return self._write(context)
+                return self._write(context) if hasattr(session.job, "write") else self._go_on(context)
         return {"PASS_THROUGH"} if running.lets_through(context, event) else {"RUNNING_MODAL"}
 
     def cancel(self, _context: bpy.types.Context) -> None:
@@ -128,6 +147,19 @@ class _Run(bpy.types.Operator):
         self._undo(context)
         self.report({"WARNING"}, session.stop_reason if session else "Stopped. Nothing was changed")
         return {"CANCELLED"}
+
+    def _go_on(self, context: bpy.types.Context) -> set[str]:
+        """What had to be worked out first has been: begin to solve."""
+        session = running.session
+        assert session is not None
+        running.end()
+        if session.run.error is not None:
+            if not isinstance(session.run.error, EshError):
+                raise session.run.error
+            self.report({"ERROR"}, sentence(session.run.error))
+            return {"CANCELLED"}
+        self._found = session.job
+        return {"RUNNING_MODAL"} if self._start(context, session.job.survey) else {"CANCELLED"}
 
     def _write(self, context: bpy.types.Context) -> set[str]:
         session = running.session
@@ -233,25 +265,33 @@ class ESH_OT_scatter_selection(_Run):
         for name in ("cover", "most", "class_separation", "seed"):
             layout.prop(self, name)
 
-    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
-        from ...engine.surface.chart import Chart
-        from ..selection import add_classes, measure, pleasant_counts
-        from ..target import check_target, read_target
+    def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
+        from ..selection import SelectionSurvey
 
         ground = context.view_layer.objects.active
-        try:
-            chart = Chart(read_target(check_target(ground, context), context, set()))
-        except EshError as error:
-            self.report({"ERROR"}, sentence(error))
-            return None
-        measured, flat = measure(_selected_sources(context, ground), context)
+        return SelectionSurvey(ground, _selected_sources(context, ground), context)
+
+    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
+        from ..selection import add_classes, pleasant_counts
+
+        found = getattr(self, "_found", None)
+        if found is None:
+            try:
+                found = self._first(context)
+                found.solve()
+            except EshError as error:
+                self.report({"ERROR"}, sentence(error))
+                return None
+        # The panel of the last operation looks again.
+        self._found = None
+        measured, flat = found.measured()
         if flat:
             self.report({"WARNING"}, f"Left out, because they take no ground seen from above: {', '.join(flat)}")
         if not measured:
             self.report({"ERROR"}, "None of the selected objects takes ground seen from above. Nothing was changed")
             return None
-        counts = pleasant_counts([one.area for one in measured], float(chart.area.sum()), self.cover, self.most)
-        scatter = context.scene.esh_scatter.add_scatter(ground)
+        counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
+        scatter = context.scene.esh_scatter.add_scatter(context.view_layer.objects.active)
         add_classes(scatter, measured, counts)
         scatter.class_separation, scatter.seed, scatter.class_index = self.class_separation, self.seed, 0
         self._made = scatter.name
@@ -259,6 +299,8 @@ class ESH_OT_scatter_selection(_Run):
 
     def _undo(self, context: bpy.types.Context) -> None:
         settings = context.scene.esh_scatter
+        if not getattr(self, "_made", ""):
+            return
         # After Ctrl+Z it is gone already.
         last = settings.scatters[-1] if settings.scatters else None
         if last is not None and last.name == self._made and not last.report_json:
@@ -282,6 +324,24 @@ class ESH_OT_stop(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class ESH_OT_keep(bpy.types.Operator):
+    """End the run now, and keep the objects where they are"""
+
+    bl_idname = "esh.keep"
+    bl_label = "Keep"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Only once there is something to keep."""
+        session = running.session
+        return session is not None and session.run.progress is not None and not session.keeps
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Keep it."""
+        running.keep()
+        return {"FINISHED"}
+
+
 def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> list[bpy.types.Object]:
     """Return the selected objects to place; where only the ground is selected, those of the active collection."""
     from ..selection import sources_in
@@ -298,5 +358,6 @@ def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> l
 CLASSES = (
     ESH_OT_scatter,
     ESH_OT_scatter_selection,
+    ESH_OT_keep,
     ESH_OT_stop,
 )

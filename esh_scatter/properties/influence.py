@@ -15,6 +15,7 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "size_index",
     "result",
     "target",
+    "live",
     "report_json",
     "ran_with",
     "uid",

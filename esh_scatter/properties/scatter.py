@@ -8,7 +8,7 @@ import random
 from functools import lru_cache
 
 import bpy
-from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
@@ -27,6 +27,15 @@ __all__ = ["BY_HAND", "CLASSES", "ESH_PG_scatter"]
 
 # Settings of a scatter that the sidebar has in a form of its own: names of classes that may overlap, and standing by class.
 BY_HAND = ("non_overlap", *settings_of(Standing))
+
+
+def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
+    """Follow this scatter, or no longer."""
+    from .. import live
+
+    if not item.uid:
+        item.give_own_uid()
+    live.switched(item, context)
 
 
 @with_properties(
@@ -51,6 +60,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
     result: PointerProperty(
         type=bpy.types.Object, name="Result", description="The object that the last run made. The next run replaces it"
+    )
+    uid: IntProperty(options={"HIDDEN"})
+    live: BoolProperty(
+        name="Live",
+        description="Follow settings, painted images and weights, the target and the objects to place while they are changed. "
+        "What is far from a change stays where it is",
+        default=False,
+        update=_live_switched,
     )
     points_above: IntProperty(
         name="Points Above",
@@ -123,6 +140,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         body_class.add_size()
         self.class_index = len(self.classes) - 1
         return body_class
+
+    def give_own_uid(self) -> None:
+        """Give this scatter a number that no other one of its scene has."""
+        taken = {0, *(other.uid for other in self.id_data.esh_scatter.scatters)}
+        self.uid = next(uid for _ in range(1000) if (uid := random.getrandbits(30)) not in taken)
 
     def give_uid(self, body_class: ESH_PG_class) -> None:
         """Give a class a number that no other class of this scatter has, by which results know it."""

@@ -1,5 +1,7 @@
 """Every button: what it does, why it is grey, and that it does what the API does."""
 
+import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -180,10 +182,17 @@ def test_nothing_can_be_edited_or_started_during_a_run(scatter, monkeypatch):
     assert not bpy.ops.esh.stop.poll()
 
 
-def test_a_stopped_thread_that_is_still_busy_keeps_the_button_grey(scatter, monkeypatch):
-    monkeypatch.setattr(running, "_stopping", SimpleNamespace(running=True, join=lambda _seconds: None))
-    with pytest.raises(RuntimeError, match="has not ended yet"):
-        bpy.ops.esh.scatter()
+def test_a_run_waits_for_the_thread_of_one_that_was_stopped(scatter, monkeypatch):
+    may_end, order = threading.Event(), []
+    before = background_run.BackgroundRun(lambda _progress: may_end.wait(30) and order.append("first"))
+    monkeypatch.setattr(running, "_stopping", before)
+    assert bpy.ops.esh.scatter.poll(), "everything is usable at once"
+    job = Job()
+    job.solve = lambda _progress: order.append("second")
+    window = Window(monkeypatch, job)
+    assert running.session.text == "Waiting for the stopped run"
+    may_end.set()
+    assert window.run_to_end() == {"FINISHED"} and order == ["first", "second"] and job.written
 
 
 class Window:
@@ -207,12 +216,14 @@ class Window:
             evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         )
         monkeypatch.setattr(running.bpy, "context", self.context)
-        running.start(self.context, job, scene.esh_scatter.active)
+        running.start(self.context, job)
         operator = SimpleNamespace(
             report=lambda kind, text: self.reports.append((*kind, text)), _undo=lambda _context: None
         )
         for name in ("_stopped", "_write", "_finish"):
             setattr(operator, name, getattr(ESH_OT_scatter, name).__get__(operator))
+        if isinstance(job, Job):
+            operator._finish = lambda _settings, _result: {"FINISHED"}
         self.operator = operator
 
     def send(self, kind: str, value: str = "PRESS") -> set[str]:
@@ -248,6 +259,8 @@ class Job:
 
     def __init__(self) -> None:
         self.written = False
+        # What the operator does with what was written is not looked at.
+        self.result = SimpleNamespace(report=None)
 
     def solve(self, progress):
         while progress(SimpleNamespace(step=1, steps=5)):
@@ -255,6 +268,7 @@ class Job:
 
     def write(self):
         self.written = True
+        return self.result
 
 
 @pytest.mark.parametrize("how", ["ESC", "undo", "stop button"])
@@ -272,6 +286,18 @@ def test_a_stopped_run_leaves_what_was_there(scatter, monkeypatch, how):
     assert not run.running and not job.written and window.timers == [] and running.session is None
     assert not any(running._interrupt in handlers for handlers in running._interrupting())
     assert [kind for kind, _ in window.reports] == ["WARNING"]
+
+
+def test_keep_takes_what_is_there(scatter, monkeypatch):
+    job = Job()
+    window = Window(monkeypatch, job)
+    deadline = time.monotonic() + 30
+    while running.session.run.progress is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert bpy.ops.esh.keep.poll()
+    running.keep()
+    assert running.session.text == "Keeping what is there" and not bpy.ops.esh.keep.poll()
+    assert window.run_to_end() == {"FINISHED"} and job.written and running.session is None
 
 
 def test_errors_of_the_thread_reach_the_user_as_a_sentence(scatter, monkeypatch):

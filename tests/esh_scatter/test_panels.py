@@ -225,22 +225,23 @@ def test_the_status_is_one_line_under_the_button():
     scatter = ready_scatter()
     drawn = draw_all(400)
     button = drawn.index("esh.scatter")
-    assert drawn[button + 1] == "1,234 placed · no overlap · very even · 1.2 s"
+    assert drawn[button + 1] == "live", "it lies beside the button"
+    assert drawn[button + 2] == "1,234 placed · no overlap · very even · 1.2 s"
     assert button < drawn.index("classes"), "the button comes before the classes"
     narrow = draw_all(220)
-    lines = narrow[narrow.index("esh.scatter") + 1 :][:2]
+    lines = narrow[narrow.index("live") + 1 :][:2]
     assert " ".join(lines) == "1,234 placed · no overlap · very even · 1.2 s", "no part of it is torn in two"
     scatter.classes[0].sizes[0].count += 1
     scatter.seed += 1
     drawn = draw_all(500)
-    assert drawn[drawn.index("esh.scatter") + 1] == "Changed: seed, count of Pine"
+    assert drawn[drawn.index("live") + 1] == "Changed: seed, count of Pine"
     scatter.classes[0].add_layer("IMAGE")
     other = scatter.add_class()
     other.sizes[0].source_object = new_object("Bush")
     assert "Pine is left out: choose its density image" in draw_all(500)
     other.mute = True
     drawn = draw_all(500)
-    assert drawn[drawn.index("esh.scatter") + 1] == 'Class "Pine": choose its density image'
+    assert drawn[drawn.index("live") + 1] == 'Class "Pine": choose its density image'
 
 
 def test_overlap_is_said_before_a_run_and_shown_after_it():

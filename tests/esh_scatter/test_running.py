@@ -43,6 +43,7 @@ def test_compiling_is_said_only_where_it_can_be(monkeypatch):
     monkeypatch.setattr(running, "_ran_on", set())
     monkeypatch.setattr(prebuilt_kernels, "are_prebuilt", lambda: False)
     session = object.__new__(running.Session)
+    session.keeps, session.bodies = False, SimpleNamespace(show=lambda: None)
     session.device, session.run, session._shown = "cpu", SimpleNamespace(progress=None, seconds=0.5), ""
     monkeypatch.setattr(running, "_set_status", lambda _text: None)
     monkeypatch.setattr(running, "redraw_sidebars", lambda: None)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from esh import BodyClass, Domain, FixedBodies, Line, Obstacle, Problem, ProblemError, Size, Solver
+from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Problem, ProblemError, Size, Solver
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.edit import CarriedOver, carry_over
 from esh.engine.solver.model import Model
@@ -314,6 +314,54 @@ def test_fixed_bodies_of_a_problem_that_is_replaced_are_still_told_apart(settled
         assert 50_000 in solver.placement().id
         assert len(edit.added) == 4
         assert edit.added.min() > 50_000
+
+
+def outlined_problem(count: int = 60, angle: str | float = "none") -> Problem:
+    triangle = Footprint.polygon([(-0.5, -0.3), (0.6, -0.3), (0.0, 0.7)])
+    long = Line(1.5, angle, width=0.3)
+    sizes = [
+        Size("dot", 0.5, count),
+        Size("triangle", None, count, footprint=triangle),
+        Size("rod", 0.6, count, line=long),
+    ]
+    return Problem(Domain((30.0, 20.0)), [BodyClass("a", sizes)], seed=3, avoid_overlap=True)
+
+
+def test_a_solver_starts_where_a_placement_was():
+    problem = outlined_problem()
+    with Solver(problem, device="cpu") as solver:
+        solver.run(20)
+        solver.separate()
+        kept = solver.placement()
+    identity = kept.id[::-1] + 1000
+    with Solver(problem, device="cpu") as solver:
+        solver.start_at(kept.position, angle=kept.angle, length=kept.length, identity=identity)
+        again = solver.placement()
+        np.testing.assert_allclose(again.position, kept.position, atol=1e-4)
+        turned = np.mod(again.angle - kept.angle + 1.0, np.pi) - 1.0
+        assert np.abs(turned).max() < 1e-4
+        np.testing.assert_allclose(again.length, kept.length, rtol=1e-5)
+        np.testing.assert_array_equal(again.id, identity)
+        edit = solver.edit(outlined_problem(66))
+        assert len(edit.added) == 18 and len(edit.removed) == 0 and edit.added.min() > identity.max()
+        moved = solver.placement()
+    _, i, j = np.intersect1d(identity, moved.id, return_indices=True)
+    assert len(i) == 180
+    way = np.linalg.norm(moved.position[j] - kept.position[i], axis=1)
+    assert np.median(way) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("position", "identity", "named"),
+    [
+        (np.zeros((3, 2)), None, "180 bodies"),
+        (np.full((180, 2), np.nan), None, "all finite"),
+        (np.zeros((180, 2)), np.zeros(180, int), "`identity`"),
+    ],
+)
+def test_places_that_fit_no_body_are_refused(position, identity, named):
+    with Solver(outlined_problem(), device="cpu") as solver, pytest.raises(ProblemError, match=named):
+        solver.start_at(position, identity=identity)
 
 
 def test_edits_leave_nothing_behind():

@@ -1,0 +1,286 @@
+"""Live: a result follows what changes, from where its objects are, and stops with a sentence where it cannot."""
+
+import time
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import live, registration  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+    assert not live._followed and not any(hook in handlers for handlers, hook in live._hooks())
+
+
+def new_image(name="mask.png"):
+    image = bpy.data.images.new(name, 64, 64)
+    pixels = np.ones((64, 64, 4), np.float32)
+    pixels[..., :3] = 0.5
+    image.pixels.foreach_set(pixels.ravel())
+    return image
+
+
+@pytest.fixture
+def scatter():
+    bpy.ops.mesh.primitive_grid_add(size=40, x_subdivisions=20, y_subdivisions=20)
+    ground = bpy.context.object
+    ground.name = "Ground"
+    ground.vertex_groups.new(name="here").add(list(range(441)), 0.5, "REPLACE")
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    for name, kind in (("Pine", "IMAGE"), ("Beech", "VERTEX_GROUP")):
+        bpy.ops.mesh.primitive_cone_add(radius1=0.3, depth=1.0, location=(60, 0, 0))
+        bpy.context.object.name = name
+        body_class = made.add_class()
+        body_class.name = name
+        body_class.add_layer(kind, **({"vertex_group": "here"} if kind == "VERTEX_GROUP" else {"image": new_image()}))
+        body_class.sizes[0].source_object, body_class.sizes[0].count = bpy.context.object, 200
+    made.device, made.max_steps = "CPU", 40
+    return made
+
+
+def active():
+    return bpy.context.scene.esh_scatter.active
+
+
+def follow(until=None, seconds=60.0):
+    """Let Blender's timer run until nothing is left to do."""
+    deadline = time.monotonic() + seconds
+    still = 0
+    while still < 3:
+        assert time.monotonic() < deadline, "it does not come to rest"
+        for one in live._followed.values():
+            one._looked = 0.0
+        if live._tick() is None:
+            return
+        busy = any(one.busy for one in live._followed.values())
+        still = 0 if busy else still + 1
+        if until is not None and until():
+            return
+        time.sleep(0.01)
+
+
+def points(name=None):
+    """Return places by the numbers of the points; of one class by its name."""
+    scatter = active()
+    mesh = scatter.result.data
+    place = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", place)
+    number, of_class = np.empty((2, len(mesh.vertices)), np.int32)
+    mesh.attributes["id"].data.foreach_get("value", number)
+    mesh.attributes["class_index"].data.foreach_get("value", of_class)
+    own = slice(None) if name is None else of_class == [c.name for c in scatter.ready_classes()].index(name)
+    return dict(zip(number[own].tolist(), place.reshape(-1, 3)[own], strict=True))
+
+
+def moved(before, after):
+    both = before.keys() & after.keys()
+    return np.array([np.linalg.norm(after[n] - before[n]) for n in both])
+
+
+def switch_on(scatter):
+    bpy.ops.esh.scatter()
+    scatter.live = True
+    before = points()
+    follow()
+    after = points()
+    assert before.keys() == after.keys() and moved(before, after).max() == 0.0, "switching it on moves nothing"
+    return before
+
+
+def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter):
+    before = switch_on(scatter)
+    there = points("Pine")
+    image = bpy.data.images["mask.png"]
+    pixels = np.empty(64 * 64 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    painted = pixels.reshape(64, 64, 4)
+    painted[:, :16, :3] = 0.0
+    image.pixels.foreach_set(pixels)
+    follow()
+    after = points("Pine")
+    assert len(after) == 200 and active().result is not None
+    assert min(place[0] for place in after.values()) > -10.6, "nothing is left of the stroke"
+    assert len(there.keys() - after.keys()) > 30, "who stood there is gone"
+    far = {n: p for n, p in points("Beech").items() if p[0] > 5.0}
+    # They make room for the pines that came, and that is all.
+    assert np.median(moved(before, far)) < 0.3
+    assert not active().outdated and active().report["classes"][0]["sizes"][0]["placed"] == 200
+
+
+def test_counts_weights_and_the_target_are_followed(scatter):
+    before = switch_on(scatter)
+    scatter.classes["Beech"].sizes[0].count = 230
+    follow()
+    after = points()
+    assert len(after) == 430 and len(before.keys() & after.keys()) == 400
+    assert np.median(moved(before, after)) < 0.5
+    group = scatter.target.vertex_groups["here"]
+    group.add([v.index for v in scatter.target.data.vertices if v.co.y > 0], 0.0, "REPLACE")
+    follow()
+    assert max(place[1] for place in points("Beech").values()) < 1.1
+    for vertex in scatter.target.data.vertices:
+        vertex.co.z = 3.0
+    scatter.target.data.update()
+    follow()
+    assert {round(float(place[2]), 3) for place in points().values()} == {3.0}
+    before = points()
+    scatter.target.location.x += 100.0
+    bpy.context.view_layer.update()
+    follow()
+    after = points()
+    assert before.keys() == after.keys()
+    way = np.array([after[n] - before[n] for n in before])
+    assert np.abs(np.median(way, axis=0) - (100, 0, 0)).max() < 0.05
+
+
+def test_a_class_comes_and_goes(scatter):
+    switch_on(scatter)
+    scatter.classes["Beech"].mute = True
+    follow()
+    assert len(points()) == 200 and [e["name"] for e in active().report["classes"]] == ["Pine"]
+    scatter.classes["Beech"].mute = False
+    follow()
+    assert len(points("Beech")) == len(points("Pine")) == 200
+    assert set(scatter.result.data["esh_scatter_classes"]) == {c.uid for c in scatter.classes}
+
+
+def test_another_seed_places_others(scatter):
+    before = switch_on(scatter)
+    scatter.seed = 5
+    follow()
+    assert np.median(moved(before, points())) > 1.0
+
+
+def test_without_a_result_it_makes_one(scatter):
+    scatter.live = True
+    follow()
+    assert len(points()) == 400 and scatter.report["overlaps"] == 0 and not scatter.outdated
+
+
+def test_what_is_shown_at_once_is_not_taken_back(scatter):
+    switch_on(scatter)
+    scatter.classes["Pine"].sizes[0].count = 210
+    follow(until=lambda: live._followed[next(iter(live._followed))]._worker.busy)
+    scatter.classes["Pine"].tilt = 0.3
+    scatter.classes["Pine"].color = (1.0, 0.0, 0.0)
+    follow()
+    assert len(points("Pine")) == 210
+    mesh = scatter.result.data
+    color = np.empty(4 * len(mesh.vertices), np.float32)
+    mesh.attributes["class_color"].data.foreach_get("color", color)
+    assert color[:3].tolist() == [1.0, 0.0, 0.0]
+    turned = np.empty(4 * len(mesh.vertices), np.float32)
+    mesh.attributes["rotation"].data.foreach_get("value", turned)
+    assert np.abs(turned.reshape(-1, 4)[:210, 1:3]).max() > 0.05, "they still lean"
+
+
+def remove_target():
+    bpy.data.objects.remove(active().target)
+
+
+def remove_source():
+    bpy.data.objects.remove(bpy.data.objects["Pine"])
+
+
+def delete_source():
+    bpy.context.scene.collection.objects.unlink(bpy.data.objects["Pine"])
+
+
+def delete_result():
+    bpy.context.scene.collection.objects.unlink(active().result)
+
+
+@pytest.mark.parametrize(
+    ("loss", "said"),
+    [
+        (remove_target, "target is no longer"),
+        (remove_source, "an object of Pine was deleted"),
+        (delete_source, "an object of Pine was deleted"),
+        (delete_result, "result is no longer"),
+    ],
+)
+def test_it_stops_with_a_sentence_when_something_is_gone(scatter, loss, said):
+    switch_on(scatter)
+    loss()
+    follow()
+    scatter = active()
+    assert not scatter.live and said in live.status(bpy.context.scene, scatter)
+    assert not live._followed and not any(hook in handlers for handlers, hook in live._hooks())
+
+
+def test_what_cannot_be_solved_is_said_and_it_goes_on_when_it_can(scatter):
+    switch_on(scatter)
+    group = scatter.target.vertex_groups["here"]
+    group.add(list(range(441)), 0.0, "REPLACE")
+    follow()
+    assert scatter.live and "above 0 somewhere" in live.status(bpy.context.scene, scatter)
+    assert len(points()) == 400
+    group.add(list(range(200)), 1.0, "REPLACE")
+    follow()
+    assert live.status(bpy.context.scene, scatter) == "" and not scatter.outdated
+
+
+def test_undo_is_followed(scatter):
+    bpy.ops.ed.undo_push(message="before")
+    switch_on(scatter)
+    bpy.ops.ed.undo_push(message="scattered")
+    scatter.classes["Pine"].sizes[0].count = 260
+    follow()
+    assert len(points("Pine")) == 260
+    bpy.ops.ed.undo_push(message="more")
+    bpy.ops.ed.undo()
+    follow()
+    assert len(points("Pine")) == active().classes["Pine"].sizes[0].count == 200 and not active().outdated
+    bpy.ops.ed.redo()
+    follow()
+    assert len(points("Pine")) == active().classes["Pine"].sizes[0].count == 260 and not active().outdated
+
+
+def test_another_file_ends_it(scatter, tmp_path):
+    switch_on(scatter)
+    scatter.classes["Pine"].sizes[0].count = 260
+    live._tick()
+    worker = next(iter(live._followed.values()))._worker
+    bpy.data.images["mask.png"].pack()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "live.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert not live._followed
+    worker.join(60)
+    assert not worker.running
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "live.blend"))
+    assert active().live
+    live.wake()
+    follow()
+    assert len(points("Pine")) == 260 and not active().outdated
+
+
+def test_nothing_listens_while_nothing_is_live(scatter):
+    def listening():
+        return [hook for handlers, hook in live._hooks() if hook in handlers]
+
+    assert not listening()
+    switch_on(scatter)
+    assert len(listening()) == 4
+    scatter.live = False
+    follow()
+    assert not listening() and not live._followed
+
+
+def test_a_run_by_hand_is_where_it_goes_on_from(scatter):
+    switch_on(scatter)
+    scatter.seed = 3
+    bpy.ops.esh.scatter()
+    live.reset(bpy.context.scene, scatter)
+    by_hand = points()
+    follow()
+    assert moved(by_hand, points()).max() == 0.0
+    scatter.classes["Pine"].sizes[0].count = 205
+    follow()
+    assert np.median(moved(by_hand, points())) < 0.5 and len(points("Pine")) == 205
