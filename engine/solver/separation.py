@@ -52,6 +52,9 @@ MOST_ROUNDS = 2500
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
+# Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
+TOO_CROWDED = 0.86
+ROUNDS_OF_THE_TOO_CROWDED = 500
 # Where footprints cover more than the ground, none of this helps: so many rounds, of many bodies as many as this has of all bodies.
 ROUNDS_OF_THE_HOPELESS = 150
 FEWEST_ROUNDS = 15
@@ -129,17 +132,20 @@ def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.n
         length: Length of every line's axis [m].
         width: Thickness of every line [m].
     """
-    cores = [outline.corners for outline in footprints.shapes]
+    is_line = footprints.shape == CAPSULE
+    kinds, kind = np.unique(np.stack([footprints.shape, footprints.room])[:, ~is_line], axis=1, return_inverse=True)
+    outlines = [footprints.shapes[int(number)].with_room(float(room)) for number, room in kinds.T]
+    cores = [outline.corners for outline in outlines]
     # The axis of a line, of half length 1.
     cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
     capsule = len(cores) - 1
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    is_line = footprints.shape == CAPSULE
-    shape = np.where(is_line, capsule, footprints.shape).astype(np.int32)
+    shape = np.full(len(is_line), capsule, np.int32)
+    shape[~is_line] = kind.ravel()
     room, around = footprints.room, 0.5 * footprints.gap
     half = 0.5 * length * room
-    factor = np.where(is_line, half, footprints.factor * room)
-    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in footprints.shapes]
+    factor = np.where(is_line, half, footprints.factor)
+    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in outlines]
     rounding, narrow, reach, square = np.array([*own, (0.0, 0.0, 1.0, 0.0)]).T[:, shape]
     rounding = np.where(is_line, 0.5 * width * room, rounding * factor) + around
     area = footprints.areas(length, width, apart=True)
@@ -355,7 +361,7 @@ class Separation:
         """
         self._again = again
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._covered <= 1.0 and self._swappable:
+        if parted is False and self._fixed and self._covered <= TOO_CROWDED and self._swappable:
             self._place.assign(self._start)
             self._home.assign(self._start)
             parted = self._try(go_on, hot=True)
@@ -378,7 +384,7 @@ class Separation:
     def _most_rounds(self) -> int:
         if self._covered > 1.0:
             return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
-        return MOST_ROUNDS
+        return MOST_ROUNDS if self._covered <= TOO_CROWDED else ROUNDS_OF_THE_TOO_CROWDED
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
