@@ -35,9 +35,9 @@ FEWEST_SPACINGS = {True: 60.0, False: 30.0}
 # themselves. Where contact parts footprints, one more pass comes after the last warp.
 SHIFTS = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (0.0, 0.0))
 SHIFTS_OF_CONTACT = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (1.0 / 6.0, 5.0 / 6.0), (0.0, 0.0))
-# Cells of the coarse grid over the spacing of all bodies, and how many there are at most.
+# Cells of the coarse grid over the spacing of all bodies, and how many there are at most of all groups.
 CELL = 2.0
-MOST_CELLS = 8_000_000
+MOST_CELLS = 24_000_000
 # Pixels along either side that densities are looked at with before anything is known.
 SURVEY = 512
 
@@ -191,7 +191,7 @@ def make_plan(run: TileRun) -> Plan:
     units = tuple(units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1))
     spacing = math.sqrt(problem.rectangle.area / groups.body_count)
     fine = _typical_spacing(problem, sources)
-    cell = max(CELL * spacing, math.sqrt(problem.rectangle.area / MOST_CELLS))
+    cell = max(CELL * spacing, math.sqrt(problem.rectangle.area * groups.number / MOST_CELLS))
     shape = tuple(max(4, round(length / cell)) for length in size[::-1])
     lines = {
         (c, s): member.line

@@ -377,16 +377,20 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
     there = np.zeros((groups.number, *grid.shape), np.int64)
     for number in range(parts):
         read_patch(part_path(run, before, number)).add_to(there)
-    asked = [
-        target[c] * (int(n) / target[c].sum()) for c, n in zip(groups.class_index.tolist(), groups.count, strict=True)
-    ]
+
+    def asked(group: int) -> np.ndarray:
+        density = np.array(target[groups.class_index[group]])
+        return density * (int(groups.count[group]) / density.sum())
+
     for layer in range(layers):
         if what == "groups":
-            count, wanted = there[layer] / SCALE, asked[layer]
+            count, wanted = there[layer] / SCALE, asked(layer)
             spacing = math.sqrt(math.prod(grid.size) / int(groups.count[layer]))
         else:
-            count = np.tensordot(weight, there / SCALE, axes=1)
-            wanted = np.tensordot(weight, np.array(asked), axes=1)
+            count, wanted = np.zeros(grid.shape), np.zeros(grid.shape)
+            for g in range(groups.number):
+                count += (weight[g] / SCALE) * there[g]
+                wanted += weight[g] * asked(g)
             spacing = plan.spacing
         folder = flow_folder(run, stage, layer)
         folder.mkdir(parents=True, exist_ok=True)

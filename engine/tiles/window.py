@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import warp as wp
 
 from ..device.launcher import Launcher, resolve_device
 from ..errors import ProblemError
@@ -84,7 +85,9 @@ def start_bodies(plan: Plan, box: Box, identity: np.ndarray, tile: int, device: 
     launcher = launcher_on(device, os.getpid())
     seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
     model = _model(plan, box, identity, np.zeros(len(identity), np.int32), seed)
-    images = images_for_kernels(launcher, model.supports, model.size)
+    # The ways out of empty pixels take long to find; whoever would need one is brought to the next full pixel below.
+    images = images_for_kernels(launcher, model.supports, model.size, to_support=False)
+    images.to_support = launcher.zeros(int(images.pixel.shape[0]), wp.vec2)
     pose = first_pose(launcher, model, images).numpy().astype(np.float64)
     if model.kinds:
         pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
