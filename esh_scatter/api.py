@@ -73,6 +73,7 @@ from .density_source import Known
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .obstacles import ObstacleSource, ScatterObstacle, StoredObstacle, obstacle_image, read_obstacles
 from .references import Reference
 from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
@@ -96,6 +97,7 @@ __all__ = [
     "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
+    "ScatterObstacle",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
@@ -232,12 +234,14 @@ class _Reading(NamedTuple):
         sources: By class and size.
         densities: By class.
         directions: By class, as a :class:`Line` takes them.
+        obstacles: What objects keep off.
     """
 
     target: TriangleMesh
     sources: list[list[_Source]]
     densities: list[Density]
     directions: list[str | float | np.ndarray]
+    obstacles: list[StoredObstacle]
 
 
 @dataclass(frozen=True)
@@ -328,6 +332,7 @@ class ScatterJob:
         *,
         name: str = "ESH Scatter",
         result: bpy.types.Object | None = None,
+        obstacles: Sequence[ObstacleSource] = (),
         prepare: bool = True,
         survey: Survey | None = None,
         **changes: Any,
@@ -349,6 +354,7 @@ class ScatterJob:
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
         self.survey = survey
+        self._given_obstacles = obstacles
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
@@ -379,7 +385,10 @@ class ScatterJob:
         densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
-        return _Reading(read_target(self.target, context, names), sources, densities, directions)
+        own = self.result or find_result(context.scene, self.target, self.name)
+        obstacles = read_obstacles(self._given_obstacles, known, [self.target, *([own] if own else [])])
+        del self._given_obstacles
+        return _Reading(read_target(self.target, context, names), sources, densities, directions, obstacles)
 
     def prepare(self) -> None:
         """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
@@ -404,11 +413,13 @@ class ScatterJob:
             self.shapes += shapes
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
+        obstacle = obstacle_image(reading.obstacles, self.chart, survey) if reading.obstacles else None
         self.problem = Problem(
             domain,
             self._prepare_classes(shapes_of_classes, domain, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
+            obstacles=() if obstacle is None else (obstacle,),
         )
         # Pixels and meshes may be large.
         self._reading = None
@@ -702,6 +713,7 @@ def scatter(
     *,
     name: str = "ESH Scatter",
     result: bpy.types.Object | None = None,
+    obstacles: Sequence[ObstacleSource] = (),
     progress: Callable[[Progress], bool | None] | None = None,
     **changes: Any,
 ) -> ScatterResult:
@@ -714,6 +726,8 @@ def scatter(
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
         result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
+        obstacles: What objects keep off, seen from above: objects, collections, results of other scatters, or a
+            :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
         progress: Called after every step; returning False stops the run, and what is there is written.
         changes: Any of the following, by name, in place of that in ``settings``.
 
@@ -725,7 +739,7 @@ def scatter(
     """
     if progress is not None and not callable(progress):
         raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
-    job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
+    job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, **changes)
     job.solve(progress)
     return job.write()
 

@@ -1,8 +1,9 @@
-"""Lists of the sidebar: classes, sizes."""
+"""Lists of the sidebar: classes, sizes, obstacles."""
 
 import bpy
 
 from .properties.body_class import ESH_PG_class
+from .properties.obstacle import ESH_PG_obstacle
 from .properties.scatter import ESH_PG_scatter
 from .properties.size import ESH_PG_size
 
@@ -90,4 +91,28 @@ class ESH_UL_sizes(bpy.types.UIList):
         count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
 
 
-CLASSES = (ESH_UL_classes, ESH_UL_sizes)
+class ESH_UL_obstacles(bpy.types.UIList):
+    """What the objects of a scatter keep off: its name, and whether they do."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: ESH_PG_scatter,
+        item: ESH_PG_obstacle,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw one obstacle."""
+        row = layout.row(align=True)
+        text = row.row(align=True)
+        text.active = item.use
+        source = item.item if item.kind == "OBJECT" else item.collection
+        icon = "OUTLINER_COLLECTION" if item.kind == "COLLECTION" else "OBJECT_DATA"
+        text.label(text=source.name if source else "nothing yet", icon=icon if source else "ERROR")
+        row.prop(item, "use", text="")
+
+
+CLASSES = (ESH_UL_classes, ESH_UL_sizes, ESH_UL_obstacles)

@@ -269,6 +269,31 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
         _draw_settings(column, scatter, SamplingSettings, ("seed",))
 
 
+class ESH_PT_obstacles(_SubPanel, bpy.types.Panel):
+    """What objects keep off."""
+
+    bl_label = "Obstacles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list of obstacles, the selected one, and whether other scatters are some."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        if scatter.obstacles:
+            _draw_list(column, "ESH_UL_obstacles", scatter, "obstacles", "obstacle_index", "obstacle", rows=3)
+        else:
+            column.operator("esh.obstacle_add", text="Add Obstacle", icon="ADD")
+        chosen = scatter.active_obstacle
+        if chosen is not None:
+            column.separator()
+            column.prop(chosen, "kind")
+            column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
+            column.prop(chosen, "width")
+            column.prop(chosen, "margin")
+        column.separator()
+        column.prop(scatter, "keep_off_others")
+
+
 class ESH_PT_report(_SubPanel, bpy.types.Panel):
     """What the last run reached."""
 
@@ -520,6 +545,7 @@ CLASSES = (
     ESH_PT_density_more,
     ESH_PT_overlap,
     ESH_PT_balance,
+    ESH_PT_obstacles,
     ESH_PT_report,
     ESH_PT_advanced,
 )

@@ -5,11 +5,11 @@ import atexit
 import bpy
 
 from . import exchange_operators, forecast, lists, live, menus, operators, panels, running, versions
-from .properties import body_class, placed, scatter, scene, size
+from .properties import body_class, obstacle, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (size, body_class, placed, scatter, scene, lists, operators, menus, panels, exchange_operators)
+_MODULES = (size, body_class, placed, obstacle, scatter, scene, lists, operators, menus, panels, exchange_operators)
 
 
 def register() -> None:

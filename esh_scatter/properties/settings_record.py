@@ -39,7 +39,7 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     names: dict[str, str] = {}
     return {
         "target": target and [checksums.of_shape(target), checksums.place_of(target)],
-        "scatter": _values(scatter, names, "scatter"),
+        "scatter": _values(scatter, names, "scatter") | _kept_off(scatter),
         "classes": {
             str(c.uid): {
                 "values": _values(c, names, str(c.uid), more) | (_painted(c, target) if target else {}),
@@ -146,6 +146,22 @@ def _contents(item: bpy.types.ID) -> int:
     if isinstance(item, bpy.types.Object | bpy.types.Collection):
         return checksums.of_members(members_of(item))
     return 0
+
+
+def _kept_off(scatter: Any) -> dict[str, Any]:
+    """Return what the objects of a scatter keep off, and where that stands."""
+    return {
+        "obstacles": [
+            [
+                round(one.width, 6),
+                round(one.margin, 6),
+                *([checksums.of_shape(i), checksums.place_of(i)] for i in one.items),
+            ]
+            for one in scatter.obstacles
+            if one.ready
+        ],
+        "keep_off_others": [checksums.of_points(result) for result in scatter.other_results()],
+    }
 
 
 def _painted(body_class: Any, target: bpy.types.Object) -> dict[str, Any]:
