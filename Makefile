@@ -15,6 +15,8 @@ PIP_INSTALL := -m pip install --quiet --disable-pip-version-check
 OUTPUT ?= output
 PLATFORM ?=
 SCENES ?= 10
+TREES ?= 10000000
+PLANET_ARGS ?=
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 FUZZ_SECONDS ?= 600
@@ -29,12 +31,14 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza dataset figures bench test fuzz extension repository wheel docs lint format clean
+.PHONY: help demo pizza doughnut rocks boat dataset planet figures bench test fuzz extension repository wheel docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
 	@echo "make pizza      model, scatter and render four pizzas into $(OUTPUT)/"
+	@echo "make doughnut   scatter sprinkles on a doughnut; make rocks: moss on rocks; make boat: barnacles under a boat; into $(OUTPUT)/"
 	@echo "make dataset    render SCENES=10 scenes with masks, depth and boxes into $(OUTPUT)/dataset/"
+	@echo "make planet     place TREES=10000000 trees on the Earth, and draw them from orbit down to one: $(OUTPUT)/planet.jpg"
 	@echo "make figures    recompute the experiments of the paper: pictures and a table in $(OUTPUT)/figures/"
 	@echo "make bench      time everything, beside other libraries: $(OUTPUT)/bench.md"
 	@echo "make test       run the tests, in Blender $(if $(filter 3.11,$(VERSION)),5.0 and 4.5,as a Python module)"
@@ -55,8 +59,15 @@ demo: $(VENV)/.with-blender
 pizza: $(VENV)/.with-blender
 	$(RUN) demo_scenes/pizza.py --output $(OUTPUT)
 
+doughnut rocks boat: $(VENV)/.with-blender
+	$(RUN) demo_scenes/surfaces.py $@ --output $(OUTPUT)
+
 dataset: $(VENV)/.with-blender
 	$(RUN) demo_scenes/dataset.py --output $(OUTPUT)/dataset --scenes $(SCENES)
+
+# PLANET_ARGS=--quick makes a small one.
+planet: $(VENV)/.with-planet
+	$(RUN) demo_scenes/planet.py --output $(OUTPUT) --trees $(TREES) $(PLANET_ARGS)
 
 figures: $(VENV)/.with-test
 	$(RUN) benchmarks/figures.py --output $(OUTPUT)/figures

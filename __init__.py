@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from .engine.solver.surface_state import SurfaceState
     from .engine.surface.footprint import Outline
     from .engine.surface.instances import Instances
+    from .engine.tiles.tiles import TileState, solve_tiles
     from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
     from .esh_scatter.densities import (
@@ -135,6 +136,7 @@ __all__ = [
     "SurfaceMesh",
     "SurfaceState",
     "SurfaceTriplanar",
+    "TileState",
     "Unsharp",
     "VertexGroupDensity",
     "cover_of",
@@ -154,6 +156,7 @@ __all__ = [
     "separate",
     "solve",
     "solve_many",
+    "solve_tiles",
     "write_bodies",
     "write_halftone_png",
     "write_halftone_svg",
@@ -226,6 +229,7 @@ _MODULES = {
     "SurfaceMesh": ".engine.problem.surface",
     "SurfaceState": ".engine.solver.surface_state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
+    "TileState": ".engine.tiles.tiles",
     "Unsharp": ".engine.problem.body_class",
     "VertexGroupDensity": ".esh_scatter.densities",
     "cover_of": ".engine.problem.cover",
@@ -245,6 +249,7 @@ _MODULES = {
     "separate": ".engine.problem.color_separation",
     "solve": ".engine.solve",
     "solve_many": ".engine.scenes.solve_many",
+    "solve_tiles": ".engine.tiles.tiles",
     "write_bodies": ".engine.files.placement_files",
     "write_halftone_png": ".engine.drawing.halftone",
     "write_halftone_svg": ".engine.drawing.halftone",

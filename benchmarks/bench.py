@@ -31,8 +31,8 @@ from esh.engine.quality.coverage import coverage_error
 from esh.engine.solve import solve
 from esh.engine.solver.descent import Descent
 from esh.engine.solver.model import Model
+from problems import SQUARE, problem_of
 from quality import quality_table
-from timings import SQUARE, problem_of
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 # Where direct summation is compared over a whole run; and with --quick, which only shows that everything runs.

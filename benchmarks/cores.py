@@ -33,7 +33,7 @@ def time_cases(bodies: list[int], groups: list[int], kinds: list[str], repeat: i
     from esh.engine.problem.line import Line
     from esh.engine.problem.size import Size
     from esh.engine.solve import solve
-    from timings import problem_of
+    from problems import problem_of
 
     def problem(count: int, group_count: int, kind: str):
         made = problem_of(count, group_count)

@@ -11,7 +11,7 @@ import pstats
 
 from esh.engine.device.profile import Profile
 from esh.engine.solve import solve
-from timings import problem_of
+from problems import problem_of
 
 
 def main() -> None:

@@ -18,14 +18,10 @@ import numpy as np
 import pytest
 import warp as wp
 from esh.engine.device.launcher import Recording, resolve_device
-from esh.engine.problem.body_class import BodyClass
-from esh.engine.problem.domain import Domain
-from esh.engine.problem.problem import Problem
-from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
+from problems import problem_of
 
-SQUARE = Domain((64.0, 64.0))
 TINY = """
 version = 1
 [domain]
@@ -38,16 +34,6 @@ name = "s"
 area = 0.01
 count = 9
 """
-
-
-def problem_of(count: int, groups: int = 1) -> Problem:
-    """One group; or classes of two sizes. A third of the space is covered."""
-    area = SQUARE.area / count / 3.0
-    if groups == 1:
-        return Problem(SQUARE, [BodyClass("a", [Size("s", area, count)])])
-    each = count // groups
-    sizes = [Size("s", 0.5 * area, each), Size("l", 1.5 * area, each)]
-    return Problem(SQUARE, [BodyClass(f"class {c}", sizes) for c in range(groups // 2)])
 
 
 @pytest.fixture
@@ -115,7 +101,7 @@ def test_start_of_the_command(benchmark, repeat: int, tmp_path: Path) -> None:
 def peak_memory(count: int, groups: int, device: str) -> float:
     """Peak memory [GB] of a process that solves a problem of this size: resident, or on a GPU what it has allocated there."""
     script = (
-        "import sys; sys.path.insert(0, sys.argv[1]); from timings import own_peak, problem_of; "
+        "import sys; sys.path.insert(0, sys.argv[1]); from problems import problem_of; from timings import own_peak; "
         "from esh.engine.solve import solve; "
         f"solve(problem_of({count}, {groups}), device='{device}', max_steps=3); "
         f"print(own_peak('{device}'))"

@@ -22,7 +22,7 @@ from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.solver.descent import Descent
 from esh.engine.solver.model import Model
 from esh.engine.transforms.convolution import Convolution
-from timings import problem_of
+from problems import problem_of
 
 # Runs of one case at least, and seconds of all ways together: short ones scatter.
 FEWEST_RUNS, LEAST_SECONDS = 7, 2.0

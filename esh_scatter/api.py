@@ -20,7 +20,6 @@ from ..engine.errors import EshError, ProblemError
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
-from ..engine.problem.domain import Domain
 from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.line import Line
 from ..engine.problem.packing import packable_share, scale_to_fit
@@ -48,6 +47,7 @@ from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
 from ..engine.surface.triangle_mesh import TriangleMesh
+from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 from .densities import (
     AltitudeDensity,
@@ -73,12 +73,14 @@ from .density_source import Known
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .obstacles import ObstacleSource, ScatterObstacle, StoredObstacle, obstacle_image, read_obstacles
+from .obstacles import ObstacleSource, ScatterObstacle, StoredObstacle, covered, obstacle_image, read_obstacles
+from .on_whole_surface import class_on_surface, mean_footprint
 from .references import Reference
 from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
 from .survey import Survey
-from .target import check_exists, check_target, is_result, members_of, read_target
+from .target import check_exists, is_result, members_of
+from .targets import Target, Targets, read_targets, stuck_attributes
 
 __all__ = [
     "AltitudeDensity",
@@ -293,11 +295,16 @@ class _Asked(NamedTuple):
 
 
 class _Placed(NamedTuple):
-    """Where objects stand, and what is known of their points; ``lift`` is the way from point to origin [m], ``[n, 3]``, float32."""
+    """Where objects stand, and what is known of their points.
+
+    ``lift`` is the way from point to origin [m], shape ``[n, 3]``, float32; ``stuck`` are attributes that tell where on the target's
+    mesh points are.
+    """
 
     instances: Instances
     ground: Ground
     lift: np.ndarray
+    stuck: dict[str, tuple[str, np.ndarray]]
 
 
 @takes(ScatterSettings)
@@ -321,12 +328,12 @@ class ScatterJob:
         EshError: Something asked for is missing or has no meaning.
     """
 
-    chart: Chart
+    chart: Chart | WholeSurface
     problem: Problem
 
     def __init__(
         self,
-        target: bpy.types.Object,
+        target: Target,
         classes: Sequence[ScatterClass],
         settings: ScatterSettings | None = None,
         *,
@@ -344,7 +351,7 @@ class ScatterJob:
         self.name = check_name(name, "`name`")
         self.device = resolve_device(self.settings.device).alias
         self._scene = Reference(context.scene, "scene")
-        self._target = Reference(check_target(target, context), "target")
+        self._targets = Targets(target, context)
         replaced = _check_result(result)
         self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = _check_classes(classes)
@@ -367,6 +374,7 @@ class ScatterJob:
     def _read(self, context: bpy.types.Context) -> _Reading:
         """Read everything from Blender, as it is now."""
         numbers: dict[int, int] = {}
+        targets = self._targets.objects
         # Sizes that place the same objects, and classes that follow the same image, have it looked at once.
         meshes: dict[int, TriangleMesh | ProblemError] = {}
         known: Known = {}
@@ -375,7 +383,7 @@ class ScatterJob:
             of_class = []
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
-                members = _source_objects(size.source, self.target, key)
+                members = _source_objects(size.source, targets, key)
                 of_class.append(_read_size(size, members, context, key, meshes))
                 for member in members:
                     if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
@@ -386,9 +394,10 @@ class ScatterJob:
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
         own = self.result or find_result(context.scene, self.target, self.name)
-        obstacles = read_obstacles(self._given_obstacles, known, [self.target, *([own] if own else [])])
+        obstacles = read_obstacles(self._given_obstacles, known, [*targets, *([own] if own else [])])
         del self._given_obstacles
-        return _Reading(read_target(self.target, context, names), sources, densities, directions, obstacles)
+        ground = read_targets(targets, context, names, self.settings)
+        return _Reading(ground, sources, densities, directions, obstacles)
 
     def prepare(self) -> None:
         """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
@@ -400,7 +409,7 @@ class ScatterJob:
         if reading is None:
             return
         self._target_name = reading.target.name
-        self.chart = survey.begin(reading.target)
+        self.chart = survey.begin(reading.target, self.settings)
         domain = survey.domain(self.chart)
         names = [scatter_class.name for scatter_class in self.classes]
         reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
@@ -410,13 +419,24 @@ class ScatterJob:
                 _shape(size, source, reading.directions[number], survey)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
+            if isinstance(self.chart, WholeSurface):
+                # What is long by its outline counts as a disc of its area there.
+                shapes = [
+                    shape if size.line else replace(shape, line=None)
+                    for shape, size in zip(shapes, scatter_class.sizes, strict=True)
+                ]
             self.shapes += shapes
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
-        obstacle = obstacle_image(reading.obstacles, self.chart, survey) if reading.obstacles else None
+        obstacle = None
+        if reading.obstacles and isinstance(self.chart, WholeSurface):
+            free = ~covered(reading.obstacles, self.chart.points.position, survey)
+            values_of_classes = [values * free for values in values_of_classes]
+        elif reading.obstacles:
+            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
         self.problem = Problem(
             domain,
-            self._prepare_classes(shapes_of_classes, domain, values_of_classes),
+            self._prepare_classes(shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
             obstacles=() if obstacle is None else (obstacle,),
@@ -425,9 +445,9 @@ class ScatterJob:
         self._reading = None
 
     @property
-    def target(self) -> bpy.types.Object:
-        """The mesh to scatter on; raises ProblemError once it is no longer in the file."""
-        return self._target.get()
+    def target(self) -> bpy.types.Object | bpy.types.Collection:
+        """What is scattered on, of several objects the first; raises ProblemError once it is no longer in the file."""
+        return self._targets.owner
 
     @property
     def result(self) -> bpy.types.Object | None:
@@ -467,10 +487,10 @@ class ScatterJob:
             position: As the solver tells it [m].
             lift: How far above the surface, as a share of its extent.
         """
-        lift *= self.chart.view.extent
-        if position.shape[1] == 3:
-            return position + (0.0, 0.0, lift)
-        return np.column_stack([position + self.chart.origin, self.chart.height_near(position) + lift])
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return position + (0.0, 0.0, lift * float((chart.high - chart.low).max()))
+        return np.column_stack([position + chart.origin, chart.height_near(position) + lift * chart.view.extent])
 
     def _standing(self) -> _Placed:
         """Return where the objects of :attr:`placement` stand."""
@@ -510,17 +530,25 @@ class ScatterJob:
         return item, sources
 
     def _prepare_classes(
-        self, shapes: list[list[_Shape]], domain: Domain, values: list[np.ndarray]
-    ) -> list[PreparedClass]:
-        """Return what the engine is to place: densities, ``values`` on the chart, and counts as slopes make them."""
-        asked = [self._ask(*one) for one in zip(self.classes, shapes, values, strict=True)]
+        self, shapes: list[list[_Shape]], values: list[np.ndarray]
+    ) -> list[PreparedClass] | list[BodyClass]:
+        """Return what the engine is to place: densities, ``values`` at the chart's points, and counts as slopes make them."""
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return [
+                class_on_surface(
+                    chart, c, [_engine_size(*pair) for pair in zip(c.sizes, of_class, strict=True)], density
+                )
+                for c, of_class, density in zip(self.classes, shapes, values, strict=True)
+            ]
+        asked = [self._ask(chart, *one) for one in zip(self.classes, shapes, values, strict=True)]
         share = self._share_of_cover([one for one in asked if one.most is not None])
         return [
-            self._prepare_class(number, one, shapes[number], domain, 1.0 if one.most is None else share)
+            self._prepare_from_above(chart, number, one, shapes[number], 1.0 if one.most is None else share)
             for number, one in enumerate(asked)
         ]
 
-    def _ask(self, c: ScatterClass, shapes: list[_Shape], values: np.ndarray) -> _Asked:
+    def _ask(self, chart: Chart, c: ScatterClass, shapes: list[_Shape], values: np.ndarray) -> _Asked:
         """Return a class as the engine is asked for it, its density on the surface, and what of it the plan view shows."""
         sizes = [_engine_size(size, shape) for size, shape in zip(c.sizes, shapes, strict=True)]
         key = f'`density` of class "{c.name}"'
@@ -529,25 +557,17 @@ class ScatterJob:
         asked = BodyClass(c.name, sizes, values, count, **values_of(c, ClassSettings))
         surface = prepare_density(asked)
         if isinstance(c.count, Amount):
-            asked = replace(asked, count=self._number(c.count, asked, surface.image))
-        density = surface.image * self.chart.stretch
+            asked = replace(asked, count=_number(chart, c.count, asked, surface.image))
+        density = surface.image * chart.stretch
         if not float(density.mean()) > 0.0:
             raise ProblemError(f"{key} must be above 0 somewhere on {self._target_name}; it is 0 everywhere")
         most = None
         if asked.count == "cover" and self.settings.avoid_overlap:
             standing = self._standing_of(c)
             outlined = [_with_any_outline(size, shape) for size, shape in zip(sizes, shapes, strict=True)]
-            most = packable_share(outlined, c.room, c.gap) * self._ground_for(standing, outlined)
+            most = packable_share(outlined, c.room, c.gap) * _ground_for(chart, standing, outlined)
             density = np.minimum(density, most)
         return _Asked(asked, surface, density, most)
-
-    def _ground_for(self, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
-        """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
-        if not all(isinstance(size.footprint, Footprints) for size in sizes):
-            # Discs and capsules lie in the plan.
-            return np.ones(self.chart.shape)
-        steep = np.arccos(1.0 / np.maximum(self.chart.stretch, 1.0))
-        return 1.0 / np.cos(standing.align_to_normal * steep)
 
     @staticmethod
     def _share_of_cover(asked: list[_Asked]) -> float:
@@ -556,18 +576,19 @@ class ScatterJob:
             return 1.0
         return scale_to_fit([one.density / one.most for one in asked if one.most is not None], 1.0)
 
-    def _prepare_class(
-        self, number: int, one: _Asked, shapes: list[_Shape], domain: Domain, share: float
+    def _prepare_from_above(
+        self, chart: Chart, number: int, one: _Asked, shapes: list[_Shape], share: float
     ) -> PreparedClass:
         c = self.classes[number]
-        sizes = list(count_sizes(one.asked, share * domain.area * float(one.density.mean())))
+        area = float(chart.size[0]) * float(chart.size[1])
+        sizes = list(count_sizes(one.asked, share * area * float(one.density.mean())))
         if self.settings.avoid_overlap:
-            sizes = [self._with_outlines((number, s), size, shapes[s]) for s, size in enumerate(sizes)]
+            sizes = [self._with_outlines(chart, (number, s), size, shapes[s]) for s, size in enumerate(sizes)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
         if lines and isinstance(c.direction, str) and c.direction == "density":
-            direction = self._edge_directions(one.surface.image)
+            direction = _edge_directions(chart, one.surface.image)
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         density = check_density(one.density, f'`density` of class "{c.name}"')
@@ -576,10 +597,11 @@ class ScatterJob:
     def _standing_of(self, scatter_class: ScatterClass) -> Standing:
         return scatter_class.standing or Standing(**values_of(self.settings, Standing))
 
-    def _with_outlines(self, where: tuple[int, int], size: Size, shape: _Shape) -> Size:
+    def _with_outlines(self, chart: Chart, where: tuple[int, int], size: Size, shape: _Shape) -> Size:
         """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand.
 
         Args:
+            chart: What it stands on.
             where: Number of its class, and its own.
             size: With its whole count.
             shape: What its bodies look like.
@@ -598,14 +620,14 @@ class ScatterJob:
             area = size.areas([self.settings.seed, 2, *where])
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         footprints = Footprints(
-            variants, variant=variant, scale=factor, turn=turn, slope=self._slope(standing.align_to_normal)
+            variants, variant=variant, scale=factor, turn=turn, slope=self._slope(chart, standing.align_to_normal)
         )
         return replace(size, footprint=footprints)
 
-    def _slope(self, align: float) -> np.ndarray | None:
+    def _slope(self, chart: Chart, align: float) -> np.ndarray | None:
         """Return the slope of the planes that outlines lie in, which lean so far towards the ground; None where all are horizontal."""
         if align not in self._slopes:
-            slope = self.chart.slope(align) if align > 0.0 else None
+            slope = chart.slope(align) if align > 0.0 else None
             self._slopes[align] = slope if slope is not None and np.abs(slope).max() > LEVEL else None
         return self._slopes[align]
 
@@ -614,31 +636,15 @@ class ScatterJob:
         random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
         return (random[identity, 0] * number).astype(int)
 
-    def _edge_directions(self, density: np.ndarray) -> str | np.ndarray:
-        """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
-        if density.min() == density.max():
-            return "none"
-        cell_width, cell_height = (float(length) for length in self.chart.cell)
-        edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
-        weight = np.where(self.chart.area > 0.0, edges.weight, 0.0)
-        if not weight.any():
-            return "none"
-        weight /= weight.max()
-        return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
-
-    def _number(self, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
-        """Return how many bodies an amount is on this surface."""
-        area = float((np.minimum(density, 1.0) * self.chart.area).sum())
-        footprint = 1.0 / sum((size.share or 0.0) / size.mean_area for size in asked.sizes)
-        return amount.number(area, footprint, f'class "{asked.name}"')
-
     def _place(self, placement: Placement) -> _Placed:
         """Choose every point's variant, and stand it on the surface."""
         count = len(placement.position)
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         outlined_sizes = [size.footprint is not None for c in self.problem.classes for size in c.sizes]
         group = first[placement.class_index] + placement.size_index
-        surface = self.chart.lift(placement.position)
+        surface = (
+            self.chart.lift(placement) if isinstance(self.chart, WholeSurface) else self.chart.lift(placement.position)
+        )
         ground = Ground(
             placement.id.astype(np.int32),
             surface.normal,
@@ -649,7 +655,7 @@ class ScatterJob:
             np.zeros(count, np.float32),
         )
         source = np.empty(count, np.int32)
-        size = self.problem.rectangle.size
+        chart = self.chart
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
             outlined, identity = outlined_sizes[number], placement.id[own]
@@ -658,11 +664,13 @@ class ScatterJob:
             outlines = [outline for outline in shape.outlines if outline is not None]
             ground.long[own] = shape.line is not None and bool(outlines)
             standing = self._standing_of(self.classes[int(placement.class_index[own[0]])]) if len(own) else None
-            if outlined and standing is not None:
+            if outlined and standing is not None and isinstance(chart, Chart):
                 align = standing.align_to_normal
-                if (slope := self._slope(align)) is not None:
+                if (slope := self._slope(chart, align)) is not None:
                     # The normals that contact knew: between the chart's cells they differ a little from those of the faces.
-                    ground.normal[own] = normal_of_slope(slope_at(slope, placement.position[own], size), align)
+                    ground.normal[own] = normal_of_slope(
+                        slope_at(slope, placement.position[own], self.problem.rectangle.size), align
+                    )
                 # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
                 # that were drawn for this body.
                 factor, turn = draw(standing, identity, ground.long[own], self.settings.seed)
@@ -685,7 +693,7 @@ class ScatterJob:
                 self._standing_of(scatter_class), ground.part(own), self.settings.seed
             )
         position = (surface.position + lift).astype(np.float32)
-        return _Placed(Instances(position, rotation, scale, source), ground, lift)
+        return _Placed(Instances(position, rotation, scale, source), ground, lift, stuck_attributes(surface))
 
     def _attributes(self, placement: Placement, placed: _Placed) -> dict[str, tuple[str, np.ndarray]]:
         instances, ground = placed.instances, placed.ground
@@ -702,12 +710,13 @@ class ScatterJob:
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
             **_overlapping(placement),
+            **placed.stuck,
         }
 
 
 @takes(ScatterSettings)
 def scatter(
-    target: bpy.types.Object,
+    target: Target,
     classes: Sequence[ScatterClass],
     settings: ScatterSettings | None = None,
     *,
@@ -720,8 +729,8 @@ def scatter(
     """Place objects on a mesh, all classes and sizes at once.
 
     Args:
-        target: Mesh object of the current view layer, used with its modifiers and as it stands in the world. It is seen
-            from above: where it overhangs itself, the topmost surface counts.
+        target: Mesh object of the current view layer, several of them, or a collection of them, used with their modifiers and as
+            they stand in the world. Several are one surface where they touch. Seen from above, the topmost surface counts.
         classes: What to place, how many, following which densities.
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
@@ -742,6 +751,34 @@ def scatter(
     job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, **changes)
     job.solve(progress)
     return job.write()
+
+
+def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
+    """Return the directions of a density's edges on the surface as a :class:`Line` takes them."""
+    if density.min() == density.max():
+        return "none"
+    cell_width, cell_height = (float(length) for length in chart.cell)
+    edges = density_directions(density, *EDGE_SCALES, pixel_size=(cell_width, cell_height))
+    weight = np.where(chart.area > 0.0, edges.weight, 0.0)
+    if not weight.any():
+        return "none"
+    weight /= weight.max()
+    return weight[..., None] * np.stack([np.cos(edges.angle), np.sin(edges.angle)], axis=-1)
+
+
+def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray) -> int:
+    """Return how many bodies an amount is on this surface."""
+    area = float((np.minimum(density, 1.0) * chart.area).sum())
+    return amount.number(area, mean_footprint(asked), f'class "{asked.name}"')
+
+
+def _ground_for(chart: Chart, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
+    """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
+    if not all(isinstance(size.footprint, Footprints) for size in sizes):
+        # Discs and capsules lie in the plan.
+        return np.ones(chart.shape)
+    steep = np.arccos(1.0 / np.maximum(chart.stretch, 1.0))
+    return 1.0 / np.cos(standing.align_to_normal * steep)
 
 
 def _check_result(result: object) -> bpy.types.Object | None:
@@ -778,7 +815,7 @@ def _check_classes(classes: object) -> list[ScatterClass]:
     return list(classes)
 
 
-def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[bpy.types.Object]:
+def _source_objects(source: object, targets: list[bpy.types.Object], key: str) -> list[bpy.types.Object]:
     """Return the objects that a size instances: the source itself, or the variants in a collection, by name."""
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
@@ -794,9 +831,9 @@ def _source_objects(source: object, target: bpy.types.Object, key: str) -> list[
     else:
         raise ProblemError(f"`source` of {key} must be an object or a collection; got {show(source)}")
     for member in members:
-        if member == target:
+        if member in targets:
             raise ProblemError(
-                f'`source` of {key} must not hold the target "{target.name}", which would stand on itself'
+                f'`source` of {key} must not hold the target "{member.name}", which would stand on itself'
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import bpy
 from bpy.types import PropertyGroup, bpy_prop_collection
 
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.scatter_settings import Standing
 from ..engine.problem.settings import settings_of
+from .density_curve import copy_curve
 from .properties.described import shown_settings
 
 __all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class", "copy_values"]
@@ -21,7 +23,7 @@ CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "DENSITY": (
         "Density",
         "Where there are many and where few",
-        ("density_kind", "image", "mapping", "uv_map", "vertex_group", "attribute", "invert"),
+        ("layers", "layer_index"),
     ),
     "STANDING": ("Turn and Scale", "How objects stand, turn and vary", tuple(settings_of(Standing))),
     "DETAIL": (
@@ -56,5 +58,7 @@ def copy_values(source: PropertyGroup, to: PropertyGroup, names: tuple[str, ...]
             entries.clear()
             for entry in value:
                 copy_values(entry, entries.add())
+        elif isinstance(value, bpy.types.NodeTree):
+            setattr(to, name, copy_curve(value))
         else:
             setattr(to, name, value)

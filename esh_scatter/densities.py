@@ -17,8 +17,6 @@ from ..engine.errors import ProblemError
 from ..engine.problem.image_filters import luminance
 from ..engine.problem.settings import Choice, as_given, described, setting
 from ..engine.problem.validation import LARGEST_ANGLE, check_density, show
-from ..engine.surface import kernels_chart
-from ..engine.surface.launching import launch_on_cpu
 from .density_source import DensitySource, Known, checksum
 from .density_stack import ClassDensity, DensityLayer, DensityStack
 from .ground_densities import AltitudeDensity, FacingDensity, NoiseDensity, SlopeDensity
@@ -507,6 +505,10 @@ def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
 
 def _sample(image: np.ndarray, coordinates: np.ndarray, repeat: bool) -> np.ndarray:
     """Interpolate ``image`` at ``coordinates`` ``[n, 2]`` (0..1, y up); a black pixel stays black to its edge."""
+    # Warp is not imported before something is computed.
+    from ..engine.surface import kernels_chart
+    from ..engine.surface.launching import launch_on_cpu
+
     values = np.empty(len(coordinates), np.float32)
     coordinates = np.ascontiguousarray(coordinates, np.float64)
     launch_on_cpu(kernels_chart.interpolate_image, len(values), [image, coordinates, repeat], [values])

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..engine.problem.settings import described, setting
 from ..engine.problem.validation import LARGEST_ANGLE
-from ..engine.surface.noise import noise_at
 from .density_source import DensitySource
 
 if TYPE_CHECKING:
@@ -147,6 +146,9 @@ class NoiseDensity(DensitySource):
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 within patches."""
+        # Warp is not imported before something is computed.
+        from ..engine.surface.noise import noise_at
+
         level = noise_at(reader.points.position, self.scale, self.detail, self.seed)
         # At 0 and at 1 there is nothing, and everything, whatever the softness.
         above = level - (1.0 + 0.5 * self.softness - (1.0 + self.softness) * self.cover)

@@ -55,8 +55,7 @@ def add_ink_classes(
         body_class.name = f"{stem} {ink.name}"
         names[index] = body_class.name
         body_class.color = ink.rgb
-        body_class.density_kind = "IMAGE"
-        body_class.image = _channel_image(f"{image.name} {ink.name}", channels[index])
+        body_class.add_layer("IMAGE", image=_channel_image(f"{image.name} {ink.name}", channels[index]))
         size = body_class.sizes[0]
         size.name = "Dot"
         size.count = int(counts[index])

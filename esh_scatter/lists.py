@@ -1,8 +1,9 @@
-"""Lists of the sidebar: classes, sizes, obstacles."""
+"""Lists of the sidebar: classes, sizes."""
 
 import bpy
 
 from .properties.body_class import ESH_PG_class
+from .properties.layer import ESH_PG_layer
 from .properties.obstacle import ESH_PG_obstacle
 from .properties.scatter import ESH_PG_scatter
 from .properties.size import ESH_PG_size
@@ -43,8 +44,7 @@ class ESH_UL_classes(bpy.types.UIList):
             source.label(text=_sources(item))
         count = text.row(align=True)
         count.alignment = "RIGHT"
-        on_mesh = data.target is not None and data.target.type == "MESH"
-        if on_mesh and not item.mute and item.obstacle(data.target):
+        if not item.mute and data.obstacle_of(item):
             count.label(text="", icon="ERROR")
         else:
             count.label(text=item.amount)
@@ -91,6 +91,38 @@ class ESH_UL_sizes(bpy.types.UIList):
         count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
 
 
+class ESH_UL_layers(bpy.types.UIList):
+    """The layers of a density: whether each counts, what it reads, how it acts, and how strongly."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ESH_PG_class,
+        item: ESH_PG_layer,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        index: int = 0,
+    ) -> None:
+        """Draw one layer."""
+        row = layout.row(align=True)
+        row.prop(item, "use", text="")
+        text = row.row(align=True)
+        text.active = item.use
+        text.label(text="", icon=item.told.icon)
+        text.prop(item, "name", text="", emboss=False, placeholder=item.label)
+        acts = row.row(align=True)
+        acts.active = item.use
+        if index or item.blend == "SUBTRACT":
+            blend = acts.row(align=True)
+            blend.ui_units_x = 3.6
+            blend.prop(item, "blend", text="", emboss=False)
+        strength = acts.row(align=True)
+        strength.ui_units_x = 2.4
+        strength.prop(item, "strength", text="", emboss=False)
+
+
 class ESH_UL_obstacles(bpy.types.UIList):
     """What the objects of a scatter keep off: its name, and whether they do."""
 
@@ -115,4 +147,4 @@ class ESH_UL_obstacles(bpy.types.UIList):
         row.prop(item, "use", text="")
 
 
-CLASSES = (ESH_UL_classes, ESH_UL_sizes, ESH_UL_obstacles)
+CLASSES = (ESH_UL_classes, ESH_UL_sizes, ESH_UL_layers, ESH_UL_obstacles)

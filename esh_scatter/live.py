@@ -138,8 +138,8 @@ class _Live:
 
     def _gone(self, context: bpy.types.Context, scatter: ESH_PG_scatter) -> str:
         """Return what is no longer there, as a sentence; empty where all is."""
-        target = scatter.target
-        if target is None or context.scene.objects.get(target.name) != target:
+        targets = scatter.targets
+        if not targets or any(context.scene.objects.get(target.name) != target for target in targets):
             return "its target is no longer in the scene"
         if scatter.report_json and scatter.result_in(context.scene) is None:
             return "its result is no longer in the scene; click Scatter to make it anew"
@@ -165,8 +165,7 @@ class _Live:
         from .live_worker import Request
 
         self._looked = time.monotonic()
-        target = scatter.target
-        if target.mode == "EDIT" or scatter.obstacle(context.scene):
+        if any(target.mode == "EDIT" for target in scatter.targets) or scatter.obstacle(context.scene):
             self._say(scatter.obstacle(context.scene) or "")
             return
         record = scatter.record()

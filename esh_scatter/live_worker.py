@@ -14,6 +14,7 @@ from ..engine.problem.domain import Domain
 from ..engine.problem.placement import Placement
 from ..engine.quality.measurement import measure
 from ..engine.solver.solver import Progress, Solver
+from ..engine.surface.chart import Chart
 from .survey import Survey
 
 if TYPE_CHECKING:
@@ -190,7 +191,9 @@ class LiveWorker:
         there = places.class_index, places.size_index
         if not all(np.array_equal(one, two) for one, two in zip(asked, there, strict=True)):
             return False
-        position = places.position[:, :2] - request.job.chart.origin
+        chart = request.job.chart
+        assert isinstance(chart, Chart)
+        position = places.position[:, :2] - chart.origin
         self._solver.start_at(position, angle=places.angle, length=places.length, identity=places.identity)
         return True
 

@@ -3,12 +3,21 @@
 import bpy
 
 from . import operators
+from .properties.layer import KINDS
 from .properties.scene import active_scatter
 
 __all__ = ["CLASSES", "attach", "detach"]
 
 # What has no place in a menu: it needs to be told which class or scatter, or is there only during a run.
-_ONLY_BUTTONS = {"esh.class_overlap", "esh.scatter_choose", "esh.class_move", "esh.size_move"}
+_ONLY_BUTTONS = {
+    "esh.class_overlap",
+    "esh.scatter_choose",
+    "esh.class_move",
+    "esh.size_move",
+    "esh.layer_move",
+}
+# Where groups of layers begin in the menu.
+_GROUPS = tuple(list(KINDS).index(name) for name in ("SLOPE", "DISTANCE"))
 
 
 class ESH_MT_classes(bpy.types.Menu):
@@ -30,6 +39,20 @@ class ESH_MT_classes(bpy.types.Menu):
         layout.separator()
         layout.operator("esh.classes_sort", text="Sort by Name", icon="SORTALPHA").by = "NAME"
         layout.operator("esh.classes_sort", text="Sort by Count", icon="SORTSIZE").by = "COUNT"
+
+
+class ESH_MT_layer_add(bpy.types.Menu):
+    """What a new layer of a density can read."""
+
+    bl_label = "Add Layer"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu, in groups: painted, of the ground, of the scene."""
+        layout = self.layout
+        for number, (name, kind) in enumerate(KINDS.items()):
+            if number in _GROUPS:
+                layout.separator()
+            layout.operator("esh.layer_add", text=kind.label, icon=kind.icon).kind = name
 
 
 class ESH_MT_scatters(bpy.types.Menu):
@@ -79,4 +102,4 @@ def detach() -> None:
     bpy.types.VIEW3D_MT_object.remove(_draw_entry)
 
 
-CLASSES = (ESH_MT_classes, ESH_MT_scatters, ESH_MT_object)
+CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_scatters, ESH_MT_object)

@@ -23,7 +23,7 @@ from .node_group import INSTANCE_INDEX, ROTATION, SCALE, shown_by
 from .survey import Survey
 from .target import is_result
 
-__all__ = ["ObstacleSource", "ScatterObstacle", "StoredObstacle", "obstacle_image", "read_obstacles"]
+__all__ = ["ObstacleSource", "ScatterObstacle", "StoredObstacle", "covered", "obstacle_image", "read_obstacles"]
 
 # Cells along the longer side of the rectangle that obstacles are drawn into.
 CELLS = 2048
@@ -180,9 +180,22 @@ def obstacle_image(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Su
     image = np.zeros(shape, bool)
     for obstacle in obstacles:
         triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
+        if not len(triangle):
+            continue
         # What is thinner than a cell is as wide as one.
         _draw(image, triangle - chart.origin, max(obstacle.reach, 0.5 * cell), chart.size)
     return Obstacle(image=image) if image.any() else None
+
+
+def covered(obstacles: Sequence[StoredObstacle], position: np.ndarray, survey: Survey) -> np.ndarray:
+    """Return which points in the world ``[n, 3]`` obstacles cover, seen from above; touches nothing of Blender."""
+    found = np.zeros(len(position), bool)
+    for obstacle in obstacles:
+        triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
+        if len(triangle):
+            reach = max(obstacle.reach, 1e-6 * float(np.ptp(triangle, axis=(0, 1)).max()))
+            found |= FlatShapes(triangle).distance(position, 1.01 * reach) <= reach
+    return found
 
 
 def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:

@@ -9,15 +9,24 @@ import bpy
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import ClassSettings
 from ..engine.problem.problem import SamplingSettings
-from ..engine.problem.scatter_settings import RunSettings, Standing
+from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSettings
 from . import checksums, forecast, live, running, words
 from .class_copy import KEPT_APART
+from .density_panel import draw_density
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
 from .properties.scene import active_scatter, selected_class, selected_scatter
 
 __all__ = ["CLASSES"]
+
+
+# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn.
+FACES = {
+    "face_material": (True, "materials", "MATERIAL"),
+    "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
+    "face_attribute": (True, "attributes", "SPREADSHEET"),
+}
 
 
 class _Panel:
@@ -59,9 +68,11 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         top = layout.column()
         top.enabled = running.session is None
         _draw_active_scatter(context, top.row(align=True), scatter)
-        row = top.row()
-        row.alert = scatter.target is None
-        row.prop(scatter, "target")
+        row = top.row(align=True)
+        choice = row.row()
+        choice.alert = scatter.chosen_target is None
+        choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection")
+        row.prop(scatter, "target_kind", text="", icon_only=True)
         layout.separator(factor=0.5)
         if running.session is not None:
             _draw_progress(context, layout)
@@ -81,6 +92,24 @@ class ESH_PT_scatter(_Panel, bpy.types.Panel):
         _draw_status(context, layout.column(align=True), scatter)
         if checksums.is_old():
             running.redraw_later()
+
+
+class ESH_PT_surface(_SubPanel, bpy.types.Panel):
+    """Which part of the target is scattered on."""
+
+    bl_label = "Surface"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw which side, and which faces."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        target = scatter.first_target
+        _draw_settings(column, scatter, TargetSettings, FACES)
+        if target is None:
+            return
+        for name, (of_mesh, where, icon) in FACES.items():
+            column.prop_search(scatter, name, target.data if of_mesh else target, where, icon=icon)
 
 
 class ESH_PT_classes(_SubPanel, bpy.types.Panel):
@@ -179,26 +208,10 @@ class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
     bl_label = "Density"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the density of the selected class."""
+        """Draw the layers of the density of the selected class."""
         column = self._column()
-        scatter = selected_scatter(context)
-        body_class = selected_class(context)
-        target = scatter.target if scatter.target and scatter.target.type == "MESH" else None
-        column.prop(body_class, "density_kind", text="Follow")
-        if body_class.density_kind == "UNIFORM":
-            return
-        if body_class.density_kind == "IMAGE":
-            _draw_image(column, body_class, "image")
-            column.prop(body_class, "mapping")
-            if body_class.mapping == "UV" and target:
-                column.prop_search(body_class, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
-        elif target is None:
-            column.label(text="Choose a target first", icon="ERROR")
-        elif body_class.density_kind == "VERTEX_GROUP":
-            column.prop_search(body_class, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
-        elif body_class.density_kind == "ATTRIBUTE":
-            column.prop_search(body_class, "attribute", target.data, "attributes", icon="SPREADSHEET")
-        column.prop(body_class, "invert")
+        for note in draw_density(column, selected_scatter(context), selected_class(context)):
+            _write_text(context, column, note, icon="INFO")
 
 
 class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
@@ -538,6 +551,7 @@ def _write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 
 CLASSES = (
     ESH_PT_scatter,
+    ESH_PT_surface,
     ESH_PT_classes,
     ESH_PT_class,
     ESH_PT_density,

@@ -17,19 +17,20 @@ class Reference:
     """Something in the file, looked up anew whenever it is asked for.
 
     Args:
-        item: An object or a scene.
+        item: An object, a collection or a scene.
         key: How sentences name it.
     """
 
-    def __init__(self, item: bpy.types.Object | bpy.types.Scene, key: str) -> None:
+    def __init__(self, item: bpy.types.Object | bpy.types.Collection | bpy.types.Scene, key: str) -> None:
         self._uid = item.session_uid
-        self._of_scenes = isinstance(item, bpy.types.Scene)
+        kinds = {bpy.types.Scene: "scenes", bpy.types.Collection: "collections"}
+        self._list = next((name for kind, name in kinds.items() if isinstance(item, kind)), "objects")
         self._name = item.name_full
         self._key = key
 
     def find(self) -> bpy.types.ID | None:
         """Return it, or None where it is no longer in the file."""
-        candidates = bpy.data.scenes if self._of_scenes else bpy.data.objects
+        candidates = getattr(bpy.data, self._list)
         # Most are still called what they were.
         likely = candidates.get(self._name)
         if likely is not None and likely.session_uid == self._uid:

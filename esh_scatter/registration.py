@@ -4,12 +4,37 @@ import atexit
 
 import bpy
 
-from . import exchange_operators, forecast, lists, live, menus, operators, panels, running, versions
-from .properties import body_class, obstacle, placed, scatter, scene, size
+from . import (
+    density_preview,
+    exchange_operators,
+    forecast,
+    lists,
+    live,
+    menus,
+    operators,
+    painting,
+    panels,
+    running,
+    versions,
+)
+from .properties import body_class, layer, obstacle, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (size, body_class, placed, obstacle, scatter, scene, lists, operators, menus, panels, exchange_operators)
+_MODULES = (
+    size,
+    layer,
+    body_class,
+    placed,
+    obstacle,
+    scatter,
+    scene,
+    lists,
+    operators,
+    menus,
+    panels,
+    exchange_operators,
+)
 
 
 def register() -> None:
@@ -19,6 +44,8 @@ def register() -> None:
             bpy.utils.register_class(cls)
     scene.attach()
     versions.attach()
+    density_preview.attach()
+    painting.attach()
     exchange_operators.attach()
     menus.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
@@ -36,6 +63,8 @@ def unregister() -> None:
     forecast.detach()
     menus.detach()
     exchange_operators.detach()
+    painting.detach()
+    density_preview.detach()
     versions.detach()
     scene.detach()
     for module in reversed(_MODULES):

@@ -29,7 +29,9 @@ _WRITTEN = {
 }
 
 
-def find_result(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> bpy.types.Object | None:
+def find_result(
+    scene: bpy.types.Scene, target: bpy.types.Object | bpy.types.Collection, name: str
+) -> bpy.types.Object | None:
     """Return the object of ``scene`` that an earlier run with this name made on this target, whatever it is called now.
 
     Of a result and its copies it is the one that was there first; one that another scene shows, too, is that scene's.
@@ -54,7 +56,7 @@ def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> lis
 def write_result(
     scene: bpy.types.Scene,
     replaced: bpy.types.Object | None,
-    target: bpy.types.Object | None,
+    target: bpy.types.Object | bpy.types.Collection | None,
     name: str,
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,

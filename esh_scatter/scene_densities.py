@@ -12,7 +12,6 @@ import numpy as np
 from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, described, setting
 from ..engine.problem.validation import show
-from ..engine.surface.shapes_from_above import FlatShapes, inside_outlines
 from .density_source import DensitySource, Known
 from .flat_shapes import Shapes, check_shapes, read_shapes
 from .ground_densities import within
@@ -87,6 +86,9 @@ class DistanceDensity(DensitySource):
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 near the objects."""
+        # Warp is not imported before something is computed.
+        from ..engine.surface.shapes_from_above import FlatShapes
+
         assert isinstance(self.source, Shapes)
         shapes = FlatShapes(self.source.triangle)
         reach = max(self.near, self.far)
@@ -134,6 +136,8 @@ class InsideDensity(DensitySource):
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
         """Return 1 inside."""
+        from ..engine.surface.shapes_from_above import FlatShapes, inside_outlines
+
         assert isinstance(self.source, Shapes)
         position = reader.points.position
         inside = np.zeros(len(position), bool)

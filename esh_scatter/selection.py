@@ -7,8 +7,10 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
+import numpy as np
 
 from ..engine.errors import ProblemError
+from ..engine.problem.scatter_settings import TargetSettings
 from .footprint import measure_footprint, read_source
 from .references import Reference
 from .survey import Survey
@@ -40,9 +42,11 @@ class Measured(NamedTuple):
     upright: bool
 
 
-def sources_in(candidates: Iterable[bpy.types.Object], target: bpy.types.Object | None) -> list[bpy.types.Object]:
-    """Return those of some objects that can be placed on a target, by name."""
-    found = [item for item in candidates if item != target and item.type in SCATTERED_TYPES and not is_result(item)]
+def sources_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return those of some objects that can be placed on targets, by name."""
+    found = [
+        item for item in candidates if item not in targets and item.type in SCATTERED_TYPES and not is_result(item)
+    ]
     return sorted(found, key=lambda item: item.name_full)
 
 
@@ -96,7 +100,7 @@ class SelectionSurvey:
         Raises:
             EshError: The ground is not seen from above.
         """
-        self.area = float(self.survey.begin(self._ground).area.sum())
+        self.area = float(np.sum(self.survey.begin(self._ground, TargetSettings()).area))
         for _, _, mesh in self._items:
             try:
                 self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))

@@ -7,12 +7,16 @@ from collections.abc import Hashable
 import numpy as np
 
 from ..engine.problem.domain import Domain
+from ..engine.problem.scatter_settings import TargetSettings
+from ..engine.problem.surface import Surface
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.triangle_mesh import TriangleMesh
+from ..engine.surface.whole_surface import WholeSurface
 from .densities import DensityReader
 from .density_source import checksum
 from .footprint import outline_of
+from .targets import chart_of
 
 __all__ = ["Survey"]
 
@@ -31,28 +35,37 @@ class Survey:
 
     def __init__(self, resolution: int = RESOLUTION) -> None:
         self.resolution = resolution
-        self._chart: tuple[Hashable, Chart] | None = None
+        self._chart: tuple[Hashable, Chart | WholeSurface] | None = None
         self._domain: Domain | None = None
         self._outlines: dict[Hashable, Outline] = {}
         self._densities: dict[Hashable, np.ndarray] = {}
         self._used: set[Hashable] = set()
 
-    def begin(self, mesh: TriangleMesh) -> Chart:
-        """Return the chart of a target; what nobody has asked for since the last call is let go of."""
+    def begin(self, mesh: TriangleMesh, settings: TargetSettings) -> Chart | WholeSurface:
+        """Return the part of a target that the settings choose; what nobody has asked for since the last call is let go of."""
         self._outlines = {key: value for key, value in self._outlines.items() if key in self._used}
         self._densities = {key: value for key, value in self._densities.items() if key in self._used}
         self._used.clear()
-        shape = checksum(mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
+        content = (mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
+        bounds = np.zeros((0, 3)) if mesh.bounds is None else mesh.bounds
+        shape = settings.surface, settings.both_sides, checksum(*content, bounds)
         if self._chart is not None and self._chart[0] == shape:
             chart = self._chart[1].with_mesh(mesh)
         else:
-            chart = Chart(mesh, self.resolution)
+            chart = chart_of(mesh, settings, self.resolution)
             self._densities.clear()
         self._chart = shape, chart
         return chart
 
-    def domain(self, chart: Chart) -> Domain:
-        """Return the rectangle of a chart; that of the one before where they differ by rounding only."""
+    @property
+    def shape(self) -> Hashable:
+        """What the target's mesh is, in short."""
+        return None if self._chart is None else self._chart[0]
+
+    def domain(self, chart: Chart | WholeSurface) -> Domain | Surface:
+        """Return where bodies lie: the rectangle of a chart, that of the one before where they differ by rounding only."""
+        if isinstance(chart, WholeSurface):
+            return chart.surface
         size = float(chart.size[0]), float(chart.size[1])
         before = self._domain
         if before is None or not np.allclose(size, before.size, rtol=SAME_EXTENT, atol=0.0):
@@ -68,8 +81,8 @@ class Survey:
             self._outlines[content] = outline_of(mesh, key)
         return self._outlines[content]
 
-    def density(self, name: str, reader: DensityReader, chart: Chart) -> np.ndarray:
-        """Return the density of a class over the cells of a chart, shape ``chart.shape``, float32.
+    def density(self, name: str, reader: DensityReader, chart: Chart | WholeSurface) -> np.ndarray:
+        """Return the density of a class over the cells of a chart, shape ``chart.shape``, or at a surface's points, ``[n]``, float32.
 
         Args:
             name: Of the class.
@@ -78,8 +91,12 @@ class Survey:
         """
         content = reader.content(name)
         if content is None:
-            return chart.continued(reader.class_density(name))
+            return _continued(chart, reader.class_density(name))
         self._used.add(content)
         if content not in self._densities:
-            self._densities[content] = chart.continued(reader.class_density(name))
+            self._densities[content] = _continued(chart, reader.class_density(name))
         return self._densities[content]
+
+
+def _continued(chart: Chart | WholeSurface, values: np.ndarray) -> np.ndarray:
+    return values if isinstance(chart, WholeSurface) else chart.continued(values)

@@ -103,6 +103,8 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
     try:
         if mesh is None or not len(mesh.polygons):
             why = "its modifiers leave none" if len(target.data.polygons) else "its mesh has none"
+            if _shows_instances(target, context):
+                why = "it has instances only, which Realize Instances at the end of its geometry nodes turns into faces"
             raise ProblemError(f"{name} must have faces; {why}")
         read = read_triangles(mesh, np.array(evaluated.matrix_world), name)
         _read_normals(read, mesh, evaluated.matrix_world)
@@ -114,6 +116,7 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
         wanted = [group.name for group in target.vertex_groups if group.name in names]
         read.vertex_group = {group.name: np.empty(0, np.float32) for group in target.vertex_groups}
         read.vertex_group.update(read_vertex_groups(evaluated, wanted, context))
+        _read_materials(read, mesh, evaluated)
         for attribute in mesh.attributes:
             _read_attribute(read, attribute, attribute.name in names)
     finally:
@@ -121,6 +124,11 @@ def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set
     if not np.isfinite(read.position).all():
         raise ProblemError(f"{name} must have finite vertex positions; some are NaN or infinite")
     return read
+
+
+def _shows_instances(item: bpy.types.Object, context: bpy.types.Context) -> bool:
+    shown = context.evaluated_depsgraph_get().object_instances
+    return any(one.is_instance and one.parent is not None and one.parent.original == item for one in shown)
 
 
 def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> TriangleMesh:
@@ -136,7 +144,16 @@ def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> Trian
     mesh.loop_triangles.foreach_get("loops", corner.ravel())
     mesh.loop_triangle_polygons.foreach_get("value", face)
     position = position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-    return TriangleMesh(name, position, vertex[corner], corner, face, np.empty((0, 3), np.float32))
+    return TriangleMesh(
+        name,
+        position,
+        vertex[corner],
+        corner,
+        face,
+        np.empty((0, 3), np.float32),
+        corner_count=len(mesh.loops),
+        face_count=len(mesh.polygons),
+    )
 
 
 def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarray:
@@ -157,6 +174,17 @@ def _read_normals(read: TriangleMesh, mesh: bpy.types.Mesh, matrix: Matrix) -> N
     # The adjugate is the inverse times the determinant: it needs no division, and a flat scale has one too.
     adjugate = np.array(matrix.to_3x3().adjugated())
     read.normal_matrix = adjugate.T / max(np.abs(adjugate).max(), 1e-300)
+
+
+def _read_materials(read: TriangleMesh, mesh: bpy.types.Mesh, evaluated: bpy.types.Object) -> None:
+    slots = [slot.material.name if slot.material else None for slot in evaluated.material_slots]
+    read.material = list(dict.fromkeys(name for name in slots if name is not None))
+    index = np.zeros(len(mesh.polygons), np.int32)
+    if "material_index" in mesh.attributes:
+        mesh.attributes["material_index"].data.foreach_get("value", index)
+    # Faces of a slot that is not there show the last one.
+    number = np.array([-1 if name is None else read.material.index(name) for name in slots] or [-1], np.int32)
+    read.material_of_face = number[np.clip(index, 0, len(number) - 1)]
 
 
 def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: bool) -> None:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -38,8 +39,19 @@ def _stand_by_class(settings: Any) -> None:
             scatter.ran_with = scatter.fingerprint()
 
 
+def _layers_of_densities(settings: Any) -> None:
+    """From 2 to 3: a density is a stack of layers, and a run's settings say what images and meshes hold. One density is one layer."""
+    for scatter in settings.scatters:
+        # As the step before leaves it.
+        current = scatter.report_json and scatter.ran_with == scatter.fingerprint()
+        for body_class in scatter.classes:
+            _add_stored_layer(body_class)
+        if current or _same_in_version_2(scatter):
+            scatter.ran_with = scatter.fingerprint()
+
+
 # From each version to the next; a new one goes to the end.
-MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current, _stand_by_class)
+MIGRATIONS: tuple[Callable[[Any], None], ...] = (_keep_reports_current, _stand_by_class, _layers_of_densities)
 VERSION = len(MIGRATIONS)
 
 
@@ -146,11 +158,77 @@ def _fingerprint_of_version_1(scatter: Any) -> str:
     return hashlib.sha256(repr([mesh, told]).encode()).hexdigest()
 
 
-def _stored(scatter: Any, name: str) -> Any:
-    """Return what a file holds of a property that a scatter no longer has, or its default."""
+# What a class said of its density up to version 2, and the words that numbers in a file stand for.
+_DENSITY_2 = {
+    "density_kind": "UNIFORM",
+    "image": None,
+    "mapping": "POSITION",
+    "uv_map": "",
+    "vertex_group": "",
+    "attribute": "",
+    "invert": False,
+}
+_WORDS_2 = {"density_kind": ("UNIFORM", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"), "mapping": ("POSITION", "UV")}
+_DEFAULTS = {**_STANDING_1, **_DENSITY_2}
+
+
+def _add_stored_layer(body_class: Any) -> None:
+    """Add the layer that a class of version 2 stands for."""
+    values = {name: _stored(body_class, name) for name in _DENSITY_2}
+    kind = values.pop("density_kind")
+    if kind != "UNIFORM":
+        values["image_mapping"] = values.pop("mapping")
+        body_class.add_layer(kind, **values)
+
+
+_SCATTER_2 = ("target", "class_separation", "size_emphasis", "seed", "avoid_overlap", "device", "max_steps")
+_CLASS_2 = (
+    *(
+        "mute",
+        *_DENSITY_2,
+        "direction_kind",
+        "direction_angle",
+        "direction_image",
+        "may_overlap",
+        "count_kind",
+        "total",
+    ),
+    *("per_area", "distance", "cover_share", "density_correction", "use_unsharp", "unsharp_amount", "unsharp_radius"),
+)
+
+
+def _same_in_version_2(scatter: Any) -> bool:
+    """Tell whether what version 2 noted of a scatter's run is what it would note now."""
+    try:
+        noted = json.loads(scatter.ran_with)
+        before = noted["target"], noted["scatter"], list(noted["classes"].items())
+    except (json.JSONDecodeError, TypeError, KeyError, AttributeError):
+        return False
+    target = scatter.target
+    mesh = target and [target.name_full, len(target.data.vertices), [list(row) for row in target.matrix_world]]
+    more = ("random_turn", "scale_jitter") if scatter.avoid_overlap else ()
+    classes = []
+    for body_class in scatter.ready_classes():
+        sizes = [_named(size, _SIZE_1) for size in body_class.sizes]
+        classes.append((str(body_class.uid), {"values": _named(body_class, (*_CLASS_2, *more)), "sizes": sizes}))
+    return before == (mesh, _named(scatter, _SCATTER_2), classes)
+
+
+def _named(group: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    return dict(zip(names, _values(group, names), strict=True))
+
+
+def _stored(group: Any, name: str) -> Any:
+    """Return what a file holds of a property that a group no longer has, or its default."""
     # From Blender 5.0 on, properties that an extension defines lie apart from those that users add.
-    stored = scatter.bl_system_properties_get() if hasattr(scatter, "bl_system_properties_get") else scatter
-    return _STANDING_1[name] if stored is None else stored.get(name, _STANDING_1[name])
+    stored = group.bl_system_properties_get() if hasattr(group, "bl_system_properties_get") else group
+    value = _DEFAULTS[name] if stored is None else stored.get(name, _DEFAULTS[name])
+    if name in _WORDS_2 and isinstance(value, int):
+        return _WORDS_2[name][value]
+    if name == "image":
+        # What pointed to nothing is not nothing in a file.
+        return value if isinstance(value, bpy.types.Image) else None
+    return bool(value) if name == "invert" else value
 
 
 def _values(group: Any, names: tuple[str, ...]) -> list[Any]:

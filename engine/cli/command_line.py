@@ -24,6 +24,7 @@ from ..files.placement_files import WRITERS, check_ending, check_writable, one_o
 from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
 from .batch_command import add_batch, batch
+from .tiles_command import add_tiles, tiles
 
 if TYPE_CHECKING:
     from ..device.profile import Profile
@@ -40,6 +41,11 @@ INTERRUPTED = 130
 INTERRUPTING = (signal.SIGINT,)
 # A process manager's way to end a program, and that of a terminal that is closed.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+# Commands that have parts which stay.
+KEPT = {
+    "batch": "the scenes that are done stay, the same command goes on",
+    "tiles": "the windows that are done stay, the same command goes on",
+}
 # Seconds that a step may go on after a signal before the process is ended in its middle.
 PATIENCE = 1.0
 
@@ -75,11 +81,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with _on_signals(ENDING, _end):
             options = _parser().parse_args(arguments)
             command = options.command
-            return {"solve": _solve, "separate": _separate, "batch": batch}[command](options)
+            return {"solve": _solve, "separate": _separate, "batch": batch, "tiles": tiles}[command](options)
     except _Ended as end:
-        kept = (
-            "the scenes that are done stay, the same command goes on" if command == "batch" else "nothing was written"
-        )
+        kept = KEPT.get(command, "nothing was written")
         _complain(f"ended by {end.name}; {kept}")
         return 128 + end.number
     except EshError as error:
@@ -89,8 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain("there is not enough memory; lower the counts, or use smaller density images")
         return BAD_INPUT
     except KeyboardInterrupt as interruption:
-        # Only a batch has parts that stay.
-        kept = "" if command == "batch" and str(interruption) else "; nothing was written"
+        kept = "" if command in KEPT and str(interruption) else "; nothing was written"
         _complain(f"stopped by Ctrl-C{interruption}{kept}")
         return INTERRUPTED
     except BrokenPipeError:
@@ -158,6 +161,7 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--profile", action="store_true", help="print how long each phase took")
     solve.add_argument("--quiet", action="store_true", help="show no progress bar and no report")
     add_batch(commands, _whole)
+    add_tiles(commands, _whole)
     separate = commands.add_parser(
         "separate",
         help="split a colour image into inks",

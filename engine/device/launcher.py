@@ -156,7 +156,10 @@ class Launcher:
         if self._profile is None:
             return
         for operation, phase in zip(program.operations, phases, strict=False):
-            self._profile.add_ticks(self._phase or phase, operation.busy, operation.wall, within=bool(self._phase))
+            alone = operation.chunks == 1
+            self._profile.add_ticks(
+                self._phase or phase, operation.busy, operation.wall, within=bool(self._phase), alone=alone
+            )
             operation.busy = operation.wall = 0
 
     def close(self) -> None:
@@ -243,7 +246,7 @@ class Launcher:
             return
         done = self._team.run_once(operation, kept)
         if self._profile is not None and self._phase:
-            self._profile.add_ticks(self._phase, done.busy, done.wall, within=True)
+            self._profile.add_ticks(self._phase, done.busy, done.wall, within=True, alone=done.chunks == 1)
 
     def record(self, run: Callable[[], None]) -> Recording:
         """What ``run`` launches, to be played any number of times.

@@ -91,6 +91,14 @@ def read_parquet(path: Path) -> Bodies:
     try:
         table = parquet.read_table(path)
         names = read_names((table.schema.metadata or {}).get(KEY.encode(), b"").decode("utf-8", "replace"))
+        for place, key in enumerate(table.column_names):
+            if key == "geometry" and hasattr(table.schema.field(place).type, "num_fields"):
+                # Points of GeoParquet: their parts become columns.
+                parts = table[key].combine_chunks().flatten()
+                names_of_parts = [table.schema.field(place).type.field(k).name for k in range(len(parts))]
+                table = table.remove_column(place)
+                for name, values in zip(names_of_parts, parts, strict=True):
+                    table = table.append_column(name, values)
         columns = {key: table[key].to_numpy() for key in table.column_names if key not in ("class_name", "size_name")}
     except (ValueError, OSError, NotImplementedError) as error:  # pyarrow's own errors are of these kinds
         raise InputFileError(f"{path} cannot be read as a Parquet file: {_brief(error)}") from None

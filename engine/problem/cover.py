@@ -10,6 +10,7 @@ import numpy as np
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .packing import elongation_of, in_cells, packable
 from .problem import Problem
+from .surface import Surface
 
 __all__ = ["Cover", "cover_of"]
 
@@ -61,6 +62,11 @@ def cover_of(problem: Problem) -> Cover:
     fits = _fits(problem, footprints, area)
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
+    if isinstance(problem.domain, Surface):
+        # Where on a surface it is crowded, only the run tells.
+        sample = problem.domain.sample()
+        share = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
+        return Cover(float(area.sum() / max(share * problem.domain.area, 1e-300)), fits, 0.0)
     shape = _cells(problem, float(area.mean()))
     shares = [in_cells(c.density_image, shape) for c in problem.classes]
     free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)

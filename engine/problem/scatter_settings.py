@@ -13,7 +13,7 @@ from .problem import SamplingSettings
 from .settings import Choice, Settings, as_given, described, same_setting, setting
 from .validation import LARGEST_ANGLE
 
-__all__ = ["RunSettings", "ScatterSettings", "Standing"]
+__all__ = ["RunSettings", "ScatterSettings", "Standing", "TargetSettings"]
 
 
 @described
@@ -105,8 +105,60 @@ class RunSettings(Settings):
 
 
 @described
+@dataclass(frozen=True, kw_only=True)
+class TargetSettings(Settings):
+    """Which part of a target objects are placed on."""
+
+    surface: str = field(
+        default="above",
+        metadata=setting(
+            "Which part of the target objects stand on",
+            choices=(
+                Choice("above", "From Above", "What is seen from above. Walls get little, undersides nothing", "ABOVE"),
+                Choice("whole", "Whole Surface", "All of it: walls, undersides, closed meshes", "WHOLE"),
+                Choice(
+                    "auto",
+                    "Automatic",
+                    "From above if nearly all of it is seen from there, otherwise all of it",
+                    "AUTO",
+                ),
+            ),
+        ),
+    )
+    both_sides: bool = field(
+        default=False,
+        metadata=setting(
+            "Let objects stand on both sides of every face, and not only on the side that its normal points to",
+            more="It takes the whole surface",
+        ),
+    )
+    face_material: str = field(
+        default="",
+        metadata=setting(
+            "Only faces that have this material. Empty means all of them", label="Faces of Material", text=True
+        ),
+    )
+    face_group: str = field(
+        default="",
+        metadata=setting(
+            "Only faces whose corners have more than half of the weight of this vertex group on average. Empty means all of them",
+            label="Faces of Vertex Group",
+            text=True,
+        ),
+    )
+    face_attribute: str = field(
+        default="",
+        metadata=setting(
+            "Only faces at which this attribute of the mesh, a selection for example, is true or above 0.5. Empty means all of them",
+            label="Faces of Attribute",
+            text=True,
+        ),
+    )
+
+
+@described
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ScatterSettings(Standing, RunSettings, SamplingSettings, Balance):
+class ScatterSettings(TargetSettings, Standing, RunSettings, SamplingSettings, Balance):
     """How a scatter in Blender is made. :func:`~esh.scatter` takes one, or its settings by name.
 
     Raises:

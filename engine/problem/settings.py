@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 Check = Callable[[Any, str], Any]
-Kind = Literal["switch", "whole", "number", "numbers", "choice", "group", "other"]
+Kind = Literal["switch", "whole", "number", "numbers", "choice", "text", "group", "other"]
 Class = TypeVar("Class", bound=type)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -73,6 +73,7 @@ class Setting:
         soft_low: Smallest value that a slider reaches.
         soft_high: Largest value that a slider reaches.
         choices: The words that it can be.
+        text: Whether it is any text, such as a name.
         of: The dataclass that it is an instance of, where it is a group of settings of its own.
         check: Returns the value as it is kept, and raises :class:`~esh.ProblemError` for one that has no meaning; gets the value
             and the name that messages call it by. None follows from the range, the choices and the type of the default.
@@ -87,6 +88,7 @@ class Setting:
     soft_low: float | None = None
     soft_high: float | None = None
     choices: tuple[Choice, ...] = ()
+    text: bool = False
     of: type | None = None
     check: Check | None = None
 
@@ -112,6 +114,8 @@ class Described(NamedTuple):
             return "group"
         if self.setting.choices:
             return "choice"
+        if self.setting.text:
+            return "text"
         if isinstance(default, bool):
             return "switch"
         if isinstance(default, int):
@@ -142,6 +146,8 @@ class Described(NamedTuple):
             return _check_group(value, key, self.setting.of, self.default is None)
         if self.kind == "choice":
             return _check_choice(value, key, self.setting.choices)
+        if self.kind == "text":
+            return _check_text(value, key)
         if self.kind == "switch":
             return check_switch(value, key)
         if self.kind == "numbers":
@@ -274,6 +280,12 @@ def _check_choice(value: object, key: str, choices: tuple[Choice, ...]) -> str:
     if not isinstance(value, str) or value not in words:
         accepted = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
         raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+    return value
+
+
+def _check_text(value: object, key: str) -> str:
+    if not isinstance(value, str):
+        raise ProblemError(f"{key} must be a text; got {show(value)}")
     return value
 
 

@@ -41,6 +41,164 @@ class Lattice:
     periodic: wp.int32
 
 
+@wp.struct
+class Given:
+    """What outlines bodies have: shape, factor on it, how it is turned, and of lines the length of the axis and the thickness.
+
+    Corners of the shapes, one shape after the other from ``start`` on, and their roundings, reaches and widths without roundings. The
+    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on all of it. ``slope`` is that of the plane
+    that it lies in; there is none where all planes are horizontal.
+    """
+
+    shape: wp.array(dtype=wp.int32)
+    factor: wp.array(dtype=wp.float64)
+    angle: wp.array(dtype=wp.float64)
+    length: wp.array(dtype=wp.float64)
+    width: wp.array(dtype=wp.float64)
+    smaller: wp.array(dtype=wp.float64)
+    start: wp.array(dtype=wp.int32)
+    corner: wp.array(dtype=wp.vec2d)
+    shape_rounding: wp.array(dtype=wp.float64)
+    shape_reach: wp.array(dtype=wp.float64)
+    shape_width: wp.array(dtype=wp.float64)
+    capsule: wp.int32
+    slope: wp.array(dtype=wp.vec2d)
+
+
+@wp.func
+def seen_from_above(p: wp.vec2d, c: wp.float64, s: wp.float64, slope: wp.vec2d):
+    """A point of an outline that is turned by the angle of this cosine and sine, and leans as the plane that it lies in."""
+    at = wp.vec2d(p[0] * c - p[1] * s, p[0] * s + p[1] * c)
+    square = wp.dot(slope, slope)
+    if square == ZERO:
+        return at
+    # 1 - cosine, over the square.
+    return at - slope * (wp.dot(at, slope) / (ONE + square + wp.sqrt(ONE + square)))
+
+
+@wp.kernel
+def lay_out(
+    first: int,
+    given: Given,
+    # outputs
+    shapes: Shapes,
+):
+    """Corners with outward normals, rounding, reach and smallest width of every body, as it is turned."""
+    i = first + wp.tid()
+    shape = given.shape[i]
+    scale = given.factor[i] * given.smaller[i]
+    rounding = given.shape_rounding[shape] * scale
+    reach = given.shape_reach[shape] * scale
+    if shape == given.capsule:
+        scale = HALF * given.length[i] * given.smaller[i]
+        rounding = HALF * given.width[i] * given.smaller[i]
+        reach = HALF * (given.length[i] + given.width[i]) * given.smaller[i]
+    shapes.rounding[i] = rounding
+    shapes.reach[i] = reach
+    shapes.width[i] = given.shape_width[shape] * scale + wp.float64(2.0) * rounding
+    c = wp.cos(given.angle[i])
+    s = wp.sin(given.angle[i])
+    slope = wp.vec2d(ZERO, ZERO)
+    if given.slope.shape[0] > 0:
+        slope = given.slope[i]
+        if given.length[i] > ZERO:
+            # The angle of a line is that of its axis as it is seen from above.
+            way = wp.vec2d(c, s)
+            way = way + slope * (wp.dot(way, slope) / (ONE + wp.sqrt(ONE + wp.dot(slope, slope))))
+            way = wp.normalize(way)
+            c = way[0]
+            s = way[1]
+    begin = given.start[shape]
+    count = given.start[shape + 1] - begin
+    to = shapes.first_corner[i]
+    for k in range(count):
+        p = given.corner[begin + k] * scale
+        q = given.corner[begin + (k + 1) % count] * scale
+        at = seen_from_above(p, c, s, slope)
+        edge = seen_from_above(q, c, s, slope) - at
+        size = wp.length(edge)
+        if size == ZERO:
+            size = ONE
+        shapes.corner[to + k] = wp.vec4d(at[0], at[1], edge[1] / size, -edge[0] / size)
+
+
+@wp.kernel
+def find_levels(
+    first: int,
+    reach: wp.array(dtype=wp.float64),
+    largest: wp.float64,
+    most: int,
+    # outputs
+    level: wp.array(dtype=wp.int32),
+):
+    """How many times a body's reach can be doubled before it is above the largest one, ``most`` at most."""
+    i = first + wp.tid()
+    own = int(0)
+    doubled = wp.float64(2.0) * reach[i]
+    while doubled <= largest and own < most:
+        doubled = wp.float64(2.0) * doubled
+        own += 1
+    level[i] = own
+
+
+@wp.kernel
+def find_cells(
+    first: int,
+    position: wp.array(dtype=wp.vec2d),
+    level: wp.array(dtype=wp.int32),
+    lattice: Lattice,
+    # outputs
+    cell: wp.array(dtype=wp.int32),
+):
+    """In which cell of its level every body lies."""
+    i = first + wp.tid()
+    m = level[i]
+    columns = lattice.columns[m]
+    rows = lattice.rows[m]
+    column = wp.clamp(int(position[i][0] / lattice.size[0] * wp.float64(columns)), 0, columns - 1)
+    row = wp.clamp(int(position[i][1] / lattice.size[1] * wp.float64(rows)), 0, rows - 1)
+    cell[i] = lattice.first_cell[m] + row * columns + column
+
+
+@wp.kernel
+def sort_into_cells(
+    first: int,
+    cell: wp.array(dtype=wp.int32),
+    cell_count: int,
+    parts: int,
+    # outputs
+    start: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+):
+    """List the bodies of every cell, in their order; an element does that for its part of the cells, and looks at all bodies."""
+    part = wp.int64(first + wp.tid())
+    low = int(part * wp.int64(cell_count) / wp.int64(parts))
+    high = int((part + wp.int64(1)) * wp.int64(cell_count) / wp.int64(parts))
+    n = cell.shape[0]
+    if low == 0:
+        start[0] = 0
+    # Behind every cell: at first how many it has, then where its next one goes, at last where the next cell begins.
+    for c in range(low, high):
+        start[c + 1] = 0
+    place = int(0)
+    for i in range(n):
+        c = cell[i]
+        if c < low:
+            place += 1
+        elif c < high:
+            start[c + 1] = start[c + 1] + 1
+    for c in range(low, high):
+        count = start[c + 1]
+        start[c + 1] = place
+        place += count
+    for i in range(n):
+        c = cell[i]
+        if c >= low and c < high:
+            at = start[c + 1]
+            member[at] = i
+            start[c + 1] = at + 1
+
+
 @wp.func
 def inside_of_faces(
     corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, d: wp.vec2d, enough: wp.float64

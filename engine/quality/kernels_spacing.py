@@ -10,7 +10,7 @@ from ..space.kernels_space import Space, difference, number_across, numbers_besi
 
 wp.set_module_options({"enable_backward": False})
 
-# What a body without a neighbour in sight has as its distance, in spacings.
+# What a body without a neighbour in sight has as its distance, and what has no spacing as its share of one.
 NOBODY = wp.constant(1.0e6)
 
 
@@ -37,20 +37,19 @@ def find_number_density(
 def distance_to_nearest(
     i: int,
     position: wp.vec2,
-    inverse_spacing: float,
     begin: int,
     end: int,
     pose: wp.array(dtype=wp.vec4),
     order: wp.array(dtype=wp.int32),
     space: Space,
 ):
-    """Distance of body ``i`` in spacings to the nearest other one of those from place ``begin`` to ``end``."""
+    """Distance of body ``i`` to the nearest other one of those from place ``begin`` to ``end``."""
     closest = float(NOBODY)
     for s in range(begin, end):
         j = order[s]
         if j != i:
             way = difference(position, wp.vec2(pose[j][0], pose[j][1]), space)
-            closest = wp.min(closest, wp.length(way) * inverse_spacing)
+            closest = wp.min(closest, wp.length(way))
     return closest
 
 
@@ -64,11 +63,14 @@ def find_nearest(
     grid: CellGrid,
     # outputs
     nearest: wp.array(dtype=float),
+    share: wp.array(dtype=float),
 ):
-    """Find each body's nearest neighbour in units of its own spacing."""
+    """How far each body's nearest neighbour is, and that over the spacing that is asked for where it is; 1e6 where none is in sight.
+
+    Where nothing is asked for there is no spacing, either: a share of 1e6.
+    """
     i = first + wp.tid()
     p = wp.vec2(pose[i][0], pose[i][1])
-    inverse_spacing = wp.sqrt(number_density[i])
     cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
     cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
     closest = float(NOBODY)
@@ -80,8 +82,9 @@ def find_nearest(
             column = number_across(x, grid.count_x, grid.space)
             if row >= 0 and row < grid.count_y and column >= 0 and column < grid.count_x:
                 cell = row * grid.count_x + column
-                found = distance_to_nearest(
-                    i, p, inverse_spacing, cell_start[cell], cell_start[cell + 1], pose, order, grid.space
-                )
+                found = distance_to_nearest(i, p, cell_start[cell], cell_start[cell + 1], pose, order, grid.space)
                 closest = wp.min(closest, found)
     nearest[i] = closest
+    share[i] = NOBODY
+    if closest < NOBODY and number_density[i] > 0.0:
+        share[i] = closest * wp.sqrt(number_density[i])

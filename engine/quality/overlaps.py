@@ -13,7 +13,6 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_pla
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
-from ..problem.slopes import foreshortened, lengthened
 from ..space.space import Space
 from . import kernels_overlaps
 
@@ -27,6 +26,8 @@ MOST_OVERLAPS_PER_BODY = 200
 MOST_NAMED = 10_000
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
+# Parts in which bodies are sorted into cells on a GPU; threads of a processor have one each.
+PARTS_ON_GPU = 4096
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
 MOST_IMAGES = 4
 
@@ -139,19 +140,13 @@ def find_overlaps(
     if n == 0:
         return Overlaps(0)
     device = launcher.device
+    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else np.zeros((0, 2))
     factor = np.ones(n) if smaller is None else smaller
-    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else None
-    first, corner, rounding, reach, narrow = _bodies(footprints, angle, length, width, factor, slope)
-    shapes = kernels_overlaps.Shapes()
-    shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
-    shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
-    shapes.corner = wp.array(corner, dtype=wp.vec4d, device=device)
-    shapes.rounding, shapes.reach, shapes.width = (
-        wp.array(values, dtype=wp.float64, device=device) for values in (rounding, reach, narrow)
-    )
-    stays = np.zeros(n, bool) if fixed is None else fixed
-    shapes.fixed = wp.array(stays.astype(np.int32), dtype=wp.int32, device=device)
-    lattice = _lattice(position, reach, domain, device)
+    shapes = _laid_out(footprints, position, angle, length, width, factor, slope, launcher)
+    stays = np.zeros(n, np.int32) if fixed is None else fixed.astype(np.int32)
+    shapes.fixed = wp.array(stays, dtype=wp.int32, device=device)
+    reach = shapes.reach.numpy()
+    lattice = _lattice(shapes, reach, domain, launcher)
     space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
     launcher.launch(
@@ -175,81 +170,83 @@ def find_overlaps(
     other = int(partner.numpy()[one])
     middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
     pair = (min(one, other), max(one, other))
-    named = np.argsort(-depth, kind="stable")[: min(MOST_NAMED, int((depth > 0.0).sum()))]
+    lying = np.flatnonzero(depth > 0.0)
+    named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
     return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
-def _bodies(
+def _laid_out(
     footprints: BodyFootprints,
+    position: np.ndarray,
     angle: np.ndarray,
     length: np.ndarray,
     width: np.ndarray,
-    factor: np.ndarray,
-    slope: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """First corner, corners with normals, rounding, reach and smallest width of every body."""
-    lines = footprints.shape == CAPSULE
-    counts = np.array([len(outline.corners) for outline in footprints.shapes] + [2])[footprints.shape]
-    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    corner = np.zeros((int(first[-1]), 4))
-    scale = footprints.factor * factor
-    rounding = np.where(lines, 0.5 * width * factor, 0.0)
-    core_width = np.zeros(len(angle))
-    reach = np.where(lines, 0.5 * (length + width) * factor, 0.0)
-    cos, sin = np.cos(angle), np.sin(angle)
-    if slope is not None:
-        # The angle of a line is that of its axis as it is seen from above.
-        leaning = np.flatnonzero((length > 0.0) & slope.any(axis=1))
-        way = lengthened(np.stack([cos, sin], axis=1)[leaning], slope[leaning])
-        cos[leaning], sin[leaning] = (way / np.hypot(*way.T)[:, None]).T
-    for number in [CAPSULE, *range(len(footprints.shapes))]:
-        own = np.flatnonzero(footprints.shape == number)
-        if not len(own):
-            continue
-        if number == CAPSULE:
-            half = 0.5 * length[own] * factor[own]
-            core = np.zeros((len(own), 2, 2))
-            core[:, 0, 0], core[:, 1, 0] = -half, half
-        else:
-            outline = footprints.shapes[number]
-            core = outline.corners[None] * scale[own, None, None]
-            rounding[own] = outline.rounding * scale[own]
-            core_width[own] = (outline.width - 2.0 * outline.rounding) * scale[own]
-            reach[own] = outline.circumradius * scale[own]
-        x = core[..., 0] * cos[own, None] - core[..., 1] * sin[own, None]
-        y = core[..., 0] * sin[own, None] + core[..., 1] * cos[own, None]
-        if slope is not None:
-            x, y = np.moveaxis(foreshortened(np.stack([x, y], axis=-1), slope[own, None]), -1, 0)
-        edge_x, edge_y = np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
-        size = np.hypot(edge_x, edge_y)
-        size[size == 0.0] = 1.0
-        places = first[own, None] + np.arange(core.shape[1])
-        corner[places] = np.stack([x, y, edge_y / size, -edge_x / size], axis=-1)
-    return first, corner, rounding, reach, core_width + 2.0 * rounding
+    smaller: np.ndarray,
+    slope: np.ndarray,
+    launcher: Launcher,
+) -> kernels_overlaps.Shapes:
+    """What lies where, but for what is fixed; without slopes all lies in horizontal planes."""
+    device, n = launcher.device, len(position)
+
+    def numbers(values: np.ndarray) -> wp.array:
+        return wp.array(np.ascontiguousarray(values, np.float64), dtype=wp.float64, device=device)
+
+    outlines = footprints.shapes
+    cores = [*(outline.corners for outline in outlines), np.array([[-1.0, 0.0], [1.0, 0.0]])]
+    start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
+    shape = np.where(footprints.shape == CAPSULE, len(outlines), footprints.shape).astype(np.int32)
+    given = kernels_overlaps.Given()
+    given.shape = wp.array(shape, dtype=wp.int32, device=device)
+    given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)
+    given.width, given.smaller = numbers(width), numbers(smaller)
+    given.start = wp.array(start, dtype=wp.int32, device=device)
+    given.corner = wp.array(np.concatenate(cores), dtype=wp.vec2d, device=device)
+    given.shape_rounding = numbers(np.array([*(outline.rounding for outline in outlines), 0.0]))
+    given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
+    given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
+    given.capsule = len(outlines)
+    given.slope = wp.array(slope, dtype=wp.vec2d, device=device)
+    first = np.zeros(n + 1, np.int32)
+    np.cumsum(np.diff(start)[shape], out=first[1:])
+    shapes = kernels_overlaps.Shapes()
+    shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
+    shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
+    shapes.corner = launcher.empty(int(first[-1]), wp.vec4d)
+    shapes.rounding, shapes.reach, shapes.width = (launcher.empty(n, wp.float64) for _ in range(3))
+    launcher.launch(kernels_overlaps.lay_out, n, [given], [shapes])
+    return shapes
 
 
-def _lattice(position: np.ndarray, reach: np.ndarray, domain: Domain, device: wp.Device) -> kernels_overlaps.Lattice:
+def _lattice(
+    shapes: kernels_overlaps.Shapes, reach: np.ndarray, domain: Domain, launcher: Launcher
+) -> kernels_overlaps.Lattice:
     """The cells that bodies lie in, by levels of size."""
-    n = len(position)
-    level = np.clip(np.floor(np.log2(reach.max() / reach)), 0, MOST_LEVELS - 1).astype(np.int64)
-    level = np.unique(level, return_inverse=True)[1].ravel()
-    most = np.array([reach[level == m].max() for m in range(int(level.max()) + 1)])
+    device, n = launcher.device, len(reach)
+    level = launcher.empty(n, wp.int32)
+    largest = float(reach.max())
+    launcher.launch(kernels_overlaps.find_levels, n, [shapes.reach, largest, MOST_LEVELS - 1], [level])
+    levels = level.numpy()
+    # Between two levels there may be one without bodies: it has a single cell.
+    most = np.array([reach.max(where=levels == m, initial=0.0) for m in range(int(levels.max()) + 1)])
     smallest = math.sqrt(domain.area / (2 * n + 64))
     cells = np.array([[max(1, int(side / max(2.0 * r, smallest))) for side in domain.size] for r in most])
+    cells[most == 0.0] = 1
     first = np.concatenate([[0], np.cumsum(cells.prod(axis=1))])
-    at = np.clip((position / domain.size * cells[level]).astype(np.int64), 0, cells[level] - 1)
-    key = first[level] + at[:, 1] * cells[level, 0] + at[:, 0]
     lattice = kernels_overlaps.Lattice()
     lattice.reach = wp.array(most, dtype=wp.float64, device=device)
-    start = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=int(first[-1])))])
-    for name, values in (
-        ("columns", cells[:, 0]),
-        ("rows", cells[:, 1]),
-        ("first_cell", first),
-        ("start", start),
-        ("member", np.argsort(key, kind="stable")),
-    ):
+    for name, values in (("columns", cells[:, 0]), ("rows", cells[:, 1]), ("first_cell", first)):
         setattr(lattice, name, wp.array(values.astype(np.int32), dtype=wp.int32, device=device))
     lattice.size = wp.vec2d(*domain.size)
     lattice.periodic = int(domain.periodic)
+    cell, cell_count = launcher.empty(n, wp.int32), int(first[-1])
+    lattice.start, lattice.member = launcher.empty(cell_count + 1, wp.int32), launcher.empty(n, wp.int32)
+    launcher.launch(kernels_overlaps.find_cells, n, [shapes.position, level, lattice], [cell])
+    parts = min(cell_count, PARTS_ON_GPU if device.is_cuda else launcher.thread_count)
+    launcher.launch(
+        kernels_overlaps.sort_into_cells,
+        parts,
+        [cell, cell_count, parts],
+        [lattice.start, lattice.member],
+        grain=1,
+    )
     return lattice

@@ -28,12 +28,13 @@ class Spacing(NamedTuple):
     """How far nearest neighbours are apart. A neighbour beyond the reach of the search counts as none.
 
     Attributes:
-        smallest: Smallest distance over the hexagonal spacing of the local number density; 1 for a perfect hexagonal lattice.
+        smallest: Smallest distance over the hexagonal spacing of the local number density; 1 for a perfect hexagonal lattice. Bodies
+            where the density is 0, as fixed ones may be, have none; None where that is so for all.
         closest: Smallest distance [m].
         usual: Median of all bodies' distances to their nearest neighbours [m].
     """
 
-    smallest: float
+    smallest: float | None
     closest: float
     usual: float
 
@@ -68,12 +69,14 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
         return None
     n = bodies.count
     launcher, space = bodies.launcher, bodies.space
-    # A typical density; some thousand bodies tell it well enough.
-    reach = 1.5 / math.sqrt(float(np.median(number_density.numpy()[:: max(1, n // 10_000)])))
+    # A typical density; some thousand bodies tell it well enough. Where nothing is asked for, that of all bodies: 1.
+    some = number_density.numpy()[:: max(1, n // 10_000)]
+    asked = some[some > 0.0]
+    reach = 1.5 / math.sqrt(float(np.median(asked)) if len(asked) else 1.0)
     # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed. In a long and narrow
     # domain all of them may lie beyond it.
     side = max(reach, 0.5)
-    nearest = launcher.empty(n, float)
+    nearest, share = launcher.empty(n, float), launcher.empty(n, float)
     while True:
         grid = kernels_cells.CellGrid()
         counts = [max(1, int(length / side)) for length in space.size]
@@ -86,16 +89,23 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
             kernels_spacing.find_nearest,
             n,
             [bodies.pose, number_density, cells.order, cells.cell_start, grid],
-            [nearest],
+            [nearest, share],
             grain=GRAIN_OF_NEIGHBOURS,
         )
-        own = nearest.numpy()
-        smallest = float(own.min()) / HEXAGONAL_SPACING
-        if smallest < MOST_SPACINGS:
+        distance, own = nearest.numpy(), share.numpy()
+        # Of bodies that ask for no spacing the mean one of all counts.
+        found = (own < MOST_SPACINGS * HEXAGONAL_SPACING) | (
+            (own >= kernels_spacing.NOBODY) & (distance < MOST_SPACINGS * HEXAGONAL_SPACING)
+        )
+        if found.any():
             break
         if max(counts) == 1:
             return None
         side *= WIDER
-    found = own < MOST_SPACINGS * HEXAGONAL_SPACING
-    distance = own[found] / np.sqrt(number_density.numpy()[found]) * bodies.unit
-    return Spacing(smallest, float(distance.min()), float(np.median(distance)))
+    smallest = float(own.min())
+    closest, usual = float(distance[found].min()), float(np.median(distance[found]))
+    return Spacing(
+        smallest / HEXAGONAL_SPACING if smallest < kernels_spacing.NOBODY else None,
+        closest * bodies.unit,
+        usual * bodies.unit,
+    )

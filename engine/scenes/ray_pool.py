@@ -23,14 +23,16 @@ class RayPool:
         address: ``"auto"`` (the cluster that this machine is part of), ``"local"`` (a new one on this machine), or an address that
             ``ray.init`` takes.
         gpus: GPUs that a call asks for; a fraction lets several share one.
+        keep: Whether the connection stays for another :meth:`map`, until :meth:`close`.
 
     Raises:
         EshError: Ray is not installed, or there is no cluster at the address.
     """
 
-    def __init__(self, address: str, gpus: float = 0.0) -> None:
+    def __init__(self, address: str, gpus: float = 0.0, *, keep: bool = False) -> None:
         self._ray: Any = import_extra("ray", "ray", "--ray")
         self._gpus = gpus
+        self._keep = keep
         self._started = not self._ray.is_initialized()
         if self._started:
             try:
@@ -72,7 +74,8 @@ class RayPool:
         finally:
             for reference in running:
                 ray.cancel(reference, force=False)
-            self.close()
+            if running or not self._keep:
+                self.close()
 
     def close(self) -> None:
         """Leave the cluster."""

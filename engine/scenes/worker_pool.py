@@ -29,11 +29,14 @@ class WorkerPool:
     Args:
         workers: Number of processes.
         threads: Threads that each of them solves with.
+        keep: Whether processes stay for another :meth:`map`, until :meth:`close`.
     """
 
-    def __init__(self, workers: int, threads: int = 1) -> None:
+    def __init__(self, workers: int, threads: int = 1, *, keep: bool = False) -> None:
         self.workers = workers
         self.threads = threads
+        self._keep = keep
+        self._idle: list[_Process] = []
         self._processes: set[_Process] = set()
         self._lock = threading.Lock()
         self._closed = threading.Event()
@@ -62,8 +65,10 @@ class WorkerPool:
         def serve(number: int) -> None:
             process: _Process | None = None
             try:
+                with self._lock:
+                    process = self._idle.pop() if self._idle else None
                 if number:
-                    process = self._start()
+                    process = process or self._start()
                     warm.wait()
                 while not self._closed.is_set():
                     with self._lock:
@@ -77,13 +82,17 @@ class WorkerPool:
                 deliver(error)
             finally:
                 warm.set()
-                if process is not None:
+                if process is not None and self._keep and not self._closed.is_set():
+                    with self._lock:
+                        self._idle.append(process)
+                elif process is not None:
                     process.end()
                 deliver(None)
 
         threads = [threading.Thread(target=serve, args=(number,), daemon=True) for number in range(self.workers)]
         for thread in threads:
             thread.start()
+        complete = False
         try:
             left = len(threads)
             while left:
@@ -98,8 +107,10 @@ class WorkerPool:
                     left -= 1
                 else:
                     yield answer
+            complete = True
         finally:
-            self.close()
+            if not (complete and self._keep):
+                self.close()
 
     def close(self) -> None:
         """End all processes at once."""

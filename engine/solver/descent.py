@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
-from ..field.field import Field
+from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import COPIES, MirroredField
 from ..space.support import images_for_kernels
 from ..space.survey import typical_spacing
@@ -48,6 +48,7 @@ class Descent:
         pose: Where bodies start, in the model's unit, shape ``[body_count, 4]``; None for the start of :mod:`.initial_placement`.
             Where angle and length are NaN, they are what the rules for lines want at the start of an edit.
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
+        targets: What attracts every group; None for the densities of the problem.
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
@@ -59,7 +60,13 @@ class Descent:
     """
 
     def __init__(
-        self, model: Model, launcher: Launcher, *, pose: np.ndarray | None = None, fewest_nodes: int | None = None
+        self,
+        model: Model,
+        launcher: Launcher,
+        *,
+        pose: np.ndarray | None = None,
+        fewest_nodes: int | None = None,
+        targets: list[FieldTarget] | None = None,
     ) -> None:
         self.model = model
         self.launcher = launcher
@@ -69,7 +76,7 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        self._evaluate, self.field = self._make_field(fewest_nodes)
+        self._evaluate, self.field = self._make_field(fewest_nodes, targets)
         self._prepare_steps()
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
@@ -99,14 +106,16 @@ class Descent:
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
-    def _make_field(self, fewest_nodes: int | None) -> tuple[Callable[[wp.array, wp.array], None], Field]:
+    def _make_field(
+        self, fewest_nodes: int | None, targets: list[FieldTarget] | None
+    ) -> tuple[Callable[[wp.array, wp.array], None], Field]:
         """What evaluates the forces, and the field that it has."""
         model = self.model
         domain = model.problem.rectangle
         described: dict[str, Any] = {
             "space": model.space,
             "interaction": model.interaction,
-            "targets": group_targets(model),
+            "targets": group_targets(model) if targets is None else targets,
             "spacing": typical_spacing(model.problem) / model.unit,
             "charge": model.charge.charge,
             "charge_group": model.body.group[model.charge.body],

@@ -79,6 +79,7 @@ class Model:
         problem: What is to be placed.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
         unit: Metres per unit of length; None for that in which charges have a mean number density of 1.
+        groups: Groups of the bodies, where they are some of a larger problem's; None for those of this one.
 
     Attributes:
         problem: The problem.
@@ -95,7 +96,14 @@ class Model:
         size: Extent of the rectangle in units; 0 on a surface.
     """
 
-    def __init__(self, problem: Problem, flags: np.ndarray | None = None, *, unit: float | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        flags: np.ndarray | None = None,
+        *,
+        unit: float | None = None,
+        groups: Groups | None = None,
+    ) -> None:
         self.problem = problem
         sizes = [(c, size) for c in problem.classes for size in c.sizes]
         counts = [size.count or 0 for _, size in sizes]
@@ -103,7 +111,7 @@ class Model:
         self.kinds = tuple(LineKind(c, size.line) for c, size in sizes if size.line is not None)
         kind = np.where(is_line, np.cumsum(is_line) - 1, -1)
         longest = np.array([0.0 if size.line is None else size.line.longest for _, size in sizes])
-        self.groups: Groups = group_bodies(problem)
+        self.groups: Groups = groups or group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
         area = problem.body_areas()

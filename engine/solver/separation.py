@@ -23,6 +23,7 @@ from ..space.neighbourhood import Neighbourhood
 from . import kernels_descent, kernels_separation
 from .body_flags import BodyFlags
 from .model import Model
+from .spatial_order import spatial_order
 
 __all__ = ["Separation", "footprint_tables"]
 
@@ -218,7 +219,7 @@ class Separation:
         offset = np.where(self._is_line, start_turn, 0.0)
         reach, skin = tables.reach / unit, SKIN * np.sqrt(tables.area) / unit
         self._near = Neighbourhood(launcher, model.space, reach + skin, np.zeros(n), np.ones(n))
-        order = self._spatial_order(given)
+        order = spatial_order(launcher, pose, model.space.size)
         self._order = order
         self._near.footprints.radius.assign((reach + skin)[order].astype(np.float32))
         level = self._near.footprints.level.numpy()[order]
@@ -231,9 +232,8 @@ class Separation:
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         mass = tables.area / tables.area.mean()
-        is_round = (np.diff(tables.start)[tables.shape] == 1) & (
-            np.hypot(*tables.corners[tables.start[tables.shape], :2].T) == 0.0
-        )
+        is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
+        is_round = is_round[tables.shape]
         lightness = np.where(pinned, 0.0, 1.0 / mass)
         ease = np.where(
             pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
@@ -249,13 +249,6 @@ class Separation:
         self._make_arrays(given, angle)
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
-
-    def _spatial_order(self, given: np.ndarray) -> np.ndarray:
-        """Bodies as they lie in space, so that those near each other lie near each other in memory."""
-        rows = max(1, int(math.sqrt(self._count / 4.0)))
-        row = np.minimum(given[:, 1] / self._model.size[1] * rows, rows - 1).astype(np.int64)
-        row = np.maximum(row, 0)
-        return np.lexsort((given[:, 0], row))
 
     def _slopes_for_kernels(self, order: np.ndarray) -> kernels_separation.Slopes | None:
         """Slopes of the planes that outlines lie in; None where all are horizontal."""
@@ -281,7 +274,7 @@ class Separation:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
-            return wp.array(values[order].astype(np.float32), dtype=float, device=device)
+            return wp.array(values.astype(np.float32)[order], dtype=float, device=device)
 
         def whole(values: np.ndarray) -> wp.array:
             return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
@@ -336,9 +329,9 @@ class Separation:
 
     def _make_arrays(self, given: np.ndarray, angle: np.ndarray) -> None:
         launcher, n = self.launcher, self._count
-        values = np.column_stack([given[:, 0], given[:, 1], angle, np.zeros(self._count)])[self._order].astype(
-            np.float32
-        )
+        values = np.zeros((n, 4), np.float32)
+        values[:, :2], values[:, 2] = given[:, :2], angle
+        values = values[self._order]
         self._start = values
         self._place = wp.array(values, dtype=wp.vec4, device=launcher.device)
         self._home = wp.clone(self._place)

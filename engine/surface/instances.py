@@ -40,11 +40,12 @@ def body_rotations(
     Returns:
         Shape ``[n, 4]``, of the arguments' type.
     """
-    # The rotation from z to the normal is about (-ny, nx, 0).
+    # The rotation from z to the normal is about (-ny, nx, 0); straight down, about any horizontal axis: y.
     sine = np.hypot(normal[:, 0], normal[:, 1])
     half = 0.5 * align * np.arctan2(sine, normal[:, 2])
     along = np.sin(half) / np.maximum(sine, 1e-12)
     w, x, y = np.cos(half), -normal[:, 1] * along, normal[:, 0] * along
+    y = np.where((sine < 1e-12) & (normal[:, 2] < 0.0), np.sin(half), y)
     c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
     if tilt is None:
         # The product with (c, 0, 0, s): first the turn, then the lean.

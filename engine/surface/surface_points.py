@@ -3,14 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import ProblemError
 from ..problem.image_filters import luminance
-from .top_view import TopView
+from .triangle_mesh import TriangleMesh
 
-__all__ = ["SurfacePoints"]
+__all__ = ["SurfacePoints", "View"]
+
+
+class View(Protocol):
+    """A mesh, as it is looked at.
+
+    Attributes:
+        mesh: The mesh.
+        low: Smallest coordinates of its bounds [m], shape ``[3]``.
+        high: Largest ones.
+    """
+
+    mesh: TriangleMesh
+    low: np.ndarray
+    high: np.ndarray
+
+    def normals(self, triangle: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Return shading normals of the side that is looked at, shape ``[n, 3]``, float32, of length 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,13 +36,13 @@ class SurfacePoints:
     """Points of a target's surface, and what its mesh says there.
 
     Attributes:
-        view: The mesh whose upper side it is.
+        view: The mesh whose surface it is: its upper side, or its outer one.
         triangle: Triangle that each lies on, shape ``[n]``.
         weight: Weights of its corners, shape ``[n, 3]``, float32.
         position: Where it is in the world [m], shape ``[n, 3]``, float64.
     """
 
-    view: TopView
+    view: View
     triangle: np.ndarray
     weight: np.ndarray
     position: np.ndarray
@@ -36,12 +54,14 @@ class SurfacePoints:
 
     @property
     def normal(self) -> np.ndarray:
-        """Shading normals of the upper side, shape ``[n, 3]``, float32, of length 1 and never pointing down."""
+        """Shading normals, shape ``[n, 3]``, float32, of length 1; those of the upper side never point down."""
         return self.view.normals(self.triangle, self.weight)
 
     def rectangle_coordinates(self) -> np.ndarray:
         """Return where the points lie in the bounding rectangle, 0..1, y up, shape ``[n, 2]``."""
-        return (self.position[:, :2] - self.view.low[:2]) / (self.view.high[:2] - self.view.low[:2])
+        extent = self.view.high[:2] - self.view.low[:2]
+        # A wall has none in one of them.
+        return (self.position[:, :2] - self.view.low[:2]) / np.maximum(extent, 1e-300)
 
     def rectangle_size(self) -> np.ndarray:
         """Return the extent of the bounding rectangle in x and y [m], shape ``[2]``."""

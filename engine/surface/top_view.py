@@ -26,7 +26,7 @@ class TopView:
         mesh: Its triangles; those that stand upright are not seen.
 
     Attributes:
-        low: Smallest coordinates of what is part of a triangle [m], shape ``[3]``.
+        low: Smallest coordinates of the mesh's bounds [m], shape ``[3]``.
         high: Largest ones.
         extent: The longest side between them [m].
         cosine: z of every triangle's unit normal, shape ``[t]``, float64; negative where it is seen from its back.
@@ -35,10 +35,7 @@ class TopView:
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.mesh = mesh
-        used = np.zeros(len(mesh.position), bool)
-        used[mesh.triangle.ravel()] = True
-        corner = mesh.position[used]
-        self.low, self.high = corner.min(axis=0), corner.max(axis=0)
+        self.low, self.high = mesh.extent_of_triangles() if mesh.bounds is None else mesh.bounds
         self.middle = 0.5 * (self.low + self.high)
         self.extent = float((self.high - self.low).max())
         count = len(mesh.triangle)

@@ -26,6 +26,13 @@ class TriangleMesh:
         vertex_group: Name -> weights, shape ``[v]``.
         attribute: Name -> (domain, values of shape ``[n]`` or colours of shape ``[n, 4]``).
         unusable_attribute: Name -> why it is no density.
+        first_vertex: Of every mesh that was joined, its first vertex, shape ``[m]``.
+        first_face: And its first face.
+        corner_count: Number of face corners.
+        face_count: Number of faces.
+        material: Names of its materials, by number.
+        material_of_face: Number of every face's material, -1 where it has none, shape ``[face_count]``.
+        bounds: Smallest and largest coordinates [m], shape ``[2, 3]``, where they are not those of the triangles.
     """
 
     name: str
@@ -40,3 +47,17 @@ class TriangleMesh:
     vertex_group: dict[str, np.ndarray] = field(default_factory=dict)
     attribute: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
     unusable_attribute: dict[str, str] = field(default_factory=dict)
+    first_vertex: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
+    first_face: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
+    corner_count: int = 0
+    face_count: int = 0
+    material: list[str] = field(default_factory=list)
+    material_of_face: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    bounds: np.ndarray | None = None
+
+    def extent_of_triangles(self) -> np.ndarray:
+        """Smallest and largest coordinates of what is part of a triangle [m], shape ``[2, 3]``."""
+        used = np.zeros(len(self.position), bool)
+        used[self.triangle.ravel()] = True
+        corner = self.position[used]
+        return np.stack([corner.min(axis=0), corner.max(axis=0)])

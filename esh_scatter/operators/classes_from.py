@@ -11,6 +11,8 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from ...engine.errors import EshError
 from ...engine.problem.ink_models import DEFAULT_MODEL, INK_MODELS
+from ...engine.problem.scatter_settings import TargetSettings
+from ..properties.described import values_from
 from ..properties.scene import active_scatter, selected_scatter
 from .edit import Edit, sentence
 
@@ -41,7 +43,7 @@ class ESH_OT_classes_from_image(Edit):
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
-        return scatter and scatter.target
+        return (scatter and scatter.targets) or None
 
     _missing = "Choose a target first"
 
@@ -63,7 +65,7 @@ class ESH_OT_classes_from_image(Edit):
         """Add the classes."""
         from ...engine.surface.chart import Chart
         from ..inks import add_ink_classes
-        from ..target import check_target, read_target
+        from ..targets import check_targets, read_targets
 
         scatter = selected_scatter(context)
         image = bpy.data.images.get(self.image)
@@ -71,7 +73,8 @@ class ESH_OT_classes_from_image(Edit):
             self.report({"ERROR"}, f'There is no image "{self.image}". Open one first')
             return {"CANCELLED"}
         try:
-            chart = Chart(read_target(check_target(scatter.target, context), context, set()))
+            objects, _ = check_targets(scatter.chosen_target, context)
+            chart = Chart(read_targets(objects, context, set(), TargetSettings(**values_from(scatter, TargetSettings))))
             count = add_ink_classes(scatter, image, self.model, self.dots, chart)
         except EshError as error:
             self.report({"ERROR"}, sentence(error))
@@ -112,7 +115,7 @@ class ESH_OT_classes_from_selection(_ClassesFromObjects):
         from ..selection import sources_in
 
         scatter = active_scatter(context)
-        return (scatter and sources_in(context.selected_objects, scatter.target)) or None
+        return (scatter and sources_in(context.selected_objects, scatter.targets)) or None
 
     _missing = "Select objects to place, other than the target"
 
@@ -120,7 +123,7 @@ class ESH_OT_classes_from_selection(_ClassesFromObjects):
         """Add them."""
         from ..selection import sources_in
 
-        return self._add(context, sources_in(context.selected_objects, selected_scatter(context).target))
+        return self._add(context, sources_in(context.selected_objects, selected_scatter(context).targets))
 
 
 class ESH_OT_classes_from_collection(_ClassesFromObjects):
@@ -152,7 +155,7 @@ class ESH_OT_classes_from_collection(_ClassesFromObjects):
         if collection is None:
             self.report({"ERROR"}, f'There is no collection "{self.collection}"')
             return {"CANCELLED"}
-        return self._add(context, sources_in(collection.all_objects, selected_scatter(context).target))
+        return self._add(context, sources_in(collection.all_objects, selected_scatter(context).targets))
 
 
 CLASSES = (

@@ -323,13 +323,13 @@ def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> l
     """Return the selected objects to place; where only the ground is selected, those of the active collection."""
     from ..selection import sources_in
 
-    chosen = sources_in(context.selected_objects, ground)
+    chosen = sources_in(context.selected_objects, [ground])
     if chosen or any(item != ground for item in context.selected_objects):
         return chosen
     collection = context.collection
     if collection is None or collection == context.scene.collection:
         return []
-    return sources_in(collection.all_objects, ground)
+    return sources_in(collection.all_objects, [ground])
 
 
 CLASSES = (

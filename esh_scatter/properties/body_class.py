@@ -22,12 +22,14 @@ from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from .described import values_from, with_properties
+from .layer import ESH_PG_layer
 from .names import class_renamed, unused_name
 from .shown_at_once import paint_class_anew, show_class_anew, stand_class_anew
 from .size import ESH_PG_size
 
 if TYPE_CHECKING:
     from ..api import ScatterClass
+    from ..densities import Density
 
 __all__ = ["CLASSES", "CLASS_COLORS", "DERIVED_COUNTS", "ESH_PG_class"]
 
@@ -93,46 +95,8 @@ class ESH_PG_class(PropertyGroup):
         default=CLASS_COLORS[0],
         update=paint_class_anew,
     )
-    density_kind: EnumProperty(
-        name="Density",
-        description="Where many objects of this class stand, and where few",
-        items=(
-            ("UNIFORM", "Even", "The same density everywhere on the target", "MESH_PLANE", 0),
-            ("IMAGE", "Image", "Follow an image: white means many, black means none", "IMAGE_DATA", 1),
-            ("VERTEX_GROUP", "Vertex Group", "Follow the weights of a vertex group of the target", "GROUP_VERTEX", 2),
-            ("ATTRIBUTE", "Attribute", "Follow a painted or computed attribute of the target", "SPREADSHEET", 3),
-        ),
-        default="UNIFORM",
-    )
-    image: PointerProperty(
-        type=bpy.types.Image,
-        name="Image",
-        description="Density image: white means many, black means none. It is read at every point, however coarse the mesh is",
-    )
-    mapping: EnumProperty(
-        name="Mapping",
-        description="How the image lies on the target",
-        items=(
-            (
-                "POSITION",
-                "From Above",
-                "Stretched over the extent of the target in x and y. The top of the image is at the largest y",
-            ),
-            ("UV", "UV Map", "Laid out by a UV map of the target"),
-        ),
-        default="POSITION",
-    )
-    uv_map: StringProperty(
-        name="UV Map",
-        description="UV map of the target. If this is empty, the one that is active for rendering is used",
-    )
-    vertex_group: StringProperty(
-        name="Vertex Group", description="Vertex group of the target. Its weights are the density"
-    )
-    attribute: StringProperty(
-        name="Attribute", description="Attribute of the target. Its values are the density and must be 0 or more"
-    )
-    invert: BoolProperty(name="Invert", description="Exchange many and none", default=False)
+    layers: CollectionProperty(type=ESH_PG_layer)
+    layer_index: IntProperty(name="Selected Layer", description="The layer that is shown below the list")
     direction_kind: EnumProperty(
         name="Direction",
         description="Where long objects of this class point, seen from above",
@@ -233,8 +197,7 @@ class ESH_PG_class(PropertyGroup):
     @property
     def unused(self) -> set[str]:
         """Images that have no influence as the other settings are."""
-        unused = set() if self.density_kind == "IMAGE" else {"image"}
-        return unused if self.direction_kind == "IMAGE" else unused | {"direction_image"}
+        return set() if self.direction_kind == "IMAGE" else {"direction_image"}
 
     @property
     def count(self) -> int:
@@ -279,23 +242,40 @@ class ESH_PG_class(PropertyGroup):
         self.size_index = len(self.sizes) - 1
         return size
 
+    @property
+    def active_layer(self) -> ESH_PG_layer | None:
+        """The selected layer of the density, or None."""
+        return self.layers[self.layer_index] if 0 <= self.layer_index < len(self.layers) else None
+
+    def add_layer(self, kind: str, **values: Any) -> ESH_PG_layer:
+        """Append a layer to the density, select it and return it; ``values`` are those of its properties."""
+        layer = self.layers.add()
+        layer.kind = kind
+        for name, value in values.items():
+            setattr(layer, name, value)
+        self.layer_index = len(self.layers) - 1
+        return layer
+
+    def density(self) -> "Density":
+        """Return the density as :func:`~esh.scatter` takes it: 1, what a plain layer reads, or a stack."""
+        from ..densities import DensityStack
+
+        layers = [layer for layer in self.layers if layer.use]
+        if not layers:
+            return 1.0
+        if len(layers) == 1 and layers[0].is_plain:
+            return layers[0].density()
+        return DensityStack([layer.as_argument() for layer in layers])
+
     def obstacle(self, target: bpy.types.Object) -> str | None:
         """Return what keeps this class from being scattered on ``target``, as one sentence, or None."""
-        if self.density_kind == "IMAGE" and self.image is None:
-            return f'Class "{self.name}": choose its density image'
-        if self.density_kind == "IMAGE" and self.mapping == "UV":
-            if not target.data.uv_layers:
-                return (
-                    f'Class "{self.name}": "{target.name}" has no UV map; add one, or choose From Above as its mapping'
-                )
-            if self.uv_map and self.uv_map not in target.data.uv_layers:
-                return f'Class "{self.name}": "{target.name}" has no UV map "{self.uv_map}"'
+        for number, layer in enumerate(self.layers, start=1):
+            missing = layer.obstacle(target, self.id_data) if layer.use else None
+            if missing:
+                where = f", layer {number}" if len(self.layers) > 1 else ""
+                return f'Class "{self.name}"{where}: {missing}'
         if self.direction_kind == "IMAGE" and self.direction_image is None:
             return f'Class "{self.name}": choose its flow image'
-        if self.density_kind == "VERTEX_GROUP" and self.vertex_group not in target.vertex_groups:
-            return f'Class "{self.name}": choose a vertex group of "{target.name}"'
-        if self.density_kind == "ATTRIBUTE" and not self.attribute:
-            return f'Class "{self.name}": choose an attribute of "{target.name}"'
         if not self.sizes:
             return f'Class "{self.name}": add a size'
         for size in self.sizes:
@@ -318,15 +298,7 @@ class ESH_PG_class(PropertyGroup):
     def as_argument(self) -> "ScatterClass":
         """Return this class as :func:`~esh.scatter` takes it."""
         from ..api import Amount, ScatterClass
-        from ..densities import AttributeDensity, Density, ImageDensity, VertexGroupDensity
 
-        density: Density = 1.0
-        if self.density_kind == "IMAGE":
-            density = ImageDensity(self.image, mapping=self.mapping, uv_map=self.uv_map, invert=self.invert)
-        elif self.density_kind == "VERTEX_GROUP":
-            density = VertexGroupDensity(self.vertex_group, invert=self.invert)
-        elif self.density_kind == "ATTRIBUTE":
-            density = AttributeDensity(self.attribute, invert=self.invert)
         whole = sum(size.share for size in self.sizes)
         shared = self.count_kind != "SIZES"
         sizes = [size.as_argument(size.share / whole if shared else None) for size in self.sizes]
@@ -338,7 +310,7 @@ class ESH_PG_class(PropertyGroup):
         return ScatterClass(
             self.name,
             sizes,
-            density=density,
+            density=self.density(),
             color=tuple(self.color),
             count=count,
             standing=self.standing(),

@@ -12,7 +12,7 @@ from dataclasses import MISSING
 from typing import Any, NamedTuple, TypeVar
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import Described, settings_of
@@ -44,32 +44,39 @@ class Shown(NamedTuple):
         return self.setting.setting.unit == "share"
 
 
-def shown_settings(cls: Any, by_hand: Collection[str] = ()) -> Iterator[Shown]:
-    """Yield the properties that stand for the settings of a class, but for those that the sidebar has by hand."""
+def shown_settings(cls: Any, by_hand: Collection[str] = (), prefix: str = "") -> Iterator[Shown]:
+    """Yield the properties that stand for the settings of a class, but for those that the sidebar has by hand.
+
+    A group that has settings of several classes tells them apart by a ``prefix`` of the properties.
+    """
     for name, one in settings_of(cls).items():
         if name in by_hand:
             continue
         assert one.kind != "other", f"{cls.__name__}.{name} needs a form of its own in the sidebar"
         if one.kind == "group":
+            assert not prefix, "groups of settings have no prefix yet"
             switch = f"use_{name}"
             yield Shown(switch, one)
             for inner in shown_settings(one.setting.of):
                 yield Shown(f"{name}_{inner.name}", inner.setting, inner.switch or switch)
         else:
-            yield Shown(name, one)
+            yield Shown(prefix + name, one)
 
 
-def with_properties(cls: Any, by_hand: Collection[str] = (), **changes: Mapping[str, Any]) -> Callable[[Group], Group]:
+def with_properties(
+    cls: Any, by_hand: Collection[str] = (), prefix: str = "", /, **changes: Mapping[str, Any]
+) -> Callable[[Group], Group]:
     """Give a property group the properties of a class's settings.
 
     Args:
         cls: A described dataclass.
         by_hand: Its settings that the group has in a form of its own.
+        prefix: Of the properties.
         changes: By name of a property, what Blender is to be told of it instead: ``unsharp_radius={"default": 20.0}``.
     """
 
     def add(group: Group) -> Group:
-        for shown in shown_settings(cls, by_hand):
+        for shown in shown_settings(cls, by_hand, prefix):
             assert shown.name not in group.__annotations__, f"{group.__name__}.{shown.name} is there twice"
             group.__annotations__[shown.name] = property_of(shown.setting, **changes.get(shown.name, {}))
         return group
@@ -97,6 +104,8 @@ def property_of(one: Described, **changes: Any) -> Any:
         told["items"] = [(c.identifier, c.label, c.help[:1].upper() + c.help[1:]) for c in described.choices]
         told["default"] = next(c.identifier for c in described.choices if c.value == one.default)
         return EnumProperty(**{**told, **changes})
+    if one.kind == "text":
+        return StringProperty(**{**told, **changes})
     if one.kind == "switch":
         return BoolProperty(**{**told, **changes})
     if one.kind == "numbers":
@@ -107,9 +116,11 @@ def property_of(one: Described, **changes: Any) -> Any:
     return (IntProperty if whole else FloatProperty)(**{**told, **changes})
 
 
-def values_from(group: PropertyGroup, cls: Any, by_hand: Collection[str] = ()) -> dict[str, Any]:
+def values_from(group: PropertyGroup, cls: Any, by_hand: Collection[str] = (), prefix: str = "") -> dict[str, Any]:
     """Return the settings of ``cls`` by name as the properties of a group have them, but for those it has by hand."""
-    return {name: _value_from(group, one, name) for name, one in settings_of(cls).items() if name not in by_hand}
+    return {
+        name: _value_from(group, one, prefix + name) for name, one in settings_of(cls).items() if name not in by_hand
+    }
 
 
 def _value_from(group: PropertyGroup, one: Described, name: str) -> Any:

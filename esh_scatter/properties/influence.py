@@ -22,4 +22,5 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "uid",
     "known_name",
     "source_was_in_scene",
+    "layer_index",
 }

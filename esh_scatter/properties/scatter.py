@@ -22,6 +22,7 @@ from .obstacle import ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
 from .shown_at_once import show_class_anew
 from .size import in_a_scene
+from .target import WithTarget
 
 __all__ = ["BY_HAND", "CLASSES", "ESH_PG_scatter"]
 
@@ -48,19 +49,13 @@ def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
     size_emphasis={"name": "Large Ones First"},
     max_steps={"name": "Steps at Most"},
 )
-class ESH_PG_scatter(PropertyGroup):
+class ESH_PG_scatter(WithTarget, PropertyGroup):
     """One scatter: a target, what stands on it, and the report of its last run."""
 
     KIND = "Scatter"
 
     name: StringProperty(
         name="Name", description="Name of this scatter and of the object that it makes", update=scatter_renamed
-    )
-    target: PointerProperty(
-        type=bpy.types.Object,
-        name="Target",
-        description="The mesh to scatter on. It is seen from above, and slopes are taken into account",
-        poll=lambda _self, candidate: candidate.type == "MESH",
     )
     classes: CollectionProperty(type=ESH_PG_class)
     class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
@@ -103,7 +98,7 @@ class ESH_PG_scatter(PropertyGroup):
             if other == self:
                 break
             result = other.result_in(self.id_data)
-            if other.target == self.target and result is not None:
+            if result is not None and set(other.targets) & set(self.targets):
                 found.append(result)
         return found
 
@@ -117,13 +112,13 @@ class ESH_PG_scatter(PropertyGroup):
         """Whether something differs from what the last run was made with. Cheap enough to ask while drawing."""
         if not self.report_json:
             return False
-        return bool(replaced(self)) or not settings_record.same(_parse_record(self.ran_with), self.record())
+        return bool(replaced(self)) or not settings_record.same(self._ran_with_record(), self.record())
 
     def changes(self) -> list[str]:
         """Name what differs from what the last run was made with: "count of Pine"; empty where nothing does, or before a run."""
         if not self.report_json:
             return []
-        before, now, others = _parse_record(self.ran_with), self.record(), replaced(self)
+        before, now, others = self._ran_with_record(), self.record(), replaced(self)
         if settings_record.same(before, now):
             return others
         # What another object has changed with it need not be said.
@@ -191,28 +186,29 @@ class ESH_PG_scatter(PropertyGroup):
 
     def obstacle(self, scene: bpy.types.Scene) -> str | None:
         """Return what keeps this from being scattered, as one sentence that says what to do, or None."""
-        if self.target is None:
-            return "Choose a target: the mesh to scatter on"
-        if self.target.type != "MESH":
-            return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
-        if scene.objects.get(self.target.name) != self.target:
-            return f'"{self.target.name}" is no longer in this scene; choose another target'
-        if self.result is not None and self.result == self.target:
+        if obstacle := self.target_obstacle(scene):
+            return obstacle
+        if self.result is not None and self.result == self.chosen_target:
             return "The target is the result of the last run; choose another target"
         if not self.classes:
             return "Add a class: what to scatter"
         if self.ready_classes():
             return None
-        incomplete = (c.obstacle(self.target) for c in self.classes if not c.mute)
+        incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
         return next(incomplete, None) or "All classes are muted; switch one on"
+
+    def obstacle_of(self, body_class: ESH_PG_class) -> str | None:
+        """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for."""
+        found = [body_class.obstacle(item) for item in self.targets]
+        return None if None in found else next(iter(found), None)
 
     def ready_classes(self) -> list[ESH_PG_class]:
         """Return the classes that can be scattered and are not muted."""
-        return [c for c in self.classes if not c.mute and c.obstacle(self.target) is None]
+        return [c for c in self.classes if not c.mute and self.obstacle_of(c) is None]
 
     def left_out(self) -> list[str]:
         """Return what keeps classes that are not muted from being scattered, one sentence for each."""
-        why = ((c.name, c.obstacle(self.target)) for c in self.classes if not c.mute)
+        why = ((c.name, self.obstacle_of(c)) for c in self.classes if not c.mute)
         return [f"{name} is left out: {text.partition(': ')[2]}" for name, text in why if text]
 
     def arguments(self, scene: bpy.types.Scene) -> tuple[tuple, dict]:
@@ -220,7 +216,7 @@ class ESH_PG_scatter(PropertyGroup):
 
         Classes that are muted, or that something is missing of, are left out.
         """
-        return (self.target, [body_class.as_argument() for body_class in self.ready_classes()]), {
+        return (self.chosen_target, [body_class.as_argument() for body_class in self.ready_classes()]), {
             **values_from(self, ScatterSettings, BY_HAND),
             "non_overlap": self.non_overlap(),
             "name": self.name,
@@ -264,9 +260,12 @@ class ESH_PG_scatter(PropertyGroup):
 
             remove_result(result)
 
+    def _ran_with_record(self) -> dict:
+        return settings_record.completed(_parse_record(self.ran_with), self)
+
     def record(self) -> dict:
         """Return every setting that changes the result, and what the things hold that it names, ready for JSON."""
-        ready = self.ready_classes() if self.target is not None and self.target.type == "MESH" else []
+        ready = self.ready_classes() if self.targets else []
         # As it is after it was written and read, so that it can be compared.
         return json.loads(json.dumps(settings_record.record(self, ready)))
 

@@ -12,7 +12,7 @@ from .. import checksums
 from ..target import members_of
 from .influence import WITHOUT_INFLUENCE
 
-__all__ = ["changes", "record", "same"]
+__all__ = ["changes", "completed", "record", "same"]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
@@ -35,20 +35,39 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         what was looked into, which have no influence.
     """
     more = OF_OUTLINES if scatter.avoid_overlap else ()
-    target = scatter.target if scatter.target is not None and scatter.target.type == "MESH" else None
+    target = scatter.first_target
     names: dict[str, str] = {}
     return {
-        "target": target and [checksums.of_shape(target), checksums.place_of(target)],
+        "target": target and _state_of(scatter),
         "scatter": _values(scatter, names, "scatter") | _kept_off(scatter),
         "classes": {
             str(c.uid): {
-                "values": _values(c, names, str(c.uid), more) | (_painted(c, target) if target else {}),
+                "values": _values(c, names, str(c.uid), more),
+                "layers": [
+                    _layer(layer, target, names, f"{c.uid}.layer {number}")
+                    for number, layer in enumerate(layer for layer in c.layers if layer.use)
+                ],
                 "sizes": [_values(size, names, f"{c.uid}.{number}") for number, size in enumerate(c.sizes)],
             }
             for c in classes
         },
         "names": names,
     }
+
+
+def _state_of(scatter: Any) -> list[Any]:
+    """Return what the targets look like and where they stand; of a single object without a further list."""
+    found = [[checksums.of_shape(item), checksums.place_of(item)] for item in scatter.targets]
+    return found[0] if scatter.target_kind == "OBJECT" else found
+
+
+def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
+    """Return a record with what settings that are newer than it would have had then: their defaults."""
+    if not before:
+        return before
+    kind: Any = type(scatter)
+    names = _influential(kind)
+    return {**before, "scatter": {**{name: _default(scatter, name) for name in names}, **before["scatter"]}}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
@@ -78,6 +97,7 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
 
         for what in _differing(old[uid]["values"], one["values"], group, told):
             found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
+        found += _differing_layers(old[uid].get("layers", []), one["layers"], group, told)
         if len(old[uid]["sizes"]) != len(one["sizes"]):
             found.append(f"sizes of {group.name}")
             continue
@@ -91,6 +111,21 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
+
+
+def _differing_layers(
+    before: list[dict[str, Any]], now: list[dict[str, Any]], group: Any, told: Callable[[str], str]
+) -> list[str]:
+    """Name what differs between the layers of a class."""
+    if [layer["kind"] for layer in before] != [layer["kind"] for layer in now]:
+        return [f"density of {group.name}"]
+    layers = [layer for layer in group.layers if layer.use]
+    found = []
+    for number, (layer_before, layer_now, layer) in enumerate(zip(before, now, layers, strict=True)):
+        where = group.name if len(layers) == 1 else f"{group.name}, {layer.label}"
+        for what in _differing(layer_before, layer_now, layer, lambda key, k=number: told(f"layer {k}.{key}")):  # type: ignore[misc]
+            found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
+    return found
 
 
 def _differing(
@@ -114,6 +149,13 @@ def _differing(
     return found
 
 
+def _default(group: Any, name: str) -> Any:
+    told = group.bl_rna.properties[name]
+    if told.type == "POINTER":
+        return None
+    return list(told.default_array) if getattr(told, "is_array", False) else told.default
+
+
 @lru_cache(maxsize=8)
 def _influential(group: Any) -> tuple[str, ...]:
     """Return the names of the properties of a group that have an influence on the result."""
@@ -135,7 +177,7 @@ def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = (
             value = _contents(value)
         elif isinstance(value, bpy.types.bpy_prop_array):
             value = list(value)
-        if CAME_LATER.get(name) != value:
+        if name not in CAME_LATER or CAME_LATER[name] != value:
             values[name] = value
     return values
 
@@ -164,13 +206,37 @@ def _kept_off(scatter: Any) -> dict[str, Any]:
     }
 
 
-def _painted(body_class: Any, target: bpy.types.Object) -> dict[str, Any]:
-    """Return what the target holds that a class follows: the name, and the number of the values."""
-    c = body_class
-    if c.density_kind == "VERTEX_GROUP":
-        return {"vertex_group": [c.vertex_group, checksums.of_weights(target, c.vertex_group)]}
-    if c.density_kind == "ATTRIBUTE":
-        return {"attribute": [c.attribute, checksums.of_attribute(target, c.attribute)]}
-    if c.density_kind == "IMAGE" and c.mapping == "UV":
-        return {"uv_map": [c.uv_map, checksums.of_attribute(target, c.uv_map)]}
-    return {}
+def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], key: str) -> dict[str, Any]:
+    """Return what of a layer's settings has an influence, those of its kind, and what the things hold that it names."""
+    values: dict[str, Any] = {"kind": layer.kind}
+    for name in layer.influential_of(layer.kind):
+        value = getattr(layer, name)
+        if name == "camera":
+            values[name] = _view(value)
+        elif isinstance(value, bpy.types.Object | bpy.types.Collection):
+            names[f"{key}.{name}"] = value.name
+            items = value.all_objects if isinstance(value, bpy.types.Collection) else [value]
+            # Near to them, it counts where they stand.
+            values[name] = [[checksums.of_object(item), checksums.place_of(item)] for item in items]
+        elif isinstance(value, bpy.types.ID):
+            names[f"{key}.{name}"] = value.name
+            values[name] = _contents(value)
+        elif target is not None and name == "vertex_group":
+            values[name] = [value, checksums.of_weights(target, value)]
+        elif target is not None and (name == "attribute" or (name == "uv_map" and layer.image_mapping == "UV")):
+            values[name] = [value, checksums.of_attribute(target, value)]
+        else:
+            values[name] = list(value) if isinstance(value, bpy.types.bpy_prop_array) else value
+    return {**values, "curve": layer.curve_record()}
+
+
+def _view(camera: bpy.types.Object | None) -> list[Any] | None:
+    """Return what a camera sees; of None, the scene's."""
+    scene = bpy.context.scene
+    camera = camera or scene.camera
+    if camera is None:
+        return None
+    lens, render = camera.data, scene.render
+    numbers = [lens.type, lens.lens, lens.ortho_scale, lens.sensor_fit, lens.sensor_width, lens.sensor_height]
+    numbers += [lens.shift_x, lens.shift_y, render.resolution_x, render.resolution_y]
+    return [checksums.place_of(camera), *numbers, render.pixel_aspect_x, render.pixel_aspect_y]

@@ -122,7 +122,7 @@ def change():
     answer["outdated_by_tilt"] = scatter.outdated
     classes["Log"].sizes[0].count += 5
     classes["Pebble"].mute = True
-    classes["Beech"].density_kind = "IMAGE"
+    classes["Beech"].add_layer("IMAGE")
     answer["changes"] = scatter.changes()
 
 

@@ -23,7 +23,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "files": {"problem"},
     "drawing": {"files", "problem"},
     "scenes": {"device", "files", "problem", "solve"},
-    "cli": {"device", "drawing", "files", "problem", "scenes", "solve", "solver"},
+    "tiles": {"device", "field", "files", "problem", "scenes", "solver", "space"},
+    "cli": {"device", "drawing", "files", "problem", "scenes", "solve", "solver", "tiles"},
 }
 FOR_ALL = {"errors", "native_output", "version"}
 # Files beside the rooms, and what they may import. What is asked of the engine as a whole is in one file.

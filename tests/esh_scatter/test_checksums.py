@@ -51,11 +51,11 @@ def scatter():
         size.source_object, size.source_collection, size.count = bpy.context.object, trees, 5
         size.source_kind = "COLLECTION" if number == 5 else "OBJECT"
     mask, laid_out, weights, wet, painted, _ = made.classes
-    mask.density_kind, mask.image = "IMAGE", image("mask.png")
-    laid_out.density_kind, laid_out.image, laid_out.mapping = "IMAGE", image("layout.png"), "UV"
-    weights.density_kind, weights.vertex_group = "VERTEX_GROUP", "here"
-    wet.density_kind, wet.attribute = "ATTRIBUTE", "wet"
-    painted.density_kind, painted.attribute = "ATTRIBUTE", "Paint"
+    mask.add_layer("IMAGE", image=image("mask.png"))
+    laid_out.add_layer("IMAGE", image=image("layout.png"), image_mapping="UV")
+    weights.add_layer("VERTEX_GROUP", vertex_group="here")
+    wet.add_layer("ATTRIBUTE", attribute="wet")
+    painted.add_layer("ATTRIBUTE", attribute="Paint")
     made.device, made.max_steps = "CPU", 2
     bpy.ops.esh.scatter()
     assert made.report and not made.outdated
@@ -139,7 +139,7 @@ def test_what_a_result_was_made_of_makes_it_out_of_date(scatter, change, said):
 
 
 def test_an_image_that_is_replaced_by_an_equal_one_changes_nothing(scatter):
-    scatter.classes["Mask"].image = image("other.png")
+    scatter.classes["Mask"].layers[0].image = image("other.png")
     assert not scatter.outdated
     paint("other.png", 9)
     assert scatter.changes() == ["image of Mask"]
@@ -148,7 +148,7 @@ def test_an_image_that_is_replaced_by_an_equal_one_changes_nothing(scatter):
 def test_what_nothing_follows_changes_nothing(scatter):
     other = image("unused.png")
     weights = scatter.classes["Weights"]
-    weights.image = other
+    weights.layers[0].image = other
     paint("unused.png", 5)
     weights.sizes[0].source_collection = None
     scatter.target.vertex_groups.new(name="another").add([1, 2], 1.0, "REPLACE")
@@ -215,3 +215,24 @@ def test_in_a_window_numbers_are_told_again_for_a_while_and_said_to_be_old(scatt
     checksums.of_image(mask)
     assert len(worked_out) == before + 1, "after a second it is looked at again"
     assert time.perf_counter() > checksums._kept["image", mask.session_uid].time
+
+
+def test_what_layers_look_at_makes_a_result_outdated_when_it_moves(scatter):
+    rock = bpy.data.objects.new("Rock", None)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    for item in (rock, camera):
+        bpy.context.scene.collection.objects.link(item)
+    bpy.context.scene.camera = camera
+    mask, wet = scatter.classes["Mask"], scatter.classes["Wet"]
+    mask.add_layer("DISTANCE", source_object=rock, distance_far=50.0)
+    wet.add_layer("CAMERA", camera_margin=10.0)
+    bpy.context.view_layer.update()
+    scatter.remember(scatter.result, scatter.report)
+    assert not scatter.outdated
+    rock.location.x = 1.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["Rock edited"]
+    rock.location.x = 0.0
+    camera.data.lens = 20.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["camera of Wet, Camera View"]

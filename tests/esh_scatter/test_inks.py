@@ -37,9 +37,9 @@ def test_one_class_per_ink_with_its_channel_and_counts(scatter_settings, model):
     assert [c.name for c in scatter_settings.classes] == names
     for body_class, channel, ink in zip(scatter_settings.classes, channels, MODELS[model].inks, strict=True):
         stored = np.empty(4 * channel.size, np.float32)
-        body_class.image.pixels.foreach_get(stored)
+        body_class.layers[0].image.pixels.foreach_get(stored)
         np.testing.assert_allclose(stored.reshape(*channel.shape, 4)[::-1, :, 0], channel, atol=1e-6)
-        assert body_class.image.packed_file is not None or body_class.image.packed_files
+        assert body_class.layers[0].image.packed_file is not None or body_class.layers[0].image.packed_files
         assert abs(body_class.count - 1000 * channel.mean()) <= 0.5
         assert tuple(body_class.color) == pytest.approx(ink.rgb)
         assert body_class.sizes[0].area == pytest.approx(0.4)

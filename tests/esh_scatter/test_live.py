@@ -38,9 +38,9 @@ def scatter():
         bpy.ops.mesh.primitive_cone_add(radius1=0.3, depth=1.0, location=(60, 0, 0))
         bpy.context.object.name = name
         body_class = made.add_class()
-        body_class.name, body_class.density_kind, body_class.vertex_group = name, kind, "here"
+        body_class.name = name
+        body_class.add_layer(kind, **({"vertex_group": "here"} if kind == "VERTEX_GROUP" else {"image": new_image()}))
         body_class.sizes[0].source_object, body_class.sizes[0].count = bpy.context.object, 200
-    made.classes["Pine"].image = new_image()
     made.device, made.max_steps = "CPU", 40
     return made
 

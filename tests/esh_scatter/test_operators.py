@@ -101,12 +101,12 @@ def test_renaming_a_scatter_renames_its_result(scatter):
 
 
 def test_incomplete_classes_are_skipped_with_a_sentence(scatter, capfd):
-    scatter.classes[1].density_kind = "IMAGE"
+    scatter.classes[1].add_layer("IMAGE")
     assert bpy.ops.esh.scatter() == {"FINISHED"}
     assert len(scatter.result.data.vertices) == 30
     assert "Beech is left out: choose its density image" in capfd.readouterr().out
     assert not scatter.outdated
-    scatter.classes[1].density_kind = "UNIFORM"
+    scatter.classes[1].layers[0].use = False
     assert scatter.changes() == ["Beech is new"]
 
 

@@ -11,6 +11,7 @@ from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import forecast, operators, panels, registration, running  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
+from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 from esh.esh_scatter.result import write_result  # noqa: E402
 
@@ -47,6 +48,13 @@ class Layout:
     def prop_search(self, data, name, search_data, search_name, *, icon="NONE", **_options):
         assert hasattr(search_data, search_name)
         self.prop(data, name, icon=icon)
+
+    def template_curve_mapping(self, data, name):
+        assert name in data.bl_rna.properties
+        self.drawn.append(name)
+
+    def operator_menu_enum(self, identifier, name, **options):
+        self.operator(identifier, **options)
 
     def template_ID(self, data, name, **_options):
         self.prop(data, name)
@@ -141,17 +149,20 @@ def test_an_empty_list_of_classes_says_what_to_click():
     assert "esh.size_add" in draw_all()
 
 
-@pytest.mark.parametrize("kind", ["UNIFORM", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"])
+@pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_density_draws_its_own_fields_with_and_without_a_target(kind):
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     body_class = scatter.add_class()
-    body_class.density_kind, body_class.mapping = kind, "UV"
-    field = {"UNIFORM": "density_kind", "IMAGE": "uv_map", "VERTEX_GROUP": "vertex_group", "ATTRIBUTE": "attribute"}[
-        kind
-    ]
+    assert "Even, the same everywhere" in draw_all()
+    layer = body_class.add_layer(kind, image_mapping="UV", use_curve=True)
+    fields = {"IMAGE": "uv_map", "VERTEX_GROUP": "vertex_group", "ATTRIBUTE": "attribute", "CLASS": "class_name"}
+    fields |= {"DISTANCE": "source_object", "INSIDE": "source_object", "CAMERA": "camera", "SLOPE": "slope_low"}
+    fields |= {"ALTITUDE": "altitude_low", "FACING": "facing_width", "NOISE": "noise_seed"}
     drawn = draw_all()
-    assert field in drawn
-    assert ("invert" in drawn) == (kind != "UNIFORM")
+    assert {fields[kind], "invert", "blend", "strength", "use_curve", "mapping", "layers"} <= set(drawn)
+    assert ("esh.layer_paint" in drawn) == (kind in ("IMAGE", "VERTEX_GROUP"))
+    bpy.data.node_groups.remove(layer.curve)
+    assert "mapping" not in draw_all()
     bpy.data.objects.remove(scatter.target)
     assert any("Choose a target" in text for text in draw_all())
 
@@ -223,7 +234,7 @@ def test_the_status_is_one_line_under_the_button():
     scatter.seed += 1
     drawn = draw_all(500)
     assert drawn[drawn.index("live") + 1] == "Changed: seed, count of Pine"
-    scatter.classes[0].density_kind = "IMAGE"
+    scatter.classes[0].add_layer("IMAGE")
     other = scatter.add_class()
     other.sizes[0].source_object = new_object("Bush")
     assert "Pine is left out: choose its density image" in draw_all(500)
@@ -285,7 +296,7 @@ def test_classes_have_their_current_names_in_the_report():
 def test_every_operator_is_in_the_object_menu():
     drawn: list[str] = []
     Layout(drawn).menu("ESH_MT_object")
-    by_hand = {"esh.class_overlap", "esh.scatter_choose", "esh.class_move", "esh.size_move"}
+    by_hand = {"esh.class_overlap", "esh.scatter_choose", "esh.class_move", "esh.size_move", "esh.layer_move"}
     assert {cls.bl_idname for cls in operators.CLASSES} - by_hand == set(drawn)
     assert all("INTERNAL" not in getattr(cls, "bl_options", ()) for cls in operators.CLASSES), "F3 would not find them"
 
@@ -300,7 +311,7 @@ def test_rows_show_what_is_placed_where_there_is_room():
 def test_removed_data_never_stops_the_drawing():
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     body_class = scatter.add_class()
-    body_class.density_kind, body_class.image = "IMAGE", bpy.data.images.new("where", 4, 4)
+    body_class.add_layer("IMAGE", image=bpy.data.images.new("where", 4, 4))
     body_class.sizes[0].source_object = new_object("Tree")
     scatter.remember(new_object("Result"), report(smallest_spacing=None))
     for item in [*bpy.data.objects, *bpy.data.images]:
@@ -334,7 +345,12 @@ def test_every_setting_of_the_sidebar_is_drawn():
         for cls, by_hand in ((ScatterSettings, BY_HAND), (ClassSettings, ()))
         for shown in shown_settings(cls, by_hand)
     }
-    for group in (scatter, body_class, body_class.sizes[0]):
+    # With both kinds of target, each shows what is chosen from its mesh.
+    holder = bpy.data.collections.new("Grounds")
+    holder.objects.link(scatter.target)
+    scatter.target_collection = holder
+    layer = body_class.add_layer("IMAGE", image_mapping="UV")
+    for group in (scatter, body_class, body_class.sizes[0], layer):
         hidden = {"rna_type", "name", "classes", "sizes", "color", "version"} | {
             told.identifier for told in group.bl_rna.properties if told.is_hidden
         }
@@ -346,5 +362,5 @@ def test_every_setting_of_the_sidebar_is_drawn():
                 setattr(group, told.identifier, value)
                 drawn |= set(draw_all())
                 setattr(group, told.identifier, before)
-    # Which result there is, the button says; the map is a choice of the image's; what may overlap has buttons.
-    assert names - drawn == {"result", "uv_map", "may_overlap"} and "esh.class_overlap" in drawn
+    # Which result there is, the button says; what may overlap has buttons.
+    assert names - drawn == {"result", "may_overlap"} and "esh.class_overlap" in drawn

@@ -1,11 +1,13 @@
 """Settings on the scene: saved, undone, pointing at data rather than naming it, and sensible when data goes away."""
 
+import dataclasses
 import json
 
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.body_class import CLASS_COLORS  # noqa: E402
 from esh.esh_scatter.properties.names import unused_name  # noqa: E402
@@ -78,21 +80,41 @@ def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
     assert scatter.obstacle(scene) is None
     pine = scatter.classes[0]
     scatter.classes[1].mute = True
-    for kind, word in (("IMAGE", "image"), ("VERTEX_GROUP", "vertex group"), ("ATTRIBUTE", "attribute")):
-        pine.density_kind = kind
+    layer = pine.add_layer("IMAGE")
+    lacking = [("IMAGE", "image"), ("VERTEX_GROUP", "vertex group"), ("ATTRIBUTE", "attribute"), ("CAMERA", "camera")]
+    lacking += [
+        ("DISTANCE", "an object to be near to"),
+        ("INSIDE", "an object to be inside of"),
+        ("CLASS", "the class"),
+    ]
+    for kind, word in lacking:
+        layer.kind = kind
         assert word in scatter.obstacle(scene) and '"Pine"' in scatter.obstacle(scene)
-    pine.vertex_group, pine.density_kind = "trees", "VERTEX_GROUP"
+    layer.use = False
+    assert scatter.obstacle(scene) is None
+    layer.use = True
+    for kind in ("SLOPE", "ALTITUDE", "FACING", "NOISE"):
+        layer.kind = kind
+        assert scatter.obstacle(scene) is None
+    layer.kind, layer.class_name = "CLASS", "Beech"
+    assert scatter.obstacle(scene) == 'Class "Pine": it follows "Beech", which is muted'
+    layer.kind, layer.source_kind = "DISTANCE", "COLLECTION"
+    layer.source_collection = bpy.data.collections.new("Rocks")
+    assert 'collection "Rocks" is empty' in scatter.obstacle(scene)
+    layer.vertex_group, layer.kind = "trees", "VERTEX_GROUP"
     scatter.target.vertex_groups.new(name="trees")
     assert scatter.obstacle(scene) is None
-    pine.image, pine.density_kind = bpy.data.images.new("where", 4, 4), "IMAGE"
+    layer.image, layer.kind = bpy.data.images.new("where", 4, 4), "IMAGE"
     assert scatter.obstacle(scene) is None
-    pine.mapping = "UV"
+    layer.image_mapping = "UV"
     assert "UV map" in scatter.obstacle(scene)
     scatter.target.data.uv_layers.new(name="layout")
     assert scatter.obstacle(scene) is None
-    pine.uv_map = "gone"
+    layer.uv_map = "gone"
     assert '"gone"' in scatter.obstacle(scene)
-    pine.density_kind, pine.direction_kind = "UNIFORM", "IMAGE"
+    pine.add_layer("NOISE")
+    assert scatter.obstacle(scene).startswith('Class "Pine", layer 1:')
+    layer.use, pine.direction_kind = False, "IMAGE"
     assert "choose its flow image" in scatter.obstacle(scene)
     pine.direction_image = bpy.data.images["where"]
     assert scatter.obstacle(scene) is None
@@ -141,10 +163,13 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
     scatter.remember(new_object("Result"), {"steps": 3})
     assert scatter.report == {"steps": 3} and not scatter.outdated
     size = scatter.classes[0].sizes[0]
+    layer = scatter.classes[0].add_layer("IMAGE", image=bpy.data.images.new("where", 4, 4))
+    scatter.remember(scatter.result, {"steps": 3})
     changes = [
         (scatter, "seed", 5), (scatter, "class_separation", 0.25), (scatter, "size_emphasis", 3.0),
         (scatter, "max_steps", 20), (scatter, "device", "CPU"), (scatter, "target", new_object("Other")),
-        (scatter.classes[0], "density_kind", "IMAGE"), (scatter.classes[0], "invert", True),
+        (layer, "kind", "NOISE"), (layer, "invert", True), (layer, "strength", 0.5), (layer, "use", False),
+        (layer, "blend", "ADD"), (layer, "image_tiling", (2.0, 1.0)), (layer, "use_curve", True),
         (size, "count", 7), (size, "area", 3.0), (size, "area_kind", "VALUE"), (size, "source_object", new_object("Bush")),
         (scatter, "avoid_overlap", False), (size, "shape", "LINE"), (size, "area_largest", 9.0),
         (scatter.classes[0], "direction_kind", "IMAGE"), (scatter.classes[0], "direction_angle", 0.3),
@@ -154,10 +179,13 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
     ]  # fmt: skip
     for group, name, value in changes:
         before = getattr(group, name)
+        before = tuple(before) if name == "image_tiling" else before
         setattr(group, name, value)
         assert scatter.outdated, name
         setattr(group, name, before)
         assert not scatter.outdated, name
+    layer.noise_scale, layer.slope_low, layer.name = 3.0, 0.1, "Mask"
+    assert not scatter.outdated, "what a layer does not follow moves nothing"
     scatter.classes[0].name = "Fir"
     scatter.classes[0].color = (1, 0, 0)
     scatter.classes[0].show_viewport = False
@@ -204,7 +232,7 @@ def test_settings_of_two_scenes_are_saved_and_read_back(scatter, tmp_path):
 def test_arguments_are_those_of_the_api(scatter):
     image = bpy.data.images.new("where", 4, 4)
     pine = scatter.classes[0]
-    pine.density_kind, pine.image, pine.mapping, pine.invert = "IMAGE", image, "UV", True
+    pine.add_layer("IMAGE", image=image, image_mapping="UV", invert=True)
     small = pine.add_size()
     small.count, small.area_kind, small.area = 9, "VALUE", 0.25
     small.source_kind, small.source_collection = "COLLECTION", bpy.data.collections.new("Bushes")
@@ -244,10 +272,19 @@ def test_what_has_changed_is_said_in_the_words_of_the_sidebar(scatter):
     pine, beech = scatter.classes
     scatter.remember(new_object("Result"), {"steps": 3})
     assert scatter.changes() == []
-    scatter.seed, pine.sizes[0].count, pine.density_kind = 4, 7, "VERTEX_GROUP"
-    scatter.target.vertex_groups.new(name="trees")
-    pine.vertex_group = "trees"
-    assert scatter.changes() == ["seed", "density of Pine", "vertex group of Pine", "count of Pine"]
+    scatter.seed, pine.sizes[0].count = 4, 7
+    for name in ("trees", "bushes"):
+        scatter.target.vertex_groups.new(name=name)
+    layer = pine.add_layer("VERTEX_GROUP", vertex_group="trees")
+    assert scatter.changes() == ["seed", "density of Pine", "count of Pine"]
+    scatter.remember(scatter.result, {"steps": 3})
+    layer.vertex_group, layer.use_curve = "bushes", True
+    assert scatter.changes() == ["vertex group of Pine", "curve of Pine"]
+    pine.add_layer("NOISE")
+    scatter.remember(scatter.result, {"steps": 3})
+    pine.layers[1].noise_scale = 3.0
+    pine.layers[0].curve.nodes[0].mapping.curves[0].points[1].location = (1.0, 0.5)
+    assert scatter.changes() == ["curve of Pine, bushes", "scale of Pine, Noise"]
     scatter.remember(scatter.result, {"steps": 3})
     beech.add_size().source_object = bpy.data.objects["Tree"]
     assert scatter.changes() == ["sizes of Beech"]
@@ -294,3 +331,94 @@ def test_counts_can_be_said_in_other_ways(scatter, kind, name, value, told):
     assert pine.amount == told
     amount = pine.as_argument().count
     assert getattr(amount, {"cover_share": "cover"}.get(name, name)) == pytest.approx(value)
+
+
+def test_a_collection_is_a_target(scatter):
+    scene = bpy.context.scene
+    scatter.target_kind = "COLLECTION"
+    assert "Choose a collection" in scatter.obstacle(scene)
+    scatter.target_collection = holder = bpy.data.collections.new("Rocks")
+    assert '"Rocks" has no mesh in this scene' in scatter.obstacle(scene)
+    scene.collection.children.link(holder)
+    rocks = [new_object(name) for name in ("Rock", "Boulder")]
+    for rock in rocks:
+        holder.objects.link(rock)
+    assert scatter.obstacle(scene) is None and scatter.targets == rocks[::-1]
+    assert scatter.arguments(scene)[0][0] == holder
+    # One of them has what a class asks for.
+    scatter.classes[0].add_layer("VERTEX_GROUP", vertex_group="moss")
+    assert "Pine is left out: choose a vertex group" in scatter.left_out()[0]
+    rocks[0].vertex_groups.new(name="moss")
+    assert scatter.left_out() == []
+    scatter.remember(rocks[0], {"steps": 3})
+    assert not scatter.outdated
+    rocks[1].location.x += 1.0
+    bpy.context.view_layer.update()
+    assert scatter.changes() == ["shape or place of the target"]
+    rocks[1].location.x -= 1.0
+    scatter.target_kind = "OBJECT"
+    bpy.context.view_layer.update()
+    assert "target kind" in scatter.changes()
+
+
+def test_a_setting_that_is_newer_than_a_result_had_its_default_then(scatter):
+    scatter.remember(new_object("Result"), {"steps": 3})
+    record = json.loads(scatter.ran_with)
+    for name in ("surface", "both_sides", "face_material", "target_kind", "target_collection"):
+        del record["scatter"][name]
+    scatter.ran_with = json.dumps(record)
+    assert not scatter.outdated and scatter.changes() == []
+    scatter.surface = "WHOLE"
+    assert scatter.outdated and scatter.changes() == ["surface"]
+
+
+def test_layers_become_what_scripts_take(scatter):
+    pine, beech = scatter.classes
+    assert pine.as_argument().density == 1.0
+    stone = new_object("Rock")
+    made = {
+        "SLOPE": esh.SlopeDensity(high=0.25), "ALTITUDE": esh.AltitudeDensity(1.0, 2.0), "FACING": esh.FacingDensity(0.5),
+        "NOISE": esh.NoiseDensity(4.0, seed=3), "CLASS": esh.ClassDensity("Beech"), "CAMERA": esh.CameraDensity(margin=0.5),
+        "DISTANCE": esh.DistanceDensity(stone, far=2.0, falloff="linear"), "INSIDE": esh.InsideDensity(stone, 0.5),
+    }  # fmt: skip
+    layer = pine.add_layer(
+        "SLOPE", slope_high=0.25, altitude_low=1.0, altitude_high=2.0, facing_direction=0.5, noise_scale=4.0, noise_seed=3,
+        class_name="Beech", camera_margin=0.5, source_object=stone, distance_far=2.0, distance_falloff="LINEAR",
+        inside_falloff=0.5,
+    )  # fmt: skip
+    for kind, expected in made.items():
+        layer.kind = kind
+        found = pine.as_argument().density
+        assert type(found) is type(expected)
+        for one in dataclasses.fields(expected):
+            value = getattr(expected, one.name)
+            assert getattr(found, one.name) == (pytest.approx(value) if isinstance(value, float) else value), one.name
+    # What is more than what a layer reads is a stack.
+    layer.kind, layer.invert = "NOISE", True
+    (only,) = pine.as_argument().density.layers
+    assert only.invert and only.curve is None and only.density.seed == 3
+    layer.invert, layer.use_curve = False, True
+    layer.curve.nodes[0].mapping.curves[0].points[1].location = (1.0, 0.5)
+    (only,) = pine.as_argument().density.layers
+    assert only.curve[0] == (0.0, 0.0) and only.curve[-1] == (1.0, pytest.approx(0.5, abs=1e-3))
+    layer.use_curve = False
+    pine.add_layer("SLOPE", blend="ADD", strength=0.5, name="cliffs")
+    pine.add_layer("CAMERA", use=False)
+    beech.name = "Elm"
+    layer.kind = "CLASS"
+    first, second = pine.as_argument().density.layers
+    assert first.density.name == "Elm" and (second.blend, second.strength, second.name) == ("add", 0.5, "cliffs")
+
+
+def test_a_copy_of_a_layer_has_a_curve_of_its_own(scatter):
+    layer = scatter.classes[0].add_layer("NOISE", use_curve=True)
+    scatter.class_index = 0
+    assert bpy.ops.esh.class_duplicate() == {"FINISHED"}
+    layer, copy = scatter.classes[0].layers[0], scatter.classes[1].layers[0]
+    assert copy.curve is not None and copy.curve != layer.curve and copy.use_curve and copy.kind == "NOISE"
+    copy.curve.nodes[0].mapping.curves[0].points[1].location = (1.0, 0.5)
+    assert layer.curve_record() != copy.curve_record()
+    scatter.class_index = 1
+    groups = len(bpy.data.node_groups)
+    assert bpy.ops.esh.layer_remove() == {"FINISHED"}
+    assert len(bpy.data.node_groups) == groups - 1 and not scatter.classes[1].layers

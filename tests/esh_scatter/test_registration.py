@@ -8,11 +8,11 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import exchange_operators, lists, menus, operators, panels, registration  # noqa: E402
-from esh.esh_scatter.operators import classes, classes_from, run, scatters, sizes  # noqa: E402
-from esh.esh_scatter.properties import body_class, scatter, scene, size  # noqa: E402
+from esh.esh_scatter.operators import classes, classes_from, layers, run, scatters, sizes  # noqa: E402
+from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
 
-PROPERTIES = (size, body_class, scatter, scene)
-OPERATORS = (run, scatters, classes_from, classes, sizes)
+PROPERTIES = (size, layer, body_class, scatter, scene)
+OPERATORS = (run, scatters, classes_from, classes, sizes, layers)
 MODULES = (*PROPERTIES, lists, *OPERATORS, menus, panels, exchange_operators)
 # What the names of Blender's classes have in them.
 INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_MT_", "_PT_", "_OT_")
@@ -51,7 +51,9 @@ def test_unregistering_removes_everything_however_often_it_is_done():
         assert {"Scene.esh", "esh.scatter", "menu"} <= registered
         assert {"TOPBAR_MT_file_export._draw_export", "TOPBAR_MT_file_import._draw_import"} <= registered
         handlers = {name.partition(":")[2] for name in registered if ":" in name}
-        assert handlers == {"bring_up_to_date"}, "no other handler may be installed while nothing runs"
+        assert handlers == {"bring_up_to_date", "pack_painted_images"}, (
+            "no other handler may be installed while nothing runs"
+        )
         registration.unregister()
         assert everything_registered() == set()
         registration.unregister()  # on leaving, Python and Blender both ask for it

@@ -150,7 +150,7 @@ def scatter(ground, objects):
 def test_a_duplicate_has_everything_but_the_number(scatter):
     scatter.class_index = 1
     log = scatter.classes[1]
-    log.density_kind, log.image = "IMAGE", bpy.data.images.new("where", 4, 4)
+    log.add_layer("IMAGE", image=bpy.data.images.new("where", 4, 4), strength=0.5)
     log.tilt, log.count_kind, log.distance, log.use_unsharp = 0.25, "DISTANCE", 3.5, True
     second = log.add_size()
     second.name, second.source_object, second.area_kind, second.area = (
@@ -164,21 +164,24 @@ def test_a_duplicate_has_everything_but_the_number(scatter):
     log, copy = scatter.classes[1], scatter.classes[2]
     assert copy.uid != log.uid and tuple(copy.color) != tuple(log.color)
     for told in copy.bl_rna.properties:
-        if told.identifier not in {"rna_type", "name", "known_name", "uid", "color", "sizes", "size_index"}:
+        if told.identifier not in {"rna_type", "name", "known_name", "uid", "color", "sizes", "size_index", "layers"}:
             assert str(getattr(copy, told.identifier)) == str(getattr(log, told.identifier)), told.identifier
+    assert [(one.kind, one.image, one.strength) for one in copy.layers] == [("IMAGE", bpy.data.images["where"], 0.5)]
     assert [(s.name, s.source, s.area) for s in copy.sizes] == [(s.name, s.source, s.area) for s in log.sizes]
 
 
 def test_settings_are_copied_to_the_chosen_classes_only(scatter):
     scatter.class_index = 0
     tree, log, pebble = scatter.classes
-    tree.scale_jitter, tree.density_kind, tree.sizes[0].count = 0.25, "ATTRIBUTE", 7
+    tree.scale_jitter, tree.sizes[0].count = 0.25, 7
+    tree.add_layer("ATTRIBUTE", attribute="wet")
+    pebble.add_layer("NOISE")
     tree.may_overlap = "Log"
     bpy.ops.esh.class_copy(what={"STANDING"}, classes={str(pebble.uid)})
-    assert (pebble.scale_jitter, pebble.density_kind, pebble.count) == (0.25, "UNIFORM", 100)
+    assert (pebble.scale_jitter, pebble.layers[0].kind, pebble.count) == (0.25, "NOISE", 100)
     assert log.scale_jitter == 0.0
     bpy.ops.esh.class_copy(what={"DENSITY", "COUNT"}, classes={str(log.uid), str(pebble.uid)})
-    assert [(c.density_kind, c.count) for c in scatter.classes] == [("ATTRIBUTE", 7)] * 3
+    assert [(c.layers[0].kind, c.count) for c in scatter.classes] == [("ATTRIBUTE", 7)] * 3
     assert pebble.sizes[0].source == bpy.data.objects["Tree"]
 
 

@@ -44,6 +44,8 @@ def changed(group, name):
         return next(item.identifier for item in told.enum_items if item.identifier != value)
     if told.type == "BOOLEAN":
         return not value
+    if told.type == "STRING":
+        return f"{value} other"
     return value + 1 if told.type == "INT" else value + (0.25 if value + 0.25 <= told.hard_max else -0.25)
 
 
@@ -111,6 +113,10 @@ def test_the_sidebar_passes_on_its_settings_and_begins_with_the_defaults_of_scri
         setattr(group, shown.name, changed(group, shown.name))
         assert values_from(group, cls, OF_GROUPS[cls]) != before, shown.name
     assert scatter.classes[0].sizes[0].as_argument().distribution == "uniform"
+    # Nothing of the target is called so.
+    for name in ("face_material", "face_group", "face_attribute"):
+        setattr(scatter, name, "")
+    scatter.surface, scatter.both_sides = "ABOVE", False
     positional, named = scatter.arguments(bpy.context.scene)
     assert esh.ScatterJob(*positional, **{**named, "device": "cpu"}).settings.max_steps == 101
 

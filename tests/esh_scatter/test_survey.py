@@ -94,7 +94,7 @@ def test_only_what_changed_is_worked_out_again(ground, tree, monkeypatch):
         return count
 
     counting = [
-        ("chart", survey, "Chart"),
+        ("chart", survey, "chart_of"),
         ("density", DensityReader, "class_density"),
         ("outline", survey, "outline_of"),
     ]

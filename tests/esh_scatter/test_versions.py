@@ -12,6 +12,8 @@ from esh.esh_scatter import registration, versions  # noqa: E402
 OLD = Path(__file__).parent / "files" / "settings_of_version_0.blend"
 # The same, saved by version 1 with other values of how objects stand.
 OLD_1 = OLD.with_name("settings_of_version_1.blend")
+# Of two scatters with a density of each kind, saved by version 2; the second one's image was no longer inverted after its run.
+OLD_2 = OLD.with_name("settings_of_version_2.blend")
 
 
 @pytest.fixture(autouse=True)
@@ -52,6 +54,24 @@ def test_standing_and_numbers_of_classes_come_from_the_scatter_of_version_1():
     assert second.classes[0].align_to_normal == 1.0
     assert len({body_class.uid for body_class in first.classes} - {0}) == 2
     assert second.changes() == ["settings"]
+
+
+def test_what_was_one_density_in_version_2_is_one_layer():
+    bpy.ops.wm.open_mainfile(filepath=str(OLD_2))
+    first, second = bpy.context.scene.esh_scatter.scatters
+    even, image, group, attribute = first.classes
+    assert [len(c.layers) for c in first.classes] == [0, 1, 1, 1]
+    layer = image.layers[0]
+    assert (layer.kind, layer.image.name, layer.image_mapping, layer.uv_map) == ("IMAGE", "mask", "UV", "Map")
+    assert layer.invert and not second.classes[1].layers[0].invert
+    assert (group.layers[0].kind, group.layers[0].vertex_group) == ("VERTEX_GROUP", "wet")
+    assert (attribute.layers[0].kind, attribute.layers[0].attribute) == ("ATTRIBUTE", "grass")
+    assert not first.outdated, "nothing was changed since its run"
+    assert second.changes() == ["settings"]
+    densities = [type(c.as_argument().density).__name__ for c in first.classes]
+    assert densities == ["float", "ImageDensity", "VertexGroupDensity", "AttributeDensity"]
+    even.add_layer("NOISE")
+    assert first.changes() == ["density of Even"]
 
 
 def test_a_result_of_an_older_version_is_out_of_date_when_its_objects_are_to_stand_otherwise():

@@ -386,3 +386,7 @@ def test_a_profile_says_how_long_phases_take_and_how_many_threads_work(monkeypat
     assert 0.6 * passed < sum(seconds.values()) < 1.05 * passed
     assert all(0.5 < threads < 2.1 for threads in busy.values())
     assert "threads at work" in str(profile)
+    # Sorting takes several threads but for the prefix of its counts; the report has Python between its kernels.
+    serial = profile.serial_seconds
+    assert set(serial) == set(seconds) and all(0.0 <= serial[name] <= 1.01 * seconds[name] for name in seconds)
+    assert serial["report"] > 0.0 and 0.0 < serial["sort"] < 0.5 * seconds["sort"]

@@ -10,6 +10,7 @@ from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
+from esh.engine.problem.surface import Surface, SurfaceMesh
 
 PLANK = Footprint.rectangle(2.0, 0.3)
 
@@ -104,3 +105,16 @@ def test_inset_needs_edges_and_contact():
         Domain((1.0, 1.0), "periodic", inset=True)
     with pytest.raises(ProblemError, match="without `avoid_overlap`"):
         Problem(Domain((1.0, 1.0), inset=True), [BodyClass("a", [Size("s", 0.1, 1)])])
+
+
+def test_the_cover_of_a_surface_counts_its_area_where_bodies_may_be():
+    x = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], float)
+    surface = Surface(SurfaceMesh(x, [[0, 1, 2], [0, 2, 3]]))
+
+    def half(points):
+        return (points.position[:, 0] < 2.0).astype(float)
+
+    for density, covered in ((1.0, 0.25), (half, 0.5)):
+        problem = Problem(surface, [BodyClass("a", [Size("s", area=0.02, count=100)], density)], avoid_overlap=True)
+        assert cover_of(problem).covered == pytest.approx(covered, rel=0.02)
+        assert cover_of(problem).warning is None

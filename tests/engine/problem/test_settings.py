@@ -17,11 +17,23 @@ from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem, SamplingSettings
-from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing
+from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing, TargetSettings
 from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
 from esh.engine.problem.size import Size
 
-DESCRIBED = [Domain, Balance, Unsharp, Line, Size, ClassSettings, BodyClass, SamplingSettings, Standing, RunSettings]
+DESCRIBED = [
+    Domain,
+    Balance,
+    Unsharp,
+    Line,
+    Size,
+    ClassSettings,
+    BodyClass,
+    SamplingSettings,
+    Standing,
+    RunSettings,
+    TargetSettings,
+]
 ALL = [(cls, name) for cls in [*DESCRIBED, ScatterSettings] for name in settings_of(cls)]
 RECIPES = (Path(__file__).parents[3] / "docs" / "recipes.md").read_text(encoding="utf-8")
 
@@ -134,7 +146,7 @@ def test_what_a_problem_and_a_class_are_told_they_take():
 
 
 def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
-    parts = [Balance, SamplingSettings, RunSettings, Standing]
+    parts = [Balance, SamplingSettings, RunSettings, Standing, TargetSettings]
     assert list(settings_of(ScatterSettings)) == [name for part in parts for name in settings_of(part)]
     for values, message in (
         ({"class_separation": 2}, "`class_separation` must be a number between 0"),

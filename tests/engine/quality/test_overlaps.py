@@ -15,7 +15,7 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
-from esh.engine.quality.overlaps import find_overlaps, overlaps_of
+from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, overlap_count, overlaps_of
 
 pytest.importorskip("shapely")
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
@@ -136,3 +136,21 @@ def test_room_below_one_may_overlap_that_far(launcher):
         zero = np.zeros(2)
         placement = Placement(problem, np.array([[1.0, 1.0], [1.85, 1.0]]), *problem.body_indices(), zero, zero, zero)
         assert overlaps_of(placement, launcher).count == count
+
+
+@pytest.mark.parametrize("threads", [1, 3, 16])
+def test_discs_of_all_sizes_on_any_number_of_threads(threads, monkeypatch):
+    """Levels of size without bodies lie between others; counted pair by pair beside it."""
+    rng = np.random.default_rng(7)
+    radius = np.concatenate([np.full(3, 6.0), rng.uniform(0.2, 0.35, 400), rng.uniform(0.001, 0.02, 1500)])
+    position = rng.random((len(radius), 2)) * [60.0, 40.0]
+    way = position[:, None] - position
+    depth = radius[:, None] + radius - np.hypot(way[..., 0], way[..., 1])
+    deep = np.triu(depth > 2.0 * TOLERANCE * np.minimum(radius[:, None], radius), 1)
+    monkeypatch.setenv("ESH_THREADS", str(threads))
+    launcher = Launcher(resolve_device("cpu"))
+    try:
+        found = overlap_count(position, math.pi * radius**2, Domain((60.0, 40.0)), launcher)
+    finally:
+        launcher.close()
+    assert found == deep.sum() > 100

@@ -16,7 +16,9 @@ UNIFORM = np.ones((1, 1))
 
 @pytest.fixture(scope="module")
 def launcher():
-    return Launcher(resolve_device("cpu"))
+    result = Launcher(resolve_device("cpu"))
+    yield result
+    result.close()
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])
@@ -102,6 +104,24 @@ def test_distances_are_those_of_neighbours_in_metres(launcher):
     spacing = measure_spacing(bodies, density)
     assert spacing.closest == pytest.approx(0.75, rel=1e-5) and spacing.usual == pytest.approx(2.5, rel=1e-5)
     assert measure_spacing(measured_bodies(launcher, Domain((30.0, 20.0)), position[:1]), density[:1]) is None
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("unasked", [1, 60, 96])
+def test_bodies_where_nothing_is_asked_for_have_a_distance_but_no_spacing(launcher, unasked):
+    """A lattice of 2.5 m with one body close to another, of which some stand where the density is 0, as fixed ones may."""
+    x, y = np.meshgrid(np.arange(12) + 0.5, np.arange(8) + 0.5)
+    position = 2.5 * np.stack([x.ravel(), y.ravel()], axis=1)
+    position[0, 0] = position[1, 0] - 0.75
+    bodies = measured_bodies(launcher, Domain((30.0, 20.0)), position)
+    density = np.full(96, 96 / 600.0 * bodies.unit**2)
+    density[:unasked] = 0.0
+    spacing = measure_spacing(bodies, wp.array(density, dtype=float, device=launcher.device))
+    assert spacing.closest == pytest.approx(0.75, rel=1e-5) and spacing.usual == pytest.approx(2.5, rel=1e-5)
+    hexagonal = math.sqrt(2.0 / math.sqrt(3.0))
+    # With one alone its partner asks for a spacing and has the same neighbour.
+    expected = {1: 0.3 / hexagonal, 60: 1.0 / hexagonal, 96: None}[unasked]
+    assert spacing.smallest == (expected if expected is None else pytest.approx(expected, rel=1e-5))
 
 
 def error_by_hand(position: np.ndarray, domain: Domain, cells: int = 256) -> float:

@@ -1,0 +1,164 @@
+"""The command ``esh-scatter tiles``: a domain that is larger than memory."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..tiles.tiles import TileState
+
+__all__ = ["add_tiles", "tiles"]
+
+HELP = """\
+Place the bodies of a huge domain tile by tile, into a folder with one file for each tile and a list of them, index.json.
+
+Densities that are .npy or GeoTIFF files are read by window, however large they are. The result is that of one solve, without seams,
+and the same bytes for any number of processes. The same command continues a run that was stopped or killed.
+
+Exit status: 0 if all tiles are there. 2 if something in the input is wrong. 130 after Ctrl-C.
+"""
+# What the stages are called for people.
+NAMES = {"survey": "looking", "start": "starting"}
+
+
+def add_tiles(commands: Any, whole: Any) -> None:
+    """Add the command to the parser; ``whole(least)`` is the type of whole numbers."""
+    parser = commands.add_parser(
+        "tiles",
+        help="place the bodies of a huge domain, tile by tile",
+        description=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "recipe", metavar="RECIPE.toml", type=Path, help="the recipe; images that it names lie beside it"
+    )
+    parser.add_argument("-o", "--output", metavar="FOLDER", type=Path, required=True, help="where the tiles go")
+    parser.add_argument(
+        "--tile",
+        metavar="METRES",
+        type=_length,
+        help="length of a tile (default: a hundred spacings of the bodies, more where a class is rare)",
+    )
+    parser.add_argument("--as", metavar="ENDING", dest="ending", default=".parquet", help=".parquet (default) or .npz")
+    parser.add_argument("--seed", metavar="N", type=whole(0), help="use this seed instead of the recipe's")
+    parser.add_argument(
+        "--steps",
+        metavar="A,B,C",
+        type=_steps,
+        help="steps of the three passes (default: 60,40,40; fewer are faster and a little less even)",
+    )
+    parser.add_argument(
+        "--workers", metavar="N", type=whole(0), help="processes (default: one per processor; on a GPU: none)"
+    )
+    parser.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        help='solve on a Ray cluster, "auto", "local" or an address; its machines must all see recipe and folder',
+    )
+    parser.add_argument(
+        "--gpus", metavar="G", type=float, default=0.0, help="GPUs that a window asks of Ray (default: 0)"
+    )
+    parser.add_argument("--device", metavar="D", default="auto", help='"auto" (default), "cpu" or "cuda:0"')
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no summary")
+
+
+def tiles(options: argparse.Namespace) -> int:
+    """Run the command and return its exit status."""
+    from ..errors import EshError
+    from ..tiles.tile_files import TILE_WRITERS
+    from ..tiles.tiles import STEPS, solve_tiles
+
+    if options.ending not in TILE_WRITERS:
+        raise EshError(f"--as must be {' or '.join(TILE_WRITERS)}; got {options.ending!r}")
+    reached: list[TileState] = []
+    show_bar = sys.stderr.isatty() and not options.quiet
+    with _progress_bar() if show_bar else contextlib.nullcontext() as bar:
+
+        def on_progress(state: TileState) -> None:
+            reached[:] = [state]
+            if bar is not None:
+                bar(state)
+
+        try:
+            state = solve_tiles(
+                options.recipe,
+                options.output,
+                tile=options.tile,
+                seed=options.seed,
+                steps=options.steps or STEPS,
+                ending=options.ending,
+                device=options.device,
+                workers=options.workers,
+                ray=options.ray,
+                gpus=options.gpus,
+                progress=on_progress,
+            )
+        except KeyboardInterrupt:
+            done = (
+                f"; stage {reached[0].stage} of {reached[0].stages} is half done, the same command goes on"
+                if reached
+                else ""
+            )
+            raise KeyboardInterrupt(done) from None
+    if not options.quiet:
+        columns, rows = state.tiles
+        print(
+            f"{state.bodies:,} bodies are placed in {columns * rows:,} tiles, {columns} by {rows}; their list is "
+            f"{options.output / 'index.json'}"
+        )
+    return 0
+
+
+@contextlib.contextmanager
+def _progress_bar() -> Iterator[Any]:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("windows"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task("tiles", total=None)
+        shown = [""]
+
+        def show(state: TileState) -> None:
+            if shown[0] != state.name:
+                # Every stage takes another time for a part.
+                display.reset(task, total=state.parts)
+                shown[0] = state.name
+            what = NAMES.get(state.name, f"settling, pass {state.name.rpartition('-')[2]}")
+            display.update(task, completed=state.done, total=state.parts, description=what)
+
+        yield show
+
+
+def _length(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 0.0 < float(text) < math.inf:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"must be a length in metres above 0; got {text!r}")
+
+
+def _steps(text: str) -> tuple[int, int, int]:
+    words = text.split(",")
+    if len(words) == 3 and all(word.isdecimal() and 0 < int(word) < 10**6 for word in words):
+        return int(words[0]), int(words[1]), int(words[2])
+    raise argparse.ArgumentTypeError(f"must be three whole numbers above 0, as 60,40,40; got {text!r}")

@@ -1,0 +1,140 @@
+"""A target as a whole: all of its faces, walls and undersides too; what the chart from above is for its upper side.
+
+Densities are read on the main thread, once, at points that lie evenly in every triangle. In between they are interpolated, so that
+the solver can ask for them anywhere.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from ..problem.placement import Placement
+from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
+from .surface_points import SurfacePoints
+from .triangle_mesh import TriangleMesh
+
+__all__ = ["WholeSurface"]
+
+# Points that a density is read at, about: more where triangles are many, and no more along a side than the second number.
+READ_AT = 400_000
+MOST_CUTS = 1024
+
+
+class WholeSurface:
+    """All triangles of a target.
+
+    Args:
+        mesh: The target. Its triangles look to where objects are to stand.
+
+    Attributes:
+        mesh: The same.
+        low: Smallest coordinates of its bounds [m], shape ``[3]``.
+        high: Largest ones.
+        surface: The domain of a problem.
+        points: Where densities are read.
+
+    Raises:
+        ProblemError: No triangle with an area, or an extent that is too small or too large.
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
+        self.low, self.high = mesh.extent_of_triangles() if mesh.bounds is None else mesh.bounds
+        # Vertices that no triangle has, such as those of faces that are left out, would count for nothing.
+        used, index = np.unique(mesh.triangle, return_inverse=True)
+        self.surface = Surface(SurfaceMesh(mesh.position[used], index.reshape(-1, 3), "target"))
+        corner = mesh.position[mesh.triangle]
+        longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+        step = np.sqrt(2.0 * self.surface.area / READ_AT)
+        self._cuts = np.clip(np.ceil(longest / step), 1, MOST_CUTS).astype(np.int64)
+        count = (self._cuts + 1) * (self._cuts + 2) // 2
+        self._first = np.concatenate([[0], np.cumsum(count)])
+        triangle = np.repeat(np.arange(len(count)), count)
+        weight = np.empty((len(triangle), 3), np.float32)
+        for cuts in np.unique(self._cuts).tolist():
+            own = np.flatnonzero(self._cuts == cuts)
+            weight[(self._first[own][:, None] + np.arange((cuts + 1) * (cuts + 2) // 2)).ravel()] = np.tile(
+                _lattice(cuts), (len(own), 1)
+            )
+        self.points = self._points(triangle, weight)
+
+    def with_mesh(self, mesh: TriangleMesh) -> WholeSurface:
+        """Return the surface of a mesh of the same shape: only what it says at its points may be another."""
+        whole = copy(self)
+        whole.mesh = mesh
+        whole.points = replace(self.points, view=whole)
+        return whole
+
+    @property
+    def area(self) -> float:
+        """Area of all triangles [m²]."""
+        return self.surface.area
+
+    def density(self, values: np.ndarray) -> SampledDensity:
+        """Return values of :attr:`points` as a function of points on :attr:`surface`."""
+        return SampledDensity(np.asarray(values, np.float32), self._cuts, self._first)
+
+    def lift(self, placement: Placement) -> SurfacePoints:
+        """Return the points of the target that bodies were placed on."""
+        assert placement.triangle is not None and placement.barycentric is not None
+        return self._points(placement.triangle.astype(np.int64), placement.barycentric.astype(np.float32))
+
+    def normals(self, triangle: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Return shading normals of the outer side, shape ``[n, 3]``, float32, of length 1."""
+        mesh = self.mesh
+        corner = mesh.position[mesh.triangle[triangle]]
+        flat = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+        smooth = np.einsum("nk,nkd->nd", weight, mesh.corner_normal[mesh.corner[triangle]]) @ mesh.normal_matrix.T
+        # That of a mirrored object, or of the other side of a face, looks the other way.
+        smooth *= np.where((smooth * flat).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        length = np.linalg.norm(smooth, axis=1, keepdims=True)
+        return np.where(length > 1e-12, smooth / np.maximum(length, 1e-300), flat).astype(np.float32)
+
+    def _points(self, triangle: np.ndarray, weight: np.ndarray) -> SurfacePoints:
+        corner = self.mesh.position[self.mesh.triangle[triangle]]
+        return SurfacePoints(self, triangle, weight, np.einsum("nk,nkd->nd", weight.astype(np.float64), corner))
+
+
+class SampledDensity:
+    """A density that is known at evenly spaced points of every triangle, and interpolated in between.
+
+    Args:
+        values: Of all points, triangle after triangle, float32.
+        cuts: Steps between points along every side of a triangle, shape ``[t]``.
+        first: Its first point, shape ``[t]`` or more.
+    """
+
+    def __init__(self, values: np.ndarray, cuts: np.ndarray, first: np.ndarray) -> None:
+        self.values, self._cuts, self._first = values, cuts, first
+
+    def __call__(self, points: PointsOnSurface) -> np.ndarray:
+        """Return the values at points, shape ``[n]``, float64."""
+        _, triangle, barycentric = points.source()
+        cuts = self._cuts[triangle]
+        along, up = (barycentric[:, k] * cuts for k in (1, 2))
+        row = np.clip(np.floor(up).astype(np.int64), 0, cuts - 1)
+        column = np.clip(np.floor(along).astype(np.int64), 0, cuts - 1 - row)
+        u, v = along - column, up - row
+        beyond = (u + v > 1.0) & (column + row < cuts - 1)
+        a = self._at(triangle, np.where(beyond, column + 1, column), np.where(beyond, row + 1, row))
+        b, c = self._at(triangle, column + 1, row), self._at(triangle, column, row + 1)
+        u, v = np.where(beyond, 1.0 - v, u), np.where(beyond, 1.0 - u, v)
+        u, v = np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
+        return np.maximum((1.0 - u - v) * a + u * b + v * c, 0.0)
+
+    def _at(self, triangle: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        cuts = self._cuts[triangle]
+        return self.values[self._first[triangle] + row * (cuts + 1) - row * (row - 1) // 2 + column].astype(np.float64)
+
+
+def _lattice(cuts: int) -> np.ndarray:
+    """Return the weights of a triangle's corners at its points, row after row towards the third, shape ``[n, 3]``, float32."""
+    row = np.repeat(np.arange(cuts + 1), np.arange(cuts + 1, 0, -1))
+    start = np.concatenate([[0], np.cumsum(np.arange(cuts + 1, 0, -1))[:-1]])
+    column = np.arange(len(row)) - start[row]
+    place = np.stack([column, row], axis=1) / cuts
+    return np.column_stack([1.0 - place.sum(axis=1), place]).astype(np.float32)

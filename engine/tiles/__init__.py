@@ -1,0 +1,1 @@
+"""One huge domain, solved in tiles: no process ever holds more of it than a window, and what comes of it has no seams."""

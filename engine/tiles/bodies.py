@@ -1,0 +1,109 @@
+"""Bodies of a part of the domain, and the files that they wait in between two passes."""
+
+from __future__ import annotations
+
+import io
+import os
+import secrets
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import EshError
+from .coarse import Patch
+
+__all__ = ["PartBodies", "read_bodies", "read_patch", "write_atomically", "write_part"]
+
+
+@dataclass(frozen=True, eq=False)
+class PartBodies:
+    """Some bodies of a huge problem.
+
+    Attributes:
+        identity: Their numbers, int64, ascending.
+        position: [m], shape ``[n, 2]``, float64.
+        angle: Directions of their axes [rad], float64.
+        length: Lengths of these [m], float64; 0 for dots.
+    """
+
+    identity: np.ndarray
+    position: np.ndarray
+    angle: np.ndarray
+    length: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.identity)
+
+    def chosen(self, which: np.ndarray) -> PartBodies:
+        """Some of them: indices, or a truth value for each."""
+        return PartBodies(self.identity[which], self.position[which], self.angle[which], self.length[which])
+
+    def at(self, position: np.ndarray) -> PartBodies:
+        """The same at other places."""
+        return replace(self, position=position)
+
+    @classmethod
+    def none(cls) -> PartBodies:
+        """No bodies."""
+        return cls(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+
+    @classmethod
+    def joined(cls, parts: list[PartBodies]) -> PartBodies:
+        """All of several, by their numbers."""
+        if not parts:
+            return cls.none()
+        identity = np.concatenate([part.identity for part in parts])
+        order = np.argsort(identity, kind="stable")
+        return cls(
+            identity[order],
+            np.concatenate([part.position for part in parts])[order],
+            np.concatenate([part.angle for part in parts])[order],
+            np.concatenate([part.length for part in parts])[order],
+        )
+
+
+def write_part(path: Path, bodies: PartBodies, patch: Patch) -> None:
+    """Write bodies and how they were counted."""
+    arrays = {"identity": bodies.identity, "position": bodies.position}
+    if bodies.length.any():
+        arrays |= {"angle": bodies.angle, "length": bodies.length}
+    file = io.BytesIO()
+    np.savez(file, **arrays, patch=patch.values, corner=np.array([patch.row, patch.column]))  # type: ignore[arg-type]
+    write_atomically(path, file.getvalue())
+
+
+def read_bodies(path: Path) -> PartBodies:
+    """Read the bodies that :func:`write_part` wrote."""
+    with _opened(path) as stored:
+        identity = stored["identity"]
+        nothing = np.zeros(len(identity))
+        angle, length = (stored[key] if key in stored.files else nothing for key in ("angle", "length"))
+        return PartBodies(identity, stored["position"], angle, length)
+
+
+def read_patch(path: Path) -> Patch:
+    """Read how bodies were counted."""
+    with _opened(path) as stored:
+        row, column = stored["corner"].tolist()
+        return Patch(row, column, stored["patch"])
+
+
+def _opened(path: Path) -> np.lib.npyio.NpzFile:
+    try:
+        opened = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise EshError(f"{path} cannot be read; remove it to have it made again: {error}") from None
+    assert isinstance(opened, np.lib.npyio.NpzFile)
+    return opened
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file that is there as a whole, or not at all, whenever the process is killed."""
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        beside.write_bytes(content)
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise EshError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}") from None

@@ -1,0 +1,198 @@
+"""The coarse warp: what is too many bodies in one part of the domain flows to where there are too few.
+
+Windows settle what is near; over distances longer than a window nothing moves in them. So all bodies are counted on a coarse grid, and
+a flow that carries the blurred difference from the target away is found by one Poisson equation, with cosines, over the whole domain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..problem.image_filters import gaussian_blur
+
+__all__ = ["CoarseGrid", "Patch", "displacement", "overlaps", "solve_flow"]
+
+# Fixed point of deposits: sums of integers do not depend on the order.
+SCALE = 2.0**32
+# Farthest that a body is moved, in spacings of its group.
+LIMIT = 0.25
+# A flow is divided by the density that it flows in, which counts as so large a share of its mean at least.
+LEAST_DENSITY = 0.02
+
+
+@dataclass(frozen=True)
+class CoarseGrid:
+    """A grid of cells over a domain, row 0 at the bottom.
+
+    Attributes:
+        size: Extent of the domain along x and y [m].
+        shape: Rows and columns.
+    """
+
+    size: tuple[float, float]
+    shape: tuple[int, int]
+
+    @property
+    def cell(self) -> tuple[float, float]:
+        """Extent of a cell along x and y [m]."""
+        return self.size[0] / self.shape[1], self.size[1] / self.shape[0]
+
+    def deposit(self, position: np.ndarray, group: np.ndarray, groups: int) -> Patch:
+        """Count bodies between the centres of cells, linearly.
+
+        Args:
+            position: [m], shape ``[n, 2]``.
+            group: Group of each, shape ``[n]``.
+            groups: Number of groups.
+        """
+        if not len(position):
+            return Patch(0, 0, np.zeros((groups, 0, 0), np.int64))
+        scaled = position / self.cell - 0.5
+        corner = np.floor(scaled).astype(np.int64)
+        share = scaled - corner
+        low = np.maximum(corner.min(axis=0), 0)
+        high = np.minimum(corner.max(axis=0) + 2, self.shape[::-1])
+        low = np.minimum(low, high - 1)
+        columns, rows = (high - low).tolist()
+        result = np.zeros(groups * rows * columns, np.int64)
+        for right in (0, 1):
+            for up in (0, 1):
+                weight = (share[:, 0] if right else 1.0 - share[:, 0]) * (share[:, 1] if up else 1.0 - share[:, 1])
+                column = np.clip(corner[:, 0] + right, low[0], high[0] - 1) - low[0]
+                row = np.clip(corner[:, 1] + up, low[1], high[1] - 1) - low[1]
+                place = (group * rows + row) * columns + column
+                np.add.at(result, place, np.rint(weight * SCALE).astype(np.int64))
+        return Patch(int(low[1]), int(low[0]), result.reshape(groups, rows, columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A part of a grid.
+
+    Attributes:
+        row: Its first row.
+        column: Its first column.
+        values: Shape ``[layers, rows, columns]``.
+    """
+
+    row: int
+    column: int
+    values: np.ndarray
+
+    def add_to(self, whole: np.ndarray) -> None:
+        """Add it to the whole grid, shape ``[layers, rows, columns]``."""
+        _, rows, columns = self.values.shape
+        whole[:, self.row : self.row + rows, self.column : self.column + columns] += self.values
+
+
+def overlaps(low: float, high: float, pixels: int, length: float, cells: int) -> tuple[int, np.ndarray]:
+    """How pixels between two places along an axis lie over the cells of the whole axis.
+
+    Returns:
+        The first cell, and the share of every pixel in each cell from there on, shape ``[cells, pixels]``.
+    """
+    edge = np.linspace(low, high, pixels + 1) * (cells / length)
+    first = min(max(math.floor(edge[0]), 0), cells - 1)
+    last = min(max(math.ceil(edge[-1] - 1e-9), first + 1), cells)
+    cell = np.arange(first, last)[:, None]
+    shared = np.minimum(edge[None, 1:], cell + 1) - np.maximum(edge[None, :-1], cell)
+    shared = np.maximum(shared, 0.0) / np.diff(edge)
+    # What rounding leaves out belongs to somebody.
+    return first, shared / np.maximum(shared.sum(axis=0), 1e-300)
+
+
+def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: float) -> tuple[np.ndarray, ...]:
+    """Find the flow that carries away what is too much.
+
+    Args:
+        grid: The grid.
+        count: What there is in every cell, shape ``grid.shape``.
+        target: What there ought to be, of the same sum.
+        blur: Standard deviation of the Gaussian that the difference is blurred by [m].
+
+    Returns:
+        Flow along x through the edges between columns, shape ``[rows, columns + 1]``, and along y through those between rows, shape
+        ``[rows + 1, columns]``; and the density that it flows in, shape ``[rows, columns]``; all per m², float32.
+    """
+    (rows, columns), (width, height) = grid.shape, grid.cell
+    along_x = 2.0 * np.sin(0.5 * np.pi * np.arange(columns) / columns) / width
+    along_y = 2.0 * np.sin(0.5 * np.pi * np.arange(rows) / rows) / height
+    squared = along_x[None, :] ** 2 + along_y[:, None] ** 2
+    squared[0, 0] = 1.0
+    factor = np.exp(-0.5 * blur**2 * squared) / squared
+    factor[0, 0] = 0.0
+    area = width * height
+    potential = _from_cosines(_to_cosines((count - target) / area) * -factor)
+    flow_x, flow_y = np.zeros((rows, columns + 1), np.float32), np.zeros((rows + 1, columns), np.float32)
+    flow_x[:, 1:-1] = np.diff(potential, axis=1) / width
+    flow_y[1:-1] = np.diff(potential, axis=0) / height
+    density = gaussian_blur(target, 1.0) / area
+    return flow_x, flow_y, np.maximum(density, LEAST_DENSITY * density.mean()).astype(np.float32)
+
+
+def displacement(folder: Path, grid: CoarseGrid, position: np.ndarray, most: float) -> np.ndarray:
+    """How far a flow moves bodies [m], shape ``[n, 2]``.
+
+    Args:
+        folder: Where :func:`solve_flow`'s arrays lie, as ``x.npy``, ``y.npy`` and ``density.npy``; only what is needed is read.
+        grid: Their grid.
+        position: Of the bodies [m], shape ``[n, 2]``.
+        most: No body is moved farther [m].
+    """
+    scaled = position / grid.cell
+    flow = np.stack(
+        [
+            _between(np.load(folder / "x.npy", mmap_mode="r"), scaled[:, 0], scaled[:, 1] - 0.5),
+            _between(np.load(folder / "y.npy", mmap_mode="r"), scaled[:, 0] - 0.5, scaled[:, 1]),
+        ],
+        axis=1,
+    )
+    density = _between(np.load(folder / "density.npy", mmap_mode="r"), scaled[:, 0] - 0.5, scaled[:, 1] - 0.5)
+    moved = flow / density[:, None]
+    far = np.hypot(moved[:, 0], moved[:, 1])
+    longest = np.minimum(LIMIT / np.sqrt(density), most)
+    return moved * np.minimum(1.0, longest / np.maximum(far, 1e-300))[:, None]
+
+
+def _between(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Values of a grid between its points, linearly; beyond them those at its edges."""
+    rows, columns = values.shape
+    x, y = np.clip(x, 0.0, columns - 1.0), np.clip(y, 0.0, rows - 1.0)
+    left, low = np.minimum(x.astype(np.int64), columns - 1), np.minimum(y.astype(np.int64), rows - 1)
+    right, high = np.minimum(left + 1, columns - 1), np.minimum(low + 1, rows - 1)
+    # Only the part that is asked for, of an array that may lie in a file.
+    top, bottom, first, last = int(low.min()), int(high.max()) + 1, int(left.min()), int(right.max()) + 1
+    part = np.array(values[top:bottom, first:last], np.float64)
+    a, b = x - left, y - low
+    left, right, low, high = left - first, right - first, low - top, high - top
+    lower = (1.0 - a) * part[low, left] + a * part[low, right]
+    upper = (1.0 - a) * part[high, left] + a * part[high, right]
+    return (1.0 - b) * lower + b * upper
+
+
+def _to_cosines(values: np.ndarray) -> np.ndarray:
+    """Discrete cosine transform along both axes (type II), by complex transforms of the same length (Makhoul, 1980)."""
+    for _ in range(2):
+        n = values.shape[1]
+        turned = np.concatenate([values[:, ::2], values[:, 1::2][:, ::-1]], axis=1)
+        phase = np.exp(-0.5j * np.pi * np.arange(n) / n)
+        values = (np.fft.fft(turned, axis=1) * phase).real.T
+    return values
+
+
+def _from_cosines(values: np.ndarray) -> np.ndarray:
+    """The inverse of :func:`_to_cosines`."""
+    for _ in range(2):
+        n = values.shape[1]
+        mirrored = np.zeros_like(values)
+        mirrored[:, 1:] = values[:, :0:-1]
+        phase = np.exp(0.5j * np.pi * np.arange(n) / n)
+        turned = np.fft.ifft((values - 1j * mirrored) * phase, axis=1).real
+        result = np.empty_like(values)
+        result[:, ::2], result[:, 1::2] = turned[:, : (n + 1) // 2], turned[:, (n + 1) // 2 :][:, ::-1]
+        values = result.T
+    return values

@@ -1,0 +1,166 @@
+"""Groups of all bodies of a huge problem, and which body has which number, group and area, without a list of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..problem.interaction import group_bodies
+from ..problem.prepared_class import PreparedClass
+from ..problem.problem import Problem
+from ..problem.size import Size, with_count
+
+__all__ = ["TileGroups", "group_tiles", "random_shares"]
+
+# Bodies of a size that say how its range is cut into levels: enough for as many levels as any number would have.
+SAMPLE = 4096
+GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, eq=False)
+class TileGroups:
+    """All groups, in class, then size order, those of a range smallest areas first.
+
+    Attributes:
+        class_index: Class of every group, shape ``[g]``.
+        size_index: Size of every group among those of its class, shape ``[g]``.
+        first: Number of every group's first body, and at the end the number of bodies, int64, shape ``[g + 1]``.
+        first_of_size: Number of the first body of its size, int64, shape ``[g]``.
+        mean_area: Mean area of its bodies [m²], shape ``[g]``.
+        matrix: Interaction factors, shape ``[g, g]``.
+        sizes: The size that each belongs to.
+        seed: The problem's.
+    """
+
+    class_index: np.ndarray
+    size_index: np.ndarray
+    first: np.ndarray
+    first_of_size: np.ndarray
+    mean_area: np.ndarray
+    matrix: np.ndarray
+    sizes: tuple[Size, ...]
+    seed: int
+
+    @property
+    def number(self) -> int:
+        """Number of groups."""
+        return len(self.class_index)
+
+    @property
+    def count(self) -> np.ndarray:
+        """Bodies of every group, int64, shape ``[g]``."""
+        return np.diff(self.first)
+
+    @property
+    def body_count(self) -> int:
+        """Number of bodies."""
+        return int(self.first[-1])
+
+    def group_of(self, identity: np.ndarray) -> np.ndarray:
+        """Group of bodies of these numbers."""
+        return np.searchsorted(self.first, identity, side="right") - 1
+
+    def identities(self, group: int, begin: int, end: int) -> np.ndarray:
+        """Numbers of the bodies ``begin`` to ``end - 1`` of a group, int64, ascending.
+
+        Those of a range are taken in turns from all over its areas, so that every tile gets small and large ones.
+        """
+        turn = np.arange(begin, end, dtype=np.int64)
+        count = int(self.count[group])
+        if self.sizes[group].is_range:
+            turn = np.sort(turn * _stride(count) % count)
+        return self.first[group] + turn
+
+    def areas(self, identity: np.ndarray) -> np.ndarray:
+        """Area of bodies of these numbers [m²], float64."""
+        group = self.group_of(identity)
+        result = np.zeros(len(identity))
+        for g in np.unique(group).tolist():
+            own = group == g
+            rank = identity[own] - self.first_of_size[g]
+            result[own] = _areas_of_size(self.sizes[g], rank, [self.seed, 2, *self._place(g)])
+        return result
+
+    def _place(self, group: int) -> tuple[int, int]:
+        return int(self.class_index[group]), int(self.size_index[group])
+
+
+def group_tiles(problem: Problem) -> TileGroups:
+    """Return the groups of a problem of any number of bodies."""
+    sample = _sample(problem)
+    groups = group_bodies(sample)
+    sampled = np.bincount(groups.body_group, minlength=groups.count)
+    rows = []
+    areas = sample.body_areas()
+    total, start, g = 0, 0, 0
+    for c, body_class in enumerate(problem.classes):
+        for s, size in enumerate(body_class.sizes):
+            count, few = size.count or 0, sample.classes[c].sizes[s].count or 0
+            first_of_size, covered, reached = total, 0, 0
+            while covered < few:
+                covered += int(sampled[g])
+                end = round(count * covered / few)
+                mean = float(areas[start : start + int(sampled[g])].mean())
+                rows.append((c, s, total, first_of_size, mean, size))
+                total += end - reached
+                reached, start, g = end, start + int(sampled[g]), g + 1
+    return TileGroups(
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows]),
+        np.array([*(row[2] for row in rows), total], np.int64),
+        np.array([row[3] for row in rows], np.int64),
+        np.array([row[4] for row in rows]),
+        groups.matrix,
+        tuple(row[5] for row in rows),
+        problem.seed,
+    )
+
+
+def _sample(problem: Problem) -> Problem:
+    """The problem with so few bodies of every size that they can be looked at one by one, smallest areas first."""
+    classes = []
+    for c in problem.classes:
+        sizes = []
+        for size in c.sizes:
+            if isinstance(size.distribution, np.ndarray):
+                sizes.append(replace(size, distribution=np.sort(size.distribution)))
+                continue
+            few = with_count(size, min(size.count or 0, SAMPLE))
+            sizes.append(few if not size.is_range else replace(few, distribution="linear"))
+        classes.append(PreparedClass(c.name, tuple(sizes), np.ones((1, 1), np.float32)))
+    return Problem(problem.domain, classes, problem.balance, problem.seed)
+
+
+def _areas_of_size(size: Size, rank: np.ndarray, seed: list[int]) -> np.ndarray:
+    """Areas of the bodies of a size by their ranks, smallest first; see :class:`~esh.Size`."""
+    if not isinstance(size.area, tuple):
+        return np.full(len(rank), float(size.area or 0.0))
+    if isinstance(size.distribution, np.ndarray):
+        return np.sort(size.distribution)[rank]
+    low, high = size.area
+    count = size.count or 0
+    if size.distribution == "uniform":
+        return low + (high - low) * (rank + random_shares(rank, seed)) / count
+    return low + (high - low) * rank / (count - 1) if count > 1 else np.full(len(rank), size.mean_area)
+
+
+def random_shares(number: np.ndarray, seed: list[int]) -> np.ndarray:
+    """A random number of 0 to 1 for each whole number, whichever others are asked for with it."""
+    key = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
+    # The finaliser of splitmix64 (Steele, Lea and Flood, 2014).
+    with np.errstate(over="ignore"):
+        z = number.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + key
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        z ^= z >> np.uint64(31)
+    return (z >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+def _stride(count: int) -> int:
+    """Step that visits all of ``count`` places, one after the other far apart."""
+    stride = max(1, round(GOLDEN * count))
+    while math.gcd(stride, count) > 1:
+        stride += 1
+    return stride

@@ -1,0 +1,155 @@
+"""Where tiles and windows lie: the cuts of every pass, and the order of the tiles along a Hilbert curve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .density_windows import Axis
+
+__all__ = ["Box", "Layout", "hilbert_order"]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A part of the domain.
+
+    Attributes:
+        across: Units along x.
+        up: Units along y.
+        low: Lower left corner [m].
+        high: Upper right corner [m].
+        cut: Whether the left, right, lower and upper sides are cuts, rather than edges of the domain.
+    """
+
+    across: Axis
+    up: Axis
+    low: tuple[float, float]
+    high: tuple[float, float]
+    cut: tuple[bool, bool, bool, bool]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent along x and y [m]."""
+        return self.high[0] - self.low[0], self.high[1] - self.low[1]
+
+    @property
+    def down(self) -> Axis:
+        """Units along y, counted from the top as rows of images are."""
+        return Axis(self.up.units - self.up.end, self.up.units - self.up.begin, self.up.units)
+
+    def holds(self, position: np.ndarray) -> np.ndarray:
+        """Which positions [m], shape ``[n, 2]``, are this part's: those on a cut belong to the part beyond."""
+        x, y = position.T
+        inside = (x >= self.low[0]) & (y >= self.low[1])
+        inside &= (x < self.high[0]) if self.cut[1] else (x <= self.high[0])
+        return inside & ((y < self.high[1]) if self.cut[3] else (y <= self.high[1]))
+
+    def confine(self, position: np.ndarray) -> np.ndarray:
+        """Positions [m], shape ``[n, 2]``, of which those outside are brought to the nearest place that :meth:`holds` them."""
+        high = [np.nextafter(self.high[k], self.low[k]) if self.cut[2 * k + 1] else self.high[k] for k in (0, 1)]
+        return np.clip(position, self.low, high)
+
+    def depth(self, position: np.ndarray) -> np.ndarray:
+        """Distance to the nearest cut [m], shape ``[n]``; infinite where there is none."""
+        result = np.full(len(position), np.inf)
+        for axis in (0, 1):
+            if self.cut[2 * axis]:
+                np.minimum(result, position[:, axis] - self.low[axis], out=result)
+            if self.cut[2 * axis + 1]:
+                np.minimum(result, self.high[axis] - position[:, axis], out=result)
+        return result
+
+    def fade(self, x: np.ndarray, y: np.ndarray, taper: float) -> np.ndarray:
+        """How much counts at a place: 1, and within ``taper`` [m] of a cut less and less, down to 0 on it; broadcast over x, y."""
+        result = np.ones(np.broadcast_shapes(x.shape, y.shape))
+        for axis, place in enumerate((x, y)):
+            if self.cut[2 * axis]:
+                result = result * _smooth((place - self.low[axis]) / taper)
+            if self.cut[2 * axis + 1]:
+                result = result * _smooth((self.high[axis] - place) / taper)
+        return result
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Tiles over a domain.
+
+    Attributes:
+        size: Extent of the domain along x and y [m].
+        tiles: Columns and rows of tiles.
+        units: Units along x and y; cuts lie between units.
+    """
+
+    size: tuple[float, float]
+    tiles: tuple[int, int]
+    units: tuple[int, int]
+
+    def cuts(self, axis: int, shift: float) -> np.ndarray:
+        """Units at which windows that are shifted by a share of a tile begin, and the last one ends."""
+        tiles, units = self.tiles[axis], self.units[axis]
+        if tiles == 1:
+            return np.array([0, units])
+        inner = np.arange(0 if shift else 1, tiles)
+        between = np.floor((inner + shift) * units / tiles + 0.5).astype(np.int64)
+        return np.unique(np.concatenate([[0], between, [units]]))
+
+    def shape(self, shift: tuple[float, float]) -> tuple[int, int]:
+        """Columns and rows of windows."""
+        return len(self.cuts(0, shift[0])) - 1, len(self.cuts(1, shift[1])) - 1
+
+    def box(self, shift: tuple[float, float], number: int) -> Box:
+        """A window, counted row by row from the lower left."""
+        columns, _ = self.shape(shift)
+        axes, cut = [], []
+        for axis, place in ((0, number % columns), (1, number // columns)):
+            edges = self.cuts(axis, shift[axis])
+            begin, end = int(edges[place]), int(edges[place + 1])
+            axes.append(Axis(begin, end, self.units[axis]))
+            cut += [begin > 0, end < self.units[axis]]
+        low, high = (
+            tuple(self.size[k] * unit / self.units[k] for k, unit in enumerate(ends))
+            for ends in ((axes[0].begin, axes[1].begin), (axes[0].end, axes[1].end))
+        )
+        return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), (cut[0], cut[1], cut[2], cut[3]))
+
+    def near(self, shift: tuple[float, float], box: Box, reach: float) -> Iterator[int]:
+        """Numbers of the windows that a box comes upon, or comes nearer to than ``reach`` [m]."""
+        columns, _ = self.shape(shift)
+        ranges = []
+        for axis in (0, 1):
+            edges = self.cuts(axis, shift[axis]) * (self.size[axis] / self.units[axis])
+            first = int(np.searchsorted(edges, box.low[axis] - reach, side="right")) - 1
+            last = int(np.searchsorted(edges, box.high[axis] + reach, side="left"))
+            ranges.append(range(max(first, 0), min(last, len(edges) - 1)))
+        for row in ranges[1]:
+            for column in ranges[0]:
+                yield row * columns + column
+
+
+def hilbert_order(columns: int, rows: int) -> np.ndarray:
+    """Numbers of tiles, counted row by row, in the order in which a Hilbert curve visits them."""
+    order = max(1, math.ceil(math.log2(max(columns, rows, 2))))
+    number = np.arange(columns * rows)
+    x, y = number % columns, number // columns
+    along = np.zeros(len(number), np.int64)
+    side = 1 << order
+    half = side >> 1
+    while half:
+        right, up = (x & half) > 0, (y & half) > 0
+        along += half * half * ((3 * right) ^ up)
+        # The quarters below are reflected.
+        turned = ~up & right
+        x, y = np.where(turned, side - 1 - x, x), np.where(turned, side - 1 - y, y)
+        x, y = np.where(up, x, y), np.where(up, y, x)
+        half >>= 1
+    return np.argsort(along, kind="stable")
+
+
+def _smooth(share: np.ndarray) -> np.ndarray:
+    """From 0 to 1 with two derivatives that are 0 at both ends."""
+    t = np.clip(share, 0.0, 1.0)
+    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)

@@ -1,0 +1,265 @@
+"""The plan of a run in tiles: the same wherever it is made, from the recipe and a few numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ProblemError
+from ..files.window_images import Georeference
+from ..files.windowed_recipe import WindowedRecipe, read_windowed_recipe
+from ..problem.direction_field import direction_field
+from ..problem.domain import Domain
+from ..problem.line import Line
+from ..problem.prepared_class import PreparedClass
+from ..problem.problem import Problem
+from ..space.density import box_integrals
+from .coarse import CoarseGrid
+from .density_windows import ArraySource, Source, units_along
+from .groups import TileGroups, group_tiles
+from .layout import Layout
+
+__all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "make_plan", "read_scene"]
+
+# Tiles are so many typical spacings long, and so many of the rarest group's, but never longer than for so many bodies; by device.
+SPACINGS_PER_TILE = {"cpu": 100.0, "cuda": 1000.0}
+SPACINGS_OF_RAREST = 30.0
+MOST_IN_TILE = {"cpu": 90_000, "cuda": 2_000_000}
+# Of shorter tiles, in spacings, the margins of all passes meet somewhere, and bodies there are never free; with contact and without.
+FEWEST_SPACINGS = {True: 60.0, False: 30.0}
+# Windows are shifted along the diagonal, so that every place is far from the cuts of one pass at least; the last pass is of the tiles
+# themselves. Where contact parts footprints, one more pass comes after the last warp.
+SHIFTS = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (0.0, 0.0))
+SHIFTS_OF_CONTACT = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (1.0 / 6.0, 5.0 / 6.0), (0.0, 0.0))
+# Cells of the coarse grid over the spacing of all bodies, and how many there are at most.
+CELL = 2.0
+MOST_CELLS = 8_000_000
+# Pixels along either side that densities are looked at with before anything is known.
+SURVEY = 512
+
+
+@dataclass(frozen=True)
+class TileRun:
+    """What every process knows of a run.
+
+    Attributes:
+        recipe: The recipe's file, absolute.
+        folder: Where everything is written, absolute.
+        seed: Instead of the recipe's.
+        tiles: Columns and rows.
+        steps: Of every pass.
+        device: See :func:`~esh.solve`.
+        ending: Of the tiles' files.
+    """
+
+    recipe: str
+    folder: str
+    seed: int | None
+    tiles: tuple[int, int]
+    steps: tuple[int, ...]
+    device: str
+    ending: str
+
+    @property
+    def work(self) -> Path:
+        """Where the parts of a run lie that is not finished."""
+        return Path(self.folder, ".work")
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One pass over all windows.
+
+    Attributes:
+        shift: Of its windows, in tiles.
+        steps: Of the descent.
+        warp: What is warped before it: ``"groups"`` each by itself, ``"all"`` together, or nothing.
+        part: Whether footprints are parted at its end.
+    """
+
+    shift: tuple[float, float]
+    steps: int
+    warp: str
+    part: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Everything about a run but where its bodies are.
+
+    Attributes:
+        problem: What is to be placed; not with the densities that are read by window.
+        sources: Density of every class.
+        groups: The groups of all bodies.
+        layout: The tiles.
+        grid: The coarse grid.
+        spacing: Mean spacing of all bodies over the domain [m].
+        fine: Typical spacing where bodies are [m].
+        passes: The passes.
+        directions: Of every line with directions that are an image: double-angle vectors, shape ``[height, width, 2]``.
+        georeference: Where the domain lies.
+        longest: Longest axis of a line [m].
+    """
+
+    problem: Problem
+    sources: tuple[Source, ...]
+    groups: TileGroups
+    layout: Layout
+    grid: CoarseGrid
+    spacing: float
+    fine: float
+    passes: tuple[Pass, ...]
+    directions: dict[tuple[int, int], np.ndarray]
+    georeference: tuple[Georeference, tuple[int, int]] | None
+    longest: float
+
+
+def read_scene(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
+    """Read a recipe that is to be solved in tiles.
+
+    Raises:
+        EshError: It cannot be read, or holds what tiles do not know.
+    """
+    scene = read_windowed_recipe(recipe, seed=seed)
+    problem = scene.problem
+    if not isinstance(problem.domain, Domain):
+        raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
+    if problem.domain.boundary == "periodic":
+        raise ProblemError('`domain.boundary` must be "open" or "mirror" for tiles; got "periodic"')
+    if len(problem.fixed.id):
+        raise ProblemError("`fixed` bodies must not be there for tiles; place them as `obstacle` discs")
+    for c in problem.classes:
+        for size in c.sizes:
+            where = f'of size "{size.name}" of class "{c.name}"'
+            if size.footprint is not None:
+                raise ProblemError(f"`footprint` {where} must not be given for tiles: bodies are discs and capsules")
+            if size.line is not None and size.line.straightness is not None:
+                raise ProblemError(f"`line.straightness` {where} must not be given for tiles: lines are straight")
+    return scene
+
+
+def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> tuple[int, int]:
+    """Return columns and rows of tiles.
+
+    Args:
+        scene: The recipe.
+        length: Of a tile [m]; None for one that suits the bodies.
+        on_gpu: Whether windows are solved on a GPU.
+
+    Raises:
+        ProblemError: A length that is no number above 0, or too short.
+    """
+    problem, sources = scene.problem, _sources(scene)
+    size = problem.rectangle.size
+    fine = _typical_spacing(problem, sources)
+    if length is None:
+        kind = "cuda" if on_gpu else "cpu"
+        groups = group_tiles(problem)
+        rarest = math.sqrt(problem.rectangle.area / int(groups.count.min()))
+        wide = min(SPACINGS_OF_RAREST * rarest, math.sqrt(MOST_IN_TILE[kind]) * fine)
+        length = max(SPACINGS_PER_TILE[kind] * fine, wide)
+    fewest = FEWEST_SPACINGS[problem.avoid_overlap]
+    if not (math.isfinite(length) and length >= fewest * fine) and length < max(size):
+        raise ProblemError(f"`tile` must be at least {fewest:g} spacings long, {fewest * fine:.4g} m; got {length:g}")
+    return max(1, int(size[0] / length + 1e-9)), max(1, int(size[1] / length + 1e-9))
+
+
+def passes_of(problem: Problem, groups: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:
+    """Return the passes of a run."""
+    if tiles == (1, 1):
+        return (Pass((0.0, 0.0), sum(steps), "", problem.avoid_overlap),)
+    warps: tuple[str, ...]
+    if problem.avoid_overlap:
+        warps = ("groups" if groups > 1 else "", "groups", "", "")
+        many = (*steps[:2], steps[2], steps[2])
+        return tuple(Pass(shift, many[k], warps[k], k > 0) for k, shift in enumerate(SHIFTS_OF_CONTACT))
+    warps = ("groups", "groups", "all") if groups > 1 else ("", "groups", "groups")
+    return tuple(Pass(shift, steps[k], warps[k], False) for k, shift in enumerate(SHIFTS))
+
+
+@lru_cache(maxsize=2)
+def make_plan(run: TileRun) -> Plan:
+    """Return the plan of a run; a process makes it once."""
+    scene = read_scene(run.recipe, run.seed)
+    problem, sources = scene.problem, _sources(scene)
+    groups = group_tiles(problem)
+    size = problem.rectangle.size
+    units = tuple(units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1))
+    spacing = math.sqrt(problem.rectangle.area / groups.body_count)
+    fine = _typical_spacing(problem, sources)
+    cell = max(CELL * spacing, math.sqrt(problem.rectangle.area / MOST_CELLS))
+    shape = tuple(max(4, round(length / cell)) for length in size[::-1])
+    lines = {
+        (c, s): member.line
+        for c, body_class in enumerate(problem.classes)
+        for s, member in enumerate(body_class.sizes)
+        if member.line is not None
+    }
+    return Plan(
+        problem,
+        sources,
+        groups,
+        Layout(size, run.tiles, (units[0], units[1])),
+        CoarseGrid(size, (shape[0], shape[1])),
+        spacing,
+        fine,
+        passes_of(problem, groups.number, run.tiles, run.steps),
+        _directions(problem, lines),
+        scene.georeference,
+        max((line.longest for line in lines.values()), default=0.0),
+    )
+
+
+def uncut(body_class: PreparedClass) -> PreparedClass:
+    """A class without what obstacles cut out of its density."""
+    return body_class.base or body_class
+
+
+def _sources(scene: WindowedRecipe) -> tuple[Source, ...]:
+    return tuple(
+        scene.windowed[c] if c in scene.windowed else ArraySource(uncut(k).density_image)
+        for c, k in enumerate(scene.problem.classes)
+    )
+
+
+def _directions(problem: Problem, lines: dict[tuple[int, int], Line]) -> dict[tuple[int, int], np.ndarray]:
+    result = {}
+    for (c, s), line in lines.items():
+        if isinstance(line.direction, np.ndarray) or line.direction == "density":
+            image = uncut(problem.classes[c]).density_image
+            pixel = (problem.domain.size[0] / image.shape[1], problem.domain.size[1] / image.shape[0])
+            field = direction_field(line.direction, image, *line.tensor_scales, pixel_size=pixel)
+            result[c, s] = field.double_angle_vectors()
+    return result
+
+
+def _typical_spacing(problem: Problem, sources: tuple[Source, ...]) -> float:
+    """Spacing [m] at the number density that the average body sees, on a coarse look at the densities."""
+    side = SURVEY // 2
+    shape = (side, side)
+    number = np.zeros(shape)
+    for body_class, source in zip(problem.classes, sources, strict=True):
+        rows, columns = source.shape
+        many = rows * columns > 4 * SURVEY**2
+        image = _thinned(source) if many else source.read(0, rows, 0, columns)
+        if not image.any():
+            raise ProblemError(f'`density` of class "{body_class.name}" must be above 0 somewhere; it is 0 everywhere')
+        number += body_class.body_count * box_integrals(image, shape)
+    cell = problem.rectangle.area / number.size
+    return math.sqrt(cell * number.sum() / (number**2).sum())
+
+
+def _thinned(source: Source) -> np.ndarray:
+    """Some rows of an image, and means over its columns."""
+    rows, columns = source.shape
+    chosen = np.unique(((np.arange(SURVEY) + 0.5) * rows / SURVEY).astype(int).clip(0, rows - 1))
+    edge = np.unique(np.linspace(0, columns, min(SURVEY, columns) + 1).astype(int))
+    lines = [
+        np.add.reduceat(source.read(row, row + 1, 0, columns)[0].astype(np.float64), edge[:-1]) / np.diff(edge)
+        for row in chosen.tolist()
+    ]
+    return np.array(lines, np.float32)

@@ -1,0 +1,148 @@
+"""What processes do for a run: one call makes one part of one stage, and leaves it in a file. Calls know each other by files only."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from .bodies import PartBodies, read_bodies, write_atomically, write_part
+from .coarse import displacement, overlaps
+from .layout import Box
+from .plan import Plan, TileRun, make_plan
+from .tile_files import TILE_WRITERS, tile_name
+from .window import density_of_class, onto_densities, relax, start_bodies
+
+__all__ = ["COUNTS", "TARGET", "TOTALS", "flow_folder", "make_part", "part_path", "stage_names"]
+
+# Files of the work folder.
+COUNTS = "counts.npy"
+TARGET = "target.npy"
+TOTALS = "totals.npy"
+
+
+def stage_names(passes: int) -> list[str]:
+    """Names of the stages, in their order."""
+    return ["survey", "start", *(f"pass-{number}" for number in range(1, passes + 1))]
+
+
+def part_path(run: TileRun, stage: str, number: int) -> Path:
+    """The file of a part of a stage."""
+    return run.work / stage / f"{number:07d}.npz"
+
+
+def flow_folder(run: TileRun, stage: str, group: int) -> Path:
+    """Where the flow lies that warps a group before a stage."""
+    return run.work / f"flow-{stage}" / f"{group:04d}"
+
+
+def make_part(run: TileRun, stage: str, number: int) -> int:
+    """Make a part of a stage, and return how many bodies are in it."""
+    plan = make_plan(run)
+    if stage == "survey":
+        _survey(run, plan, number)
+        return 0
+    if stage == "start":
+        return _start(run, plan, number)
+    return _pass(run, plan, int(stage.removeprefix("pass-")) - 1, number)
+
+
+def _survey(run: TileRun, plan: Plan, number: int) -> None:
+    """Measure how much of every class's density is in a tile, and in which cells of the coarse grid."""
+    box = plan.layout.box((0.0, 0.0), number)
+    rows, columns = plan.grid.shape
+    integrals, patches = [], []
+    corner = (0, 0)
+    for c in range(len(plan.problem.classes)):
+        image = density_of_class(plan, c, box).astype(np.float64)
+        pixel = box.size[0] * box.size[1] / image.size
+        row, up = overlaps(box.low[1], box.high[1], image.shape[0], plan.layout.size[1], rows)
+        column, across = overlaps(box.low[0], box.high[0], image.shape[1], plan.layout.size[0], columns)
+        patch = up @ image[::-1] @ across.T * pixel
+        corner = (row, column)
+        patches.append(patch)
+        integrals.append(float(image.sum()) * pixel)
+    file = io.BytesIO()
+    np.savez(file, integral=np.array(integrals), patch=np.array(patches), corner=np.array(corner))
+    write_atomically(part_path(run, "survey", number), file.getvalue())
+
+
+def _start(run: TileRun, plan: Plan, number: int) -> int:
+    """Put the bodies of a tile where they start."""
+    begin, end = np.load(run.work / COUNTS, mmap_mode="r")[:, :, number]
+    parts = [plan.groups.identities(g, int(a), int(b)) for g, (a, b) in enumerate(zip(begin, end, strict=True))]
+    identity = np.sort(np.concatenate(parts))
+    box = plan.layout.box((0.0, 0.0), number)
+    bodies = start_bodies(plan, box, identity, number, run.device)
+    _write(run, plan, "start", number, bodies)
+    return len(bodies)
+
+
+def _pass(run: TileRun, plan: Plan, place: int, number: int) -> int:
+    """Let the bodies of a window settle."""
+    stage, before = f"pass-{place + 1}", f"pass-{place}" if place else "start"
+    this = plan.passes[place]
+    box = plan.layout.box(this.shift, number)
+    earlier = plan.passes[place - 1].shift if place else (0.0, 0.0)
+    parts = []
+    # A body may have been warped a little out of the window that it was in.
+    for other in plan.layout.near(earlier, box, plan.spacing):
+        found = read_bodies(part_path(run, before, other))
+        parts.append(found.chosen(box.holds(found.position)))
+    bodies = _warped(run, plan, stage, this.warp, box, PartBodies.joined(parts))
+    totals = np.load(run.work / TOTALS)
+    bodies = relax(plan, box, bodies, totals, this.steps, this.part, run.device)
+    last = place + 1 == len(plan.passes)
+    if last:
+        bodies = onto_densities(plan, box, bodies)
+    _write(run, plan, stage, number, bodies)
+    if last:
+        _write_tile(run, plan, number, bodies)
+    return len(bodies)
+
+
+def _write(run: TileRun, plan: Plan, stage: str, number: int, bodies: PartBodies) -> None:
+    group = plan.groups.group_of(bodies.identity)
+    patch = plan.grid.deposit(bodies.position, group, plan.groups.number)
+    write_part(part_path(run, stage, number), bodies, patch)
+
+
+def _write_tile(run: TileRun, plan: Plan, number: int, bodies: PartBodies) -> None:
+    file = io.BytesIO()
+    TILE_WRITERS[run.ending](file, plan, bodies)
+    write_atomically(Path(run.folder, tile_name(plan, number, run.ending)), file.getvalue())
+
+
+def _warped(run: TileRun, plan: Plan, stage: str, what: str, box: Box, bodies: PartBodies) -> PartBodies:
+    """Bodies where the flow has carried them; none leaves its class's density."""
+    if not what or not len(bodies):
+        return bodies
+    moved = np.zeros((len(bodies), 2))
+    group = plan.groups.group_of(bodies.identity)
+    for g in np.unique(group).tolist():
+        own = group == g
+        folder = flow_folder(run, stage, g if what == "groups" else 0)
+        moved[own] = displacement(folder, plan.grid, bodies.position[own], 0.9 * plan.spacing)
+    # The last warp, a small fraction of a spacing, leaves all bodies in their tiles.
+    last = stage == stage_names(len(plan.passes))[-1]
+    target = box.confine(bodies.position + moved) if last else np.clip(bodies.position + moved, 0.0, plan.layout.size)
+    allowed = _may_be_at(plan, target, plan.groups.class_index[group], box)
+    return bodies.at(np.where(allowed[:, None], target, bodies.position))
+
+
+def _may_be_at(plan: Plan, position: np.ndarray, class_index: np.ndarray, box: Box) -> np.ndarray:
+    """Whether densities are above zero at positions of bodies of a box; those beyond it stay, so as to need no more of them."""
+    result = np.ones(len(position), bool)
+    local = position - box.low
+    inside = ((local >= 0.0) & (local <= box.size)).all(axis=1)
+    for c in np.unique(class_index).tolist():
+        image = density_of_class(plan, c, box)
+        if (image > 0.0).all():
+            continue
+        own = np.flatnonzero(class_index == c)
+        rows, columns = image.shape
+        column = np.clip((local[own, 0] / box.size[0] * columns).astype(np.int64), 0, columns - 1)
+        row = np.clip((rows - local[own, 1] / box.size[1] * rows).astype(np.int64), 0, rows - 1)
+        result[own] = inside[own] & (image[row, column] > 0.0)
+    return result

@@ -1,0 +1,432 @@
+"""solve_tiles(): a huge domain, tile by tile, into a folder that can be continued.
+
+A run goes through stages: a survey of the densities, the start of every tile, and passes over windows. Between them stands what only
+the whole domain knows: how many bodies every tile gets, and the flow of the coarse warp. Every part of a stage is a file, which is
+there as a whole or not at all; so a run that is killed goes on where it was, and who makes a part does not matter.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..device.launcher import core_count, resolve_device
+from ..errors import EshError, ProblemError
+from ..files.recipe import recipe_densities
+from ..files.recipe_writer import write_recipe
+from ..problem.problem import Problem
+from ..problem.validation import check_count, show
+from ..scenes.ray_pool import RayPool
+from ..scenes.worker import Failure, carry_out
+from ..scenes.worker_pool import WorkerPool
+from .bodies import read_patch, write_atomically
+from .coarse import SCALE, solve_flow
+from .layout import hilbert_order
+from .plan import Plan, TileRun, choose_tiles, make_plan, read_scene
+from .stages import COUNTS, TARGET, TOTALS, flow_folder, make_part, part_path, stage_names
+from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
+
+__all__ = ["STEPS", "TileState", "solve_tiles"]
+
+PLAN = "tiles.json"
+INDEX = "index.json"
+# Steps of the descent in the three passes.
+STEPS = (60, 40, 40)
+# Blur of the coarse warp in spacings of a group, or of all bodies.
+BLUR = 12.0
+GOLDEN = 0.6180339887498949
+# Fewer parts are made sooner in this process than others are started.
+WORTH_PROCESSES = 8
+
+
+@dataclass(frozen=True)
+class TileState:
+    """How far a run is.
+
+    Attributes:
+        stage: Which stage it is in, from 1.
+        stages: How many there are.
+        name: Of the stage.
+        done: Parts of the stage that are there.
+        parts: How many it has.
+        bodies: Bodies of the whole problem.
+        tiles: Columns and rows of tiles.
+        finished: Whether all is done.
+    """
+
+    stage: int
+    stages: int
+    name: str
+    done: int
+    parts: int
+    bodies: int
+    tiles: tuple[int, int]
+    finished: bool = False
+
+
+def solve_tiles(
+    problem: Problem | str | Path,
+    folder: str | Path,
+    *,
+    tile: float | None = None,
+    seed: int | None = None,
+    steps: tuple[int, int, int] = STEPS,
+    ending: str = ".parquet",
+    device: str = "auto",
+    workers: int | None = None,
+    ray: str | None = None,
+    gpus: float = 0.0,
+    progress: Callable[[TileState], None] | None = None,
+) -> TileState:
+    """Place the bodies of a problem that is larger than a machine's memory, tile by tile.
+
+    The result is that of one solve up to a few percent of its coverage error, and the same bytes for any number of processes. A run
+    that was stopped or killed goes on when it is called again.
+
+    Args:
+        problem: A recipe, whose densities are read by window where they are ``.npy`` or GeoTIFF files; or a problem.
+        folder: Where a file for each tile goes, and ``index.json``, which lists them; empty, or of the same run.
+        tile: Length of a tile [m]; None chooses one from the densities and the rarest group.
+        seed: Instead of the recipe's.
+        steps: Of the descent in each of the three passes.
+        ending: ``".parquet"`` (GeoParquet) or ``".npz"``.
+        device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``.
+        workers: Processes, of one thread each; 0 solves in this one, with all threads. None chooses.
+        ray: Address of a Ray cluster to solve on, whose machines all see recipe and folder; None solves on this machine.
+        gpus: GPUs that a window asks of Ray.
+        progress: Called at the beginning, and after every part.
+
+    Returns:
+        What was done.
+
+    Raises:
+        EshError: A recipe, a value or a folder that cannot be used, or a part that failed.
+    """
+    if ending not in TILE_WRITERS:
+        raise ProblemError(f"`ending` must be {' or '.join(TILE_WRITERS)}; got {show(ending)}")
+    check_tile_ending(ending)
+    if len(steps) != 3:
+        raise ProblemError(f"`steps` must be three numbers, one for each pass; got {show(steps)}")
+    checked = tuple(check_count(number, "`steps`") for number in steps)
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 0):
+        raise ProblemError(f"`workers` must be a whole number of at least 0, or None; got {show(workers)}")
+    on_gpu = resolve_device(device).is_cuda or gpus > 0.0
+    folder = Path(folder).resolve()
+    recipe = _recipe_of(problem, folder)
+    scene = read_scene(recipe, seed)
+    tiles = choose_tiles(scene, tile, on_gpu)
+    run = TileRun(str(recipe), str(folder), seed, tiles, checked, device, ending)
+    _open_folder(run, recipe, on_gpu)
+    plan = make_plan(run)
+    return _Driver(run, plan, workers, ray, gpus, on_gpu, progress).go()
+
+
+class _Driver:
+    """Carries a run out, stage by stage."""
+
+    def __init__(
+        self,
+        run: TileRun,
+        plan: Plan,
+        workers: int | None,
+        ray: str | None,
+        gpus: float,
+        on_gpu: bool,
+        progress: Callable[[TileState], None] | None,
+    ) -> None:
+        self._run, self._plan = run, plan
+        self._progress = progress
+        self._names = stage_names(len(plan.passes))
+        columns, rows = plan.layout.tiles
+        self._tiles = columns * rows
+        self._ray = ray
+        self._gpus = gpus
+        if workers is None:
+            workers = core_count() if not on_gpu and self._tiles >= WORTH_PROCESSES else 0
+        self._workers = min(workers, self._tiles) if workers > 1 or workers == 1 else 0
+        self._pool: RayPool | WorkerPool | None = None
+
+    def go(self) -> TileState:
+        """Carry out what is left of the run."""
+        run = self._run
+        index = Path(run.folder, INDEX)
+        if index.is_file():
+            return self._state(len(self._names) - 1, self._tiles, self._tiles, finished=True)
+        try:
+            for place, name in enumerate(self._names):
+                if self._is_over(name):
+                    continue
+                self._before(place, name)
+                self._make(place, name)
+                self._after(place, name)
+        finally:
+            if self._pool is not None:
+                self._pool.close()
+        _write_index(run, self._plan)
+        shutil.rmtree(run.work, ignore_errors=True)
+        return self._state(len(self._names) - 1, self._tiles, self._tiles, finished=True)
+
+    def _state(self, place: int, done: int, parts: int, finished: bool = False) -> TileState:
+        plan = self._plan
+        return TileState(
+            place + 1,
+            len(self._names),
+            self._names[place],
+            done,
+            parts,
+            plan.groups.body_count,
+            plan.layout.tiles,
+            finished,
+        )
+
+    def _parts(self, name: str) -> int:
+        if not name.startswith("pass-"):
+            return self._tiles
+        columns, rows = self._plan.layout.shape(self._plan.passes[int(name.removeprefix("pass-")) - 1].shift)
+        return columns * rows
+
+    def _mark(self, name: str) -> Path:
+        return self._run.work / f"{name}.done"
+
+    def _is_over(self, name: str) -> bool:
+        return self._mark(name).is_file()
+
+    def _make(self, place: int, name: str) -> None:
+        """Make the parts of a stage that are not there."""
+        run = self._run
+        parts = self._parts(name)
+        stage = run.work / name
+        stage.mkdir(parents=True, exist_ok=True)
+        there = set()
+        with os.scandir(stage) as entries:
+            for entry in entries:
+                if entry.name.endswith(".part"):
+                    os.unlink(entry.path)
+                else:
+                    there.add(int(entry.name.split(".")[0]))
+        left = [number for number in range(parts) if number not in there]
+        done = parts - len(left)
+        self._show(place, done, parts)
+        for answer in self._answers([(run, name, number) for number in left]):
+            if isinstance(answer, Failure):
+                raise ProblemError(f"{name} of the tiles failed: {answer.text}")
+            done += 1
+            self._show(place, done, parts)
+
+    def _answers(self, calls: list[tuple[Any, ...]]) -> Iterator[Any]:
+        if not calls:
+            return
+        if self._ray is None and self._workers == 0:
+            for call in calls:
+                yield carry_out(make_part, call)
+            return
+        if self._pool is None:
+            self._pool = (
+                RayPool(self._ray, self._gpus, keep=True)
+                if self._ray is not None
+                else WorkerPool(self._workers, 1, keep=True)
+            )
+        for _, answer in self._pool.map(make_part, calls):
+            yield answer
+
+    def _show(self, place: int, done: int, parts: int) -> None:
+        if self._progress is not None:
+            self._progress(self._state(place, done, parts))
+
+    def _before(self, place: int, name: str) -> None:
+        """Prepare what only the whole domain knows."""
+        if name == "start":
+            _count_bodies(self._run, self._plan)
+        elif name.startswith("pass-"):
+            _make_flows(self._run, self._plan, name, self._names[place - 1], self._parts(self._names[place - 1]))
+
+    def _after(self, place: int, name: str) -> None:
+        """Note that a stage is over, and let go of what nobody needs any more."""
+        run = self._run
+        if name == "survey":
+            _collect_survey(run, self._plan, self._tiles)
+        write_atomically(self._mark(name), b"")
+        if place > 0:
+            shutil.rmtree(run.work / self._names[place - 1], ignore_errors=True)
+        shutil.rmtree(run.work / f"flow-{name}", ignore_errors=True)
+
+
+def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:
+    """The recipe's file; a problem is written as one."""
+    if not isinstance(problem, Problem):
+        return Path(problem).resolve()
+    if not isinstance(problem.domain.size, tuple) or len(problem.domain.size) != 2:
+        raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
+    recipe = folder / "problem" / "problem.toml"
+    try:
+        recipe.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise EshError(f"{folder} cannot be used: {(error.strerror or str(error)).lower()}") from None
+    write_recipe(recipe, problem)
+    return recipe
+
+
+def _open_folder(run: TileRun, recipe: Path, on_gpu: bool) -> None:
+    """Make the folder, or find that it is of the same run."""
+    folder = Path(run.folder)
+    plan: dict[str, Any] = {
+        "version": 1,
+        "recipe": _digest([recipe, *recipe_densities(recipe)]),
+        "seed": run.seed,
+        "tiles": list(run.tiles),
+        "steps": list(run.steps),
+        "ending": run.ending,
+        "device": "cuda" if on_gpu else "cpu",
+    }
+    path = folder / PLAN
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        other = any(not entry.name.startswith(".") and entry.name != "problem" for entry in folder.iterdir())
+        older = json.loads(path.read_bytes()) if path.is_file() else None
+        run.work.mkdir(exist_ok=True)
+    except OSError as error:
+        raise EshError(f"-o {folder} cannot be used: {(error.strerror or str(error)).lower()}") from None
+    except ValueError:
+        older = {}
+    if older is None and other:
+        raise EshError(f"-o {folder} must be empty or hold this run; it holds other files")
+    if older is None:
+        write_atomically(path, (json.dumps(plan, indent=1) + "\n").encode())
+    elif older != plan:
+        differing = [key for key in plan if not isinstance(older, dict) or older.get(key) != plan[key]]
+        raise EshError(
+            f"-o {folder} holds another run, which differs in its {', '.join(differing)}; choose another folder"
+        )
+
+
+def _digest(paths: list[Path]) -> str:
+    """Hash of some files; of large ones, of their sizes and of some of their parts."""
+    total = hashlib.sha256()
+    for path in paths:
+        try:
+            size = path.stat().st_size
+            total.update(f"{path.name} {size} ".encode())
+            with path.open("rb") as file:
+                step = max(1 << 20, size // 64)
+                for place in range(0, size, step):
+                    file.seek(place)
+                    total.update(hashlib.sha256(file.read(1 << 20)).digest())
+        except OSError as error:
+            raise EshError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+    return total.hexdigest()
+
+
+def _collect_survey(run: TileRun, plan: Plan, tiles: int) -> None:
+    """Add up what is in the tiles: the target of the coarse grid, and the integrals of densities."""
+    classes = len(plan.problem.classes)
+    target = np.zeros((classes, *plan.grid.shape))
+    integral = np.zeros((classes, tiles))
+    for number in range(tiles):
+        with np.load(part_path(run, "survey", number), allow_pickle=False) as stored:
+            integral[:, number] = stored["integral"]
+            row, column = stored["corner"].tolist()
+            patch = stored["patch"]
+        target[:, row : row + patch.shape[1], column : column + patch.shape[2]] += patch
+    totals = integral.sum(axis=1)
+    for c, total in enumerate(totals.tolist()):
+        if not total > 0.0:
+            raise ProblemError(
+                f'`density` of class "{plan.problem.classes[c].name}" must be above 0 somewhere; nothing of it is left'
+            )
+    _save(run.work / "integral.npy", integral)
+    _save(run.work / TARGET, target)
+    _save(run.work / TOTALS, totals)
+
+
+def _count_bodies(run: TileRun, plan: Plan) -> None:
+    """Say which bodies of every group start in which tile: what is left of a tile's share is carried to the next on the curve."""
+    integral = np.load(run.work / "integral.npy")
+    order = hilbert_order(*plan.layout.tiles)
+    result = np.zeros((2, plan.groups.number, integral.shape[1]), np.int64)
+    for g, c in enumerate(plan.groups.class_index.tolist()):
+        share = np.cumsum(integral[c, order])
+        share /= share[-1]
+        phase = (0.5 + GOLDEN * g) % 1.0
+        count = int(plan.groups.count[g])
+        # The curve ends with all of them, whatever rounding says.
+        end = np.minimum(np.floor(count * share + phase).astype(np.int64), count)
+        end[share >= share[-1]] = count
+        result[0, g, order] = np.concatenate([[0], end[:-1]])
+        result[1, g, order] = end
+    _save(run.work / COUNTS, result)
+
+
+def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -> None:
+    """Find the flows that warp bodies before a pass."""
+    what = plan.passes[int(stage.removeprefix("pass-")) - 1].warp
+    if not what or (run.work / f"flow-{stage}" / "done").is_file():
+        return
+    groups, grid = plan.groups, plan.grid
+    target = np.load(run.work / TARGET, mmap_mode="r")
+    layers = groups.number if what == "groups" else 1
+    weight = groups.mean_area / float((groups.mean_area * groups.count).sum() / groups.body_count)
+    there = np.zeros((groups.number, *grid.shape), np.int64)
+    for number in range(parts):
+        read_patch(part_path(run, before, number)).add_to(there)
+    asked = [
+        target[c] * (int(n) / target[c].sum()) for c, n in zip(groups.class_index.tolist(), groups.count, strict=True)
+    ]
+    for layer in range(layers):
+        if what == "groups":
+            count, wanted = there[layer] / SCALE, asked[layer]
+            spacing = math.sqrt(math.prod(grid.size) / int(groups.count[layer]))
+        else:
+            count = np.tensordot(weight, there / SCALE, axes=1)
+            wanted = np.tensordot(weight, np.array(asked), axes=1)
+            spacing = plan.spacing
+        folder = flow_folder(run, stage, layer)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, values in zip(("x", "y", "density"), solve_flow(grid, count, wanted, BLUR * spacing), strict=True):
+            _save(folder / f"{name}.npy", values)
+    write_atomically(run.work / f"flow-{stage}" / "done", b"")
+
+
+def _save(path: Path, values: np.ndarray) -> None:
+    import io
+
+    file = io.BytesIO()
+    np.save(file, values, allow_pickle=False)
+    write_atomically(path, file.getvalue())
+
+
+def _write_index(run: TileRun, plan: Plan) -> None:
+    """List the tiles."""
+    counts = np.diff(np.load(run.work / COUNTS), axis=0)[0]
+    columns, rows = plan.layout.tiles
+    tiles = []
+    for number in range(columns * rows):
+        box = plan.layout.box((0.0, 0.0), number)
+        tiles.append(
+            {
+                "file": tile_name(plan, number, run.ending),
+                "column": number % columns,
+                "row": number // columns,
+                "low": list(box.low),
+                "high": list(box.high),
+            }
+        )
+    listed = {
+        "bodies": plan.groups.body_count,
+        "counted": int(counts.sum()),
+        "size": list(plan.layout.size),
+        "classes": [
+            {"name": c.name, "sizes": [{"name": s.name, "count": s.count} for s in c.sizes]}
+            for c in plan.problem.classes
+        ],
+        "tiles": tiles,
+    }
+    write_atomically(Path(run.folder, INDEX), (json.dumps(listed, indent=1) + "\n").encode())

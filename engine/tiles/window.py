@@ -1,0 +1,386 @@
+"""One window: the problem of its bodies, where they start, and how they settle between bodies that are pinned."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from ..device.launcher import Launcher, resolve_device
+from ..errors import ProblemError
+from ..field.field import FieldTarget
+from ..problem.balance import Balance
+from ..problem.domain import Domain
+from ..problem.interaction import Groups
+from ..problem.line import Line
+from ..problem.obstacles import Obstacle
+from ..problem.prepared_class import PreparedClass, cut_out
+from ..problem.problem import Problem
+from ..problem.size import Size, with_count
+from ..solver.body_flags import BodyFlags
+from ..solver.descent import Descent
+from ..solver.final_placement import position_in_metres
+from ..solver.initial_placement import first_pose
+from ..solver.line_rules import FIRST_LENGTH, LineRules
+from ..solver.model import Model
+from ..space.density import move_into_support
+from ..space.support import images_for_kernels
+from .bodies import PartBodies
+from .density_windows import into_pixels, sample_source
+from .layout import Box
+from .plan import Plan
+
+__all__ = ["density_of_class", "launcher_on", "onto_densities", "relax", "start_bodies"]
+
+# Pixels of a window's densities over the typical spacing.
+PIXELS_PER_SPACING = 4.0
+# Bodies nearer to a cut than this are pinned, and within the second what is beyond the cut fades out; in spacings of the window. Free
+# bodies then see nothing of the fading. Lines are pinned farther from it by half of their length.
+MARGIN, TAPER = 5.0, 4.0
+# Where bodies are sparse, the margins leave so much of a window free at least.
+MOST_MARGIN = 0.25
+# Faded densities stay above zero where they were.
+LEAST_FADED = 1e-4
+# Positions are rounded to this share of a spacing, less than float32 holds of them in a window: files are smaller.
+ROUNDING = 2.0**-18
+
+
+@lru_cache(maxsize=1)
+def launcher_on(device: str, process: int = 0) -> Launcher:
+    """The threads or the GPU of this process; one for all of its windows."""
+    return Launcher(resolve_device(device))
+
+
+def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
+    """Density of a class in a part of the domain, less obstacles, shape ``[height, width]``, float32; 0 all over where nothing is."""
+    image = _density(plan, class_index, box)
+    obstacles = _obstacles_near(plan, box, image.shape)
+    if not obstacles or not image.any():
+        return image
+    size = plan.problem.classes[class_index].sizes[0]
+    prepared = PreparedClass("class", (with_count(size, _bodies_at(plan, box)),), image)
+    try:
+        return cut_out(prepared, Domain(box.size), obstacles).density_image
+    except ProblemError:  # they leave nothing
+        return np.zeros((1, 1), np.float32)
+
+
+def start_bodies(plan: Plan, box: Box, identity: np.ndarray, tile: int, device: str) -> PartBodies:
+    """Put bodies of a tile where its density asks for them.
+
+    Args:
+        plan: The plan.
+        box: The tile.
+        identity: Their numbers, ascending.
+        tile: Number of the tile, from which what is random about it follows.
+        device: Where to run.
+    """
+    if not len(identity):
+        return PartBodies.none()
+    launcher = launcher_on(device, os.getpid())
+    seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
+    model = _model(plan, box, identity, np.zeros(len(identity), np.int32), seed)
+    images = images_for_kernels(launcher, model.supports, model.size)
+    pose = first_pose(launcher, model, images).numpy().astype(np.float64)
+    if model.kinds:
+        pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
+    everybody = np.ones(len(identity), bool)
+    position = _settled(plan, box, model, pose[:, :2] * model.unit, everybody)
+    return PartBodies(identity, position, pose[:, 2], pose[:, 3] * model.unit)
+
+
+def relax(
+    plan: Plan, box: Box, bodies: PartBodies, totals: np.ndarray, steps: int, part: bool, device: str
+) -> PartBodies:
+    """Let the bodies of a window settle; those near its cuts are pinned.
+
+    Args:
+        plan: The plan.
+        box: The window.
+        bodies: Its bodies.
+        totals: Integral of every class's density over the whole domain, in m² times density, shape ``[classes]``.
+        steps: Of the descent.
+        part: Whether to part footprints at the end.
+        device: Where to run.
+    """
+    if len(bodies) < 2:
+        return bodies
+    longest = 0.5 * plan.longest
+    flags = np.zeros(len(bodies), np.int32)
+    margin, taper = _margins(plan, box, len(bodies))
+    pinned = box.depth(bodies.position) < margin + longest
+    flags[pinned] = BodyFlags.PINNED
+    if pinned.all():
+        return bodies
+    launcher = launcher_on(device, os.getpid())
+    model = _model(plan, box, bodies.identity, flags, plan.problem.seed)
+    # Charges per area of a footprint, before anything fades.
+    scale = model.charge_count / float(model.body.area.sum())
+    local = bodies.position - box.low
+    model.charge = replace(model.charge, charge=model.charge.charge * _fading(box, bodies, model, taper))
+    pose = np.zeros((len(bodies), 4))
+    pose[:, :2] = np.clip(local, 0.0, box.size) / model.unit
+    pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
+    pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
+    present = np.unique(plan.groups.group_of(bodies.identity))
+    targets = _targets(plan, box, model, present, totals, scale, taper)
+    descent = Descent(model, launcher, pose=pose, targets=targets)
+    # The mean length of lines is that of those that move.
+    kinds = np.bincount(model.body.kind[~pinned] + 1, minlength=len(model.kinds) + 1)[1:]
+    descent.rules.line_count.assign(np.maximum(kinds, 1).astype(np.float32) if len(kinds) else np.zeros(1, np.float32))
+    try:
+        for _ in range(steps):
+            descent.step.play()
+        if math.isnan(descent.residual()):
+            raise ProblemError(
+                "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
+            )
+        state = descent.state
+        if part and descent.contact is not None:
+            descent.contact.separate(state.pose, state.turn, state.bend)
+        moved = state.pose.numpy().astype(np.float64)
+        position = _settled(plan, box, model, position_in_metres(model, state), ~pinned)
+    finally:
+        launcher.release(descent.step)
+    free = ~pinned
+    result = bodies.position.copy()
+    result[free] = position[free]
+    angle, length = bodies.angle.copy(), bodies.length.copy()
+    line = free & (model.body.kind >= 0)
+    angle[line] = np.mod(moved[line, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
+    length[line] = moved[line, 3] * model.unit
+    return PartBodies(bodies.identity, result, angle, length)
+
+
+def onto_densities(plan: Plan, box: Box, bodies: PartBodies) -> PartBodies:
+    """Bodies of a box of which none is where its density is 0, however fine its pixels are."""
+    position = bodies.position.copy()
+    class_index = plan.groups.class_index[plan.groups.group_of(bodies.identity)]
+    width, height = plan.layout.size
+    for c in np.unique(class_index).tolist():
+        own = np.flatnonzero(class_index == c)
+        source = plan.sources[c]
+        scale = np.array([source.shape[1] / width, source.shape[0] / height])
+        before = np.stack([position[own, 0], height - position[own, 1]], axis=1) * scale
+        after = into_pixels(source, box.down, box.across, _pixels(plan, box), before)
+        moved = (after != before).any(axis=1)
+        place = after[moved] / scale
+        position[own[moved]] = box.confine(np.stack([place[:, 0], height - place[:, 1]], axis=1))
+    return bodies.at(position)
+
+
+def _bodies_at(plan: Plan, box: Box) -> int:
+    """About how many bodies there would be in a box at the typical spacing."""
+    return max(1, round(box.size[0] * box.size[1] / plan.fine**2))
+
+
+def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
+    """How far bodies are pinned, and over how far everything fades [m]."""
+    spacing = max(plan.fine, math.sqrt(box.size[0] * box.size[1] / count))
+    # Only sides that are cuts take anything.
+    room = [MOST_MARGIN * box.size[axis] for axis in (0, 1) if box.cut[2 * axis] or box.cut[2 * axis + 1]]
+    margin = min([MARGIN * spacing, *room])
+    return margin, TAPER / MARGIN * margin
+
+
+def _density(plan: Plan, class_index: int, box: Box) -> np.ndarray:
+    return sample_source(plan.sources[class_index], box.down, box.across, _pixels(plan, box))
+
+
+def _pixels(plan: Plan, box: Box) -> tuple[int, int]:
+    """Rows and columns of pixels that a box's densities need."""
+    across, up = (max(1, math.ceil(PIXELS_PER_SPACING * side / plan.fine)) for side in box.size)
+    return up, across
+
+
+def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstacle]:
+    """Obstacles that reach into a box or its neighbourhood, as seen from its corner."""
+    reach = max(MARGIN * plan.fine, 2.0 * math.sqrt(float(plan.groups.mean_area.max())))
+    result = []
+    for obstacle in plan.problem.obstacles:
+        most = reach + obstacle.margin
+        if obstacle.image is not None:
+            image = obstacle.image.astype(np.float32)
+            rows, columns = image.shape
+            down, across = box.down, box.across
+            # Its own pixels where there are many, those of the density where they are larger.
+            row = _places(down.begin, down.end, down.units, rows, shape[0])
+            column = _places(across.begin, across.end, across.units, columns, shape[1])
+            part = image[row[:, None], column]
+            if part.any():
+                result.append(Obstacle(image=part, margin=obstacle.margin))
+            continue
+        if obstacle.disc is not None:
+            x, y, radius = obstacle.disc
+            low, high = np.array([x, y]) - radius, np.array([x, y]) + radius
+        else:
+            corners = np.asarray(obstacle.polygon)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+        if (low > np.array(box.high) + most).any() or (high < np.array(box.low) - most).any():
+            continue
+        if obstacle.disc is not None:
+            result.append(Obstacle(disc=(x - box.low[0], y - box.low[1], radius), margin=obstacle.margin))
+        else:
+            result.append(Obstacle(polygon=corners - box.low, margin=obstacle.margin))
+    return result
+
+
+def _places(begin: int, end: int, units: int, pixels: int, least: int) -> np.ndarray:
+    """Pixels of an image under the middles of so many steps, or more, of a part of an axis."""
+    count = max(least, math.ceil((end - begin) * pixels / units))
+    middle = begin + (np.arange(count) + 0.5) * (end - begin) / count
+    return np.minimum((middle * pixels / units).astype(np.int64), pixels - 1)
+
+
+def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: int) -> Model:
+    """The model of some bodies in a box; in order of their numbers they are in class, then size order."""
+    tiles = plan.groups
+    group = tiles.group_of(identity)
+    present, own = np.unique(group, return_inverse=True)
+    area = tiles.areas(identity)
+    at_edge = not all(box.cut)
+    classes: list[PreparedClass] = []
+    for c, body_class in enumerate(plan.problem.classes):
+        sizes = []
+        for s, size in enumerate(body_class.sizes):
+            of_size = np.isin(group, np.flatnonzero((tiles.class_index == c) & (tiles.size_index == s)))
+            if of_size.any():
+                sizes.append(_size_in(plan, box, (c, s), size, area[of_size]))
+        if sizes:
+            classes.append(PreparedClass(body_class.name, tuple(sizes), _density(plan, c, box)))
+    whole = plan.problem.rectangle
+    domain = Domain(box.size, whole.boundary if at_edge else "open", inset=whole.inset and at_edge)
+    obstacles = _obstacles_near(plan, box, classes[0].density_image.shape)
+    class_index = np.unique(tiles.class_index[present], return_inverse=True)[1].ravel()
+    groups = Groups(own.ravel().astype(np.int32), class_index, tiles.matrix[np.ix_(present, present)])
+    # Group factors are those of the whole problem; sizes are weighed nowhere else.
+    balance = Balance(size_emphasis=1.0)
+
+    apart = plan.problem.avoid_overlap
+    # Where obstacles leave a size no room in this window with its footprints, their centres keep off them, or nothing does.
+    ways = [(apart, obstacles), (False, obstacles), (False, [])] if obstacles else [(apart, obstacles)]
+    for keep_apart, kept_off in ways:
+        try:
+            problem = Problem(
+                replace(domain, inset=domain.inset and keep_apart),
+                classes,
+                balance,
+                seed,
+                avoid_overlap=keep_apart,
+                obstacles=kept_off,
+            )
+            return Model(problem, flags, groups=groups)
+        except ProblemError:
+            if (keep_apart, kept_off) == ways[-1]:
+                raise
+    raise AssertionError
+
+
+def _size_in(plan: Plan, box: Box, place: tuple[int, int], size: Size, area: np.ndarray) -> Size:
+    """A size as it is in a box: as many bodies as have these areas [m²], and its line's images cut."""
+    line = None if size.line is None else _line_in(plan, box, place, size.line, size)
+    if isinstance(size.area, tuple):
+        low, high = size.area
+        return replace(
+            size, count=len(area), share=None, area=(low, high), distribution=np.clip(area, low, high), line=line
+        )
+    return replace(with_count(size, len(area)), line=line)
+
+
+def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Size) -> Line:
+    length, direction, width = line.length, line.direction, line.width
+    if width is None and not isinstance(size.area, tuple):
+        # That of capsules of this area, the same in all windows; see :meth:`~.model.Model.widths`.
+        mean, area = float(np.mean(line.length)), float(size.area or 0.0)
+        width = 2.0 / math.pi * (math.sqrt(mean**2 + math.pi * area) - mean)
+    shape = tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1])
+    if isinstance(length, np.ndarray):
+        down, across = box.down, box.across
+        row = _places(down.begin, down.end, down.units, length.shape[0], shape[0])
+        column = _places(across.begin, across.end, across.units, length.shape[1], shape[1])
+        length = length[row[:, None], column]
+    if place in plan.directions:
+        doubled = _between_pixels(plan.directions[place], box, plan.problem.rectangle.size, (shape[0], shape[1]))
+        weight = np.hypot(doubled[..., 0], doubled[..., 1])
+        angle = 0.5 * np.arctan2(doubled[..., 1], doubled[..., 0])
+        vectors = np.minimum(weight, 1.0)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        direction = vectors.astype(np.float32) if vectors.any() else "none"
+    return replace(line, length=length, direction=direction, width=width)
+
+
+def _between_pixels(image: np.ndarray, box: Box, size: tuple[float, float], shape: tuple[int, int]) -> np.ndarray:
+    """An image over the domain at the middles of pixels of a box, linearly; shape ``[*shape, channels]``."""
+    places = []
+    for axis, (pixels, count) in enumerate(zip(image.shape[:2], shape, strict=True)):
+        low, high = (box.low[1], box.high[1]) if axis == 0 else (box.low[0], box.high[0])
+        middle = (low + (np.arange(count) + 0.5) * (high - low) / count) / size[1 - axis]
+        middle = 1.0 - middle[::-1] if axis == 0 else middle
+        at = np.clip(middle * pixels - 0.5, 0.0, pixels - 1.0)
+        first = np.minimum(at.astype(np.int64), pixels - 1)
+        places.append((first, np.minimum(first + 1, pixels - 1), at - first))
+    (top, bottom, v), (left, right, u) = places
+    u, v = u[None, :, None], v[:, None, None]
+    upper = (1.0 - u) * image[top[:, None], left] + u * image[top[:, None], right]
+    lower = (1.0 - u) * image[bottom[:, None], left] + u * image[bottom[:, None], right]
+    return (1.0 - v) * upper + v * lower
+
+
+def _fading(box: Box, bodies: PartBodies, model: Model, taper: float) -> np.ndarray:
+    """How much every charge counts: less and less towards a cut. Only those of pinned bodies are so near to one."""
+    body, axial = model.charge.body, model.charge.axial
+    along = 0.5 * bodies.length[body] * axial
+    x = bodies.position[body, 0] + along * np.cos(bodies.angle[body])
+    y = bodies.position[body, 1] + along * np.sin(bodies.angle[body])
+    return box.fade(x, y, taper)
+
+
+def _targets(
+    plan: Plan, box: Box, model: Model, present: np.ndarray, totals: np.ndarray, scale: float, taper: float
+) -> list[FieldTarget]:
+    """What attracts every group: its share of the whole problem's charge that belongs here, faded as the charges are."""
+    names = [c.name for c in plan.problem.classes]
+    faded: dict[int, tuple[np.ndarray, float]] = {}
+    result = []
+    for g, group in enumerate(present.tolist()):
+        c = int(model.groups.class_index[g])
+        if c not in faded:
+            image = model.problem.classes[c].density_image
+            image = image if image.any() else np.ones_like(image)
+            rows, columns = image.shape
+            x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
+            y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
+            dim = np.maximum(image * box.fade(x[None, :], y[:, None], taper), LEAST_FADED * image).astype(np.float32)
+            pixel = box.size[0] * box.size[1] / image.size
+            faded[c] = dim, float(dim.sum(dtype=np.float64)) * pixel
+        dim, held = faded[c]
+        whole = totals[names.index(model.problem.classes[c].name)]
+        share = held / whole if whole > 0.0 else 0.0
+        charge = scale * float(plan.groups.count[group]) * float(plan.groups.mean_area[group]) * share
+        result.append(FieldTarget(dim, charge, class_index=c))
+    return result
+
+
+def _in_support(model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Positions from a box's corner [m], of which the chosen ones are brought to where they may be."""
+    result = local.copy()
+    for k, support in enumerate(model.supports):
+        if (support > 0.0).all() or not support.any():
+            continue
+        own = chosen & (model.body.support == k)
+        result[own] = move_into_support(support, result[own], model.problem.rectangle.size)
+    return result
+
+
+def _settled(plan: Plan, box: Box, model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Positions in the domain of bodies of a box: rounded, inside it, and the chosen ones where they may be."""
+    grain = 2.0 ** math.floor(math.log2(plan.spacing * ROUNDING))
+    low = np.array(box.low)
+    rounded = np.round((local + low) / grain) * grain
+    rounded = box.confine(rounded)
+    dots = chosen & (model.body.kind < 0)
+    result = _in_support(model, np.clip(rounded - low, 0.0, box.size), dots)
+    same = result == np.clip(rounded - low, 0.0, box.size)
+    return box.confine(np.where(same, rounded, result + low))

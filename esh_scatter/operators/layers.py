@@ -1,0 +1,149 @@
+"""The layers of a density: added, removed, moved, painted."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import bpy
+from bpy.props import EnumProperty, IntProperty
+from mathutils import Vector
+
+from ...engine.errors import EshError
+from ..density_curve import remove_curve
+from ..properties.layer import KINDS
+from ..properties.scene import active_scatter, selected_class, selected_scatter
+from .edit import DIRECTIONS, ClassEdit, Edit, move_by, remove_at, sentence
+
+__all__ = ["CLASSES"]
+
+
+class ESH_OT_layer_add(ClassEdit):
+    """Add a layer to the density of the selected class. Each layer acts on those above it"""
+
+    bl_idname = "esh.layer_add"
+    bl_label = "Add Layer"
+
+    kind: EnumProperty(
+        name="Follow",
+        description="What the layer reads",
+        items=[(name, kind.label, kind.help, kind.icon, number) for number, (name, kind) in enumerate(KINDS.items())],
+    )
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Say what the layer reads."""
+        return KINDS[properties.kind].help
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it, with values that fit the target."""
+        scatter = selected_scatter(context)
+        layer = selected_class(context).add_layer(self.kind)
+        target = scatter.first_target
+        if target is not None and target.type == "MESH":
+            heights = [(target.matrix_world @ Vector(corner)).z for corner in target.bound_box]
+            # The upper half of the ground, and patches of a tenth of it.
+            low, high = min(heights), max(heights)
+            layer.altitude_low, layer.altitude_high = 0.5 * (low + high), high
+            layer.altitude_falloff = max(0.1 * (high - low), 0.0)
+            layer.noise_scale = max(0.1 * max(target.dimensions.x, target.dimensions.y), 1e-3)
+        if self.kind == "NOISE":
+            # Another noise than those that are there; who wants the same in two classes gives both the same seed.
+            layer.noise_seed = sum(one.kind == "NOISE" for c in scatter.classes for one in c.layers) - 1
+        return {"FINISHED"}
+
+
+class _LayerEdit(Edit):
+    _missing = "Select a layer first"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return scatter and scatter.active_class and scatter.active_class.active_layer
+
+
+class ESH_OT_layer_remove(_LayerEdit):
+    """Remove the selected layer"""
+
+    bl_idname = "esh.layer_remove"
+    bl_label = "Remove Layer"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it, and its curve."""
+        body_class = selected_class(context)
+        layer = body_class.active_layer
+        curve = layer.curve if layer else None
+        body_class.layer_index = remove_at(body_class.layers, body_class.layer_index)
+        remove_curve(curve)
+        return {"FINISHED"}
+
+
+class ESH_OT_layer_move(_LayerEdit):
+    """Move the selected layer in the list"""
+
+    bl_idname = "esh.layer_move"
+    bl_label = "Move Layer"
+
+    direction: EnumProperty(items=DIRECTIONS, name="Direction")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Move it."""
+        body_class = selected_class(context)
+        body_class.layer_index = move_by(body_class.layers, body_class.layer_index, self.direction)
+        return {"FINISHED"}
+
+
+class ESH_OT_layer_paint(ClassEdit):
+    """Paint where the selected class stands: make an image or a vertex group, as far as there is none, and go into the paint mode"""
+
+    bl_idname = "esh.layer_paint"
+    bl_label = "Paint Density"
+
+    kind: EnumProperty(
+        name="Paint",
+        description="What is painted",
+        items=(
+            ("SELECTED", "Selected Layer", "The image or the vertex group of the selected layer"),
+            ("IMAGE", "New Image", "A layer with an image of its own"),
+            ("VERTEX_GROUP", "New Vertex Group", "A layer with a vertex group of its own"),
+        ),
+        default="SELECTED",
+    )
+    resolution: IntProperty(
+        name="Resolution", description="Pixels along each side of a new image", default=1024, min=16, max=8192
+    )
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        target = scatter.first_target if scatter and scatter.active_class else None
+        return target if target is not None and target.type == "MESH" and target.library is None else None
+
+    _missing = "Choose a target that can be changed, and select a class first"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Make what is missing, and begin to paint."""
+        from ..painting import begin_to_paint
+
+        scatter, body_class = selected_scatter(context), selected_class(context)
+        layer = body_class.active_layer
+        if self.kind != "SELECTED":
+            layer = body_class.add_layer(self.kind)
+        elif layer is None or layer.kind not in ("IMAGE", "VERTEX_GROUP"):
+            self.report({"ERROR"}, "Select a layer that follows an image or a vertex group, or paint a new one")
+            return {"CANCELLED"}
+        try:
+            begin_to_paint(context, scatter.first_target, layer, body_class.name, self.resolution)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+CLASSES = (
+    ESH_OT_layer_add,
+    ESH_OT_layer_remove,
+    ESH_OT_layer_move,
+    ESH_OT_layer_paint,
+)

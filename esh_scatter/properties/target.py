@@ -1,0 +1,78 @@
+"""What the sidebar holds of a scatter's target: an object, or a collection of objects."""
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import bpy
+from bpy.props import EnumProperty, PointerProperty
+
+__all__ = ["WithTarget"]
+
+
+class WithTarget:
+    """Properties of a group that has a target."""
+
+    target_kind: EnumProperty(
+        name="Target Kind",
+        description="What is scattered on",
+        items=(
+            ("OBJECT", "Object", "Scatter on one mesh", "OBJECT_DATA", 0),
+            (
+                "COLLECTION",
+                "Collection",
+                "Scatter on all meshes of a collection that are visible. Where they touch, they are one surface",
+                "OUTLINER_COLLECTION",
+                1,
+            ),
+        ),
+        default="OBJECT",
+    )
+    target: PointerProperty(
+        type=bpy.types.Object,
+        name="Target",
+        description="The mesh to scatter on. It is seen from above, unless the panel Surface says otherwise",
+        poll=lambda _self, candidate: candidate.type == "MESH",
+    )
+    target_collection: PointerProperty(
+        type=bpy.types.Collection,
+        name="Target",
+        description="The collection whose meshes are scattered on",
+    )
+
+    @property
+    def chosen_target(self) -> bpy.types.Object | bpy.types.Collection | None:
+        """The object or the collection, or None while none is chosen."""
+        return self.target if self.target_kind == "OBJECT" else self.target_collection
+
+    @property
+    def targets(self) -> list[bpy.types.Object]:
+        """The meshes that are scattered on, by name; empty while there is none."""
+        from ..target import is_result
+
+        if self.target_kind == "OBJECT":
+            return [self.target] if self.target is not None and self.target.type == "MESH" else []
+        if self.target_collection is None:
+            return []
+        found = [item for item in self.target_collection.all_objects if item.type == "MESH" and not is_result(item)]
+        return sorted(found, key=lambda item: item.name_full)
+
+    @property
+    def first_target(self) -> bpy.types.Object | None:
+        """The mesh whose UV maps, vertex groups and attributes there are to choose from, or None."""
+        return next(iter(self.targets), None)
+
+    def target_obstacle(self, scene: bpy.types.Scene) -> str | None:
+        """Return what keeps the target from being scattered on, as one sentence that says what to do, or None."""
+        if self.target_kind == "COLLECTION":
+            if self.target_collection is None:
+                return "Choose a collection: the meshes to scatter on"
+            if not any(scene.objects.get(item.name) == item for item in self.targets):
+                return f'Collection "{self.target_collection.name}" has no mesh in this scene; choose another target'
+            return None
+        if self.target is None:
+            return "Choose a target: the mesh to scatter on"
+        if self.target.type != "MESH":
+            return f'"{self.target.name}" is not a mesh; choose a mesh as the target'
+        if scene.objects.get(self.target.name) != self.target:
+            return f'"{self.target.name}" is no longer in this scene; choose another target'
+        return None

@@ -1,0 +1,76 @@
+"""The scenes on surfaces: their shapes, and their own checks on whole scenes without a picture."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCENES = Path(__file__).parents[2] / "demo_scenes"
+
+
+@pytest.fixture
+def module(monkeypatch):
+    """Import a module of the demo scenes, which are scripts and no package."""
+    pytest.importorskip("bpy")
+    monkeypatch.syspath_prepend(str(SCENES))
+    names = []
+
+    def load(name):
+        names.append(name)
+        return importlib.import_module(name)
+
+    yield load
+    for name in names:
+        sys.modules.pop(name, None)
+
+
+def volume(shape):
+    vertex, face = shape
+    if face.shape[1] == 4:
+        face = np.concatenate([face[:, :3], face[:, [0, 2, 3]]])
+    a, b, c = vertex[face].transpose(1, 0, 2)
+    return float((a * np.cross(b, c)).sum() / 6.0)
+
+
+def test_closed_shapes_look_outwards(module):
+    shapes = module("surface_shapes")
+    assert volume(shapes.ball(3)) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
+    assert volume(shapes.box((1.0, 2.0, 3.0))) == pytest.approx(6.0)
+    assert volume(shapes.ring(0.04, 0.02, 1)) == pytest.approx(2.0 * np.pi**2 * 0.04 * 0.02**2 * 0.86, rel=0.1)
+    for shape in (shapes.rock((1.0, 0.8, 0.6), 3, 4), shapes.sprinkle(0.006, 0.001), shapes.mussel(0.06, 1)):
+        assert np.isfinite(shape[0]).all() and volume(shape) > 0.0
+    # The hull is open above: its sides look away from its middle, and downwards at the keel.
+    (vertex, face), below = shapes.hull(5.0, 1.8, 0.6, 0.6)
+    a, b, c, _ = vertex[face].transpose(1, 0, 2)
+    normal, middle = np.cross(b - a, c - a), vertex[face].mean(axis=1)
+    assert (np.sign(normal[:, 1]) == np.sign(middle[:, 1])).mean() > 0.95
+    keel = np.abs(middle[:, 1]) < 0.05
+    assert np.isfinite(vertex).all() and (normal[keel & below][:, 2] <= 0.0).mean() > 0.95
+
+
+@pytest.mark.parametrize("scene", ["doughnut", "boat"])
+def test_a_scene_passes_its_own_checks(module, monkeypatch, scene):
+    surfaces = module("surfaces")
+    honest = surfaces.esh.scatter
+
+    def hurried(target, classes, **options):
+        """A tenth of the bodies, and few steps."""
+        for one in classes:
+            for size in one.sizes:
+                object.__setattr__(size, "count", max(size.count // 10, 5))
+        return honest(target, classes, **{**options, "max_steps": 20})
+
+    monkeypatch.setattr(surfaces.esh, "scatter", hurried, raising=False)
+    scattered = surfaces.build(scene, "cpu")
+    measured = surfaces.test_final(scattered)
+    assert measured["placed"] > 50 and measured["overlaps"] == 0
+    for one in scattered:
+        height = one.result.placement.position[:, 2]
+        if scene == "boat":
+            # Below the paint's edge, keel and both sides of the rudder too.
+            assert height.max() < 0.62 + 0.52 + 0.1
+            assert set(np.unique(one.result.placement.mesh)) == {0}
+        else:
+            assert (one.result.placement.normal[:, 2] < 0.0).sum() < 0.3 * len(height)

@@ -1,0 +1,174 @@
+"""Tiles of all kinds of problems: lines, obstacles, contact, ranges, mirrors, several classes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import esh
+import numpy as np
+import pytest
+from esh.engine.tiles.groups import group_tiles
+from scipy import spatial
+
+
+def solved(problem: esh.Problem | Path, folder: Path, **options) -> dict[str, np.ndarray]:
+    options = {"device": "cpu", "ending": ".npz", "tile": 30.0, "steps": (12, 8, 8), "workers": 0} | options
+    esh.solve_tiles(problem, folder, **options)
+    parts = [np.load(path) for path in sorted(folder.glob("tile-*.npz"))]
+    assert len(parts) > 1
+    keys = ("id", "position", "area", "class_index", "size_index", "angle", "length", "width")
+    whole = {key: np.concatenate([part[key] for part in parts]) for key in keys}
+    order = np.argsort(whole["id"])
+    assert np.array_equal(whole["id"][order], np.arange(len(order)))
+    return {key: values[order] for key, values in whole.items()}
+
+
+def problem_of(size: esh.Size, extent: tuple[float, float] = (60.0, 45.0), **more) -> esh.Problem:
+    domain = more.pop("domain", esh.Domain(extent))
+    return esh.Problem(domain, [esh.BodyClass("one", [size], more.pop("density", 1.0))], seed=4, **more)
+
+
+def test_footprints_that_keep_apart_do_so_across_all_cuts(tmp_path):
+    # Discs that cover 60 % of the ground.
+    problem = problem_of(esh.Size("disc", area=0.6, count=7200), (120.0, 60.0), avoid_overlap=True)
+    bodies = solved(problem, tmp_path / "out", tile=60.0, steps=(20, 12, 12))
+    radius = math.sqrt(0.6 / math.pi)
+    nearest = spatial.cKDTree(bodies["position"]).query(bodies["position"], 2)[0][:, 1]
+    assert (nearest > 2.0 * radius * (1.0 - 1e-3)).all()
+
+
+def test_two_sizes_that_keep_apart(tmp_path):
+    sizes = [esh.Size("large", area=1.5, count=1500), esh.Size("small", area=0.4, count=4500)]
+    problem = esh.Problem(esh.Domain((150.0, 56.0)), [esh.BodyClass("disc", sizes)], seed=2, avoid_overlap=True)
+    bodies = solved(problem, tmp_path / "out", tile=75.0, steps=(20, 12, 12))
+    assert 1500 * 1.5 + 4500 * 0.4 > 0.47 * 150.0 * 56.0
+    radius = np.sqrt(bodies["area"] / math.pi)
+    pairs = spatial.cKDTree(bodies["position"]).query_pairs(2.0 * radius.max(), output_type="ndarray")
+    apart = np.hypot(*(bodies["position"][pairs[:, 0]] - bodies["position"][pairs[:, 1]]).T)
+    assert (radius[pairs].sum(axis=1) - apart < 2e-3 * radius[pairs].min(axis=1)).all()
+
+
+def test_lines_follow_a_flow_over_the_whole_domain(tmp_path):
+    # Circles round the middle, which every tile sees a part of.
+    v, u = np.mgrid[0:64, 0:64] / 63.0 - 0.5
+    flow = np.stack([v, u], axis=-1) / np.maximum(np.hypot(u, v), 1e-6)[..., None]
+    line = esh.Line(length=1.0, direction=flow.astype(np.float32))
+    problem = problem_of(esh.Size("line", area=0.25, count=3600, line=line), (60.0, 60.0))
+    bodies = solved(problem, tmp_path / "out", steps=(40, 30, 30))
+    x, y = (bodies["position"] - 30.0).T
+    far = np.hypot(x, y) > 8.0
+    wrong = bodies["angle"] - (np.arctan2(y, x) + 0.5 * math.pi)
+    wrong = np.abs((wrong + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+    assert np.median(wrong[far]) < math.radians(6.0)
+    assert bodies["length"].mean() == pytest.approx(1.0, rel=0.05)
+    # Capsules of the area that was asked for.
+    thick = bodies["width"][0]
+    assert (bodies["width"] == thick).all()
+    assert 1.0 * thick + 0.25 * math.pi * thick**2 == pytest.approx(0.25)
+    # No more uneven near cuts than elsewhere: lines along cuts are as long as others.
+    near = (np.abs(bodies["position"] - 30.0) < 2.0).any(axis=1)
+    assert bodies["length"][near].mean() == pytest.approx(bodies["length"][~near].mean(), rel=0.05)
+
+
+def test_lines_along_the_edges_of_a_density(tmp_path):
+    # Stripes that rise to the right: lines lie along them.
+    v, u = np.mgrid[0:96, 0:128] * 0.5
+    density = (0.3 + 0.25 * (1.0 + np.cos(2.0 * np.pi * (u + v) / 14.0))).astype(np.float32)
+    problem = problem_of(
+        esh.Size("line", area=0.3, count=3600, line=esh.Line(length=0.8)), (64.0, 48.0), density=density
+    )
+    bodies = solved(problem, tmp_path / "out", steps=(40, 30, 30))
+    # Rows of an image go down, so stripes of u + v go up with x.
+    wrong = np.abs((bodies["angle"] - 0.25 * math.pi + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+    assert np.median(wrong) < math.radians(12.0)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_nothing_stands_on_obstacles(tmp_path, apart):
+    mask = np.zeros((30, 40), bool)
+    mask[4:9, 25:36] = True
+    obstacles = [
+        esh.Obstacle(disc=(30.0, 22.0, 6.0)),
+        esh.Obstacle(polygon=[(5.0, 5.0), (20.0, 8.0), (12.0, 16.0)], margin=0.5),
+        esh.Obstacle(image=mask),
+    ]
+    problem = problem_of(esh.Size("dot", area=0.2, count=9000), (100.0, 45.0), obstacles=obstacles, avoid_overlap=apart)
+    bodies = solved(problem, tmp_path / "out", tile=45.0 if apart else 22.5)
+    x, y = bodies["position"].T
+    reach = math.sqrt(0.2 / math.pi) if apart else 0.0
+    assert np.hypot(x - 30.0, y - 22.0).min() >= 6.0 + reach - 1e-3
+    assert not mask[((1.0 - y / 45.0) * 30).astype(int).clip(0, 29), (x / 2.5).astype(int).clip(0, 39)].any()
+    # Of the triangle: outside of it, by the margin.
+    corners = np.array([(5.0, 5.0), (20.0, 8.0), (12.0, 16.0)])
+    edge = np.roll(corners, -1, axis=0) - corners
+    offset = bodies["position"][:, None] - corners
+    inside = (edge[:, 0] * offset[..., 1] - edge[:, 1] * offset[..., 0] > 0.0).all(axis=1)
+    along = np.clip((offset * edge).sum(axis=2) / (edge**2).sum(axis=1), 0.0, 1.0)
+    away = np.linalg.norm(offset - along[..., None] * edge, axis=2).min(axis=1)
+    assert not inside.any() and away.min() >= 0.5 + reach - 1e-3
+    # What is left is covered evenly.
+    free = 100.0 * 45.0 - math.pi * 36.0 - mask.sum() * 2.5 * 1.5
+    assert ((x > 45.0) & (y < 20.0)).sum() == pytest.approx(55.0 * 20.0 * 9000 / (free - 92.0), rel=0.03)
+
+
+@pytest.mark.parametrize("distribution", ["linear", "uniform", "list"])
+def test_a_range_of_areas_is_mixed_everywhere(tmp_path, distribution):
+    listed = np.random.default_rng(1).uniform(0.3, 1.8, 1800) if distribution == "list" else distribution
+    problem = problem_of(esh.Size("any", area=(0.3, 1.8), count=1800, distribution=listed), (60.0, 30.0))
+    bodies = solved(problem, tmp_path / "out")
+    area = bodies["area"]
+    assert (area >= 0.3).all() and (area <= 1.8).all()
+    if distribution == "list":
+        assert np.allclose(area, np.sort(listed))
+    elif distribution == "linear":
+        assert np.allclose(area, np.linspace(0.3, 1.8, 1800))
+    else:
+        assert area.mean() == pytest.approx(1.05, abs=0.01)
+        assert len(np.unique(np.round(np.diff(area), 9))) > 1000
+    for left in (0.0, 20.0, 40.0):
+        part = area[(bodies["position"][:, 0] >= left) & (bodies["position"][:, 0] < left + 20.0)]
+        assert part.mean() == pytest.approx(area.mean(), rel=0.06)
+        assert np.percentile(part, [10, 90]) == pytest.approx(np.percentile(area, [10, 90]), rel=0.15)
+
+
+def test_mirrors_keep_the_spacing_at_the_edges(tmp_path):
+    domain = esh.Domain((60.0, 45.0), "mirror")
+    bodies = solved(problem_of(esh.Size("dot", area=1.0, count=2700), domain=domain), tmp_path / "out")
+    x, y = bodies["position"].T
+    edge = np.minimum(np.minimum(x, 60.0 - x), np.minimum(y, 45.0 - y))
+    # Of an open domain a row stands on the edge itself.
+    assert (edge < 0.1).sum() < 10
+    rim = ((edge < 2.0).sum()) / (60.0 * 45.0 - 56.0 * 41.0)
+    assert rim == pytest.approx(1.0, abs=0.08)
+
+
+def test_groups_are_those_of_a_whole_problem():
+    sizes = [esh.Size("large", area=3.0, count=30), esh.Size("range", area=(0.2, 0.9), count=400)]
+    problem = esh.Problem(
+        esh.Domain((40.0, 40.0)),
+        [esh.BodyClass("a", sizes), esh.BodyClass("b", [esh.Size("one", area=1.0, count=77)])],
+        seed=6,
+    )
+    from esh.engine.problem.interaction import group_bodies
+
+    tiles, whole = group_tiles(problem), group_bodies(problem)
+    assert tiles.body_count == 507
+    assert np.array_equal(tiles.class_index, whole.class_index)
+    assert np.allclose(tiles.matrix, whole.matrix)
+    assert np.array_equal(tiles.group_of(np.arange(507)), whole.body_group)
+    assert np.allclose(tiles.areas(np.arange(507)), problem.body_areas())
+    # In parts, every number comes once.
+    for g in range(tiles.number):
+        count = int(tiles.count[g])
+        parts = [tiles.identities(g, a, min(a + 7, count)) for a in range(0, count, 7)]
+        assert np.array_equal(np.sort(np.concatenate(parts)), np.arange(tiles.first[g], tiles.first[g + 1]))
+
+
+def test_groups_of_more_bodies_than_memory():
+    size = esh.Size("range", area=(0.5, 2.0), count=3_000_000_000)
+    tiles = group_tiles(esh.Problem(esh.Domain((1e6, 1e6)), [esh.BodyClass("a", [size])]))
+    assert tiles.body_count == 3_000_000_000 and tiles.number == 24
+    chosen = tiles.identities(23, 1_000_000, 1_000_005)
+    assert (tiles.group_of(chosen) == 23).all() and len(np.unique(chosen)) == 5
+    assert tiles.areas(np.array([0, 2_999_999_999])).tolist() == [0.5, 2.0]

@@ -1,0 +1,81 @@
+"""Painting a density: what is made for it, and that it is not lost."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.painting import unsaved_images  # noqa: E402
+
+
+@pytest.fixture
+def scatter():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    mesh = bpy.data.meshes.new("Ground")
+    mesh.from_pydata([(0, 0, 0), (8, 0, 1), (8, 4, 1), (0, 4, 0)], [], [(0, 1, 2, 3)])
+    ground = bpy.data.objects.new("Ground", mesh)
+    bpy.context.scene.collection.objects.link(ground)
+    ground.location = (5.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    made = bpy.context.scene.esh_scatter.add_scatter(ground)
+    made.add_class().name = "Pine"
+    yield made
+    registration.unregister()
+
+
+def test_a_vertex_group_is_made_and_weights_are_painted(scatter):
+    assert bpy.ops.esh.layer_paint(kind="VERTEX_GROUP") == {"FINISHED"}
+    layer = scatter.active_class.active_layer
+    assert (layer.kind, layer.vertex_group) == ("VERTEX_GROUP", "Pine")
+    assert scatter.target.mode == "WEIGHT_PAINT" and scatter.target.vertex_groups.active.name == "Pine"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"}
+    assert len(scatter.active_class.layers) == len(scatter.target.vertex_groups) == 1
+
+
+def test_an_image_is_made_black_and_lies_as_seen_from_above(scatter):
+    assert bpy.ops.esh.layer_paint(kind="IMAGE", resolution=64) == {"FINISHED"}
+    layer, mesh = scatter.active_class.active_layer, scatter.target.data
+    assert scatter.target.mode == "TEXTURE_PAINT"
+    assert bpy.context.scene.tool_settings.image_paint.canvas == layer.image
+    assert tuple(layer.image.size) == (64, 64) and not any(layer.image.pixels[:3])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    uv = np.empty(2 * len(mesh.loops), np.float32)
+    mesh.uv_layers[layer.uv_map].uv.foreach_get("vector", uv)
+    np.testing.assert_allclose(uv.reshape(-1, 2), [(0, 0), (1, 0), (1, 1), (0, 1)], atol=1e-6)
+    # An image that lay over the target is laid just so by the map.
+    other = scatter.active_class.add_layer("IMAGE", image=layer.image)
+    assert other.image_mapping == "POSITION" and bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert (other.image_mapping, other.uv_map) == ("UV", layer.uv_map) and len(mesh.uv_layers) == 1
+
+
+def test_painted_images_are_packed_when_the_file_is_saved(scatter, tmp_path):
+    image = bpy.data.images.new("mask", 8, 8, is_data=True)
+    layer = scatter.active_class.add_layer("IMAGE", image=image)
+    unrelated = bpy.data.images.new("unrelated", 8, 8)
+    for painted in (image, unrelated):
+        painted.pixels[0] = 0.5
+        painted.update()
+    assert unsaved_images(scatter) == [image]
+    layer.kind = "NOISE"
+    assert unsaved_images(scatter) == []
+    layer.kind = "IMAGE"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "painted.blend"))
+    assert unsaved_images(scatter) == [] and not unrelated.packed_file
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "painted.blend"))
+    image = bpy.context.scene.esh_scatter.active.active_class.layers[0].image
+    assert image.pixels[0] == pytest.approx(0.5, abs=0.01)
+
+
+def test_why_nothing_can_be_painted_is_said(scatter):
+    scatter.active_class.add_layer("NOISE")
+    with pytest.raises(RuntimeError, match="Select a layer that follows an image or a vertex group"):
+        bpy.ops.esh.layer_paint(kind="SELECTED")
+    scatter.target.hide_viewport = True
+    with pytest.raises(RuntimeError, match='"Ground" must be visible'):
+        bpy.ops.esh.layer_paint(kind="IMAGE")
+    scatter.target = None
+    assert not bpy.ops.esh.layer_paint.poll()
