@@ -143,3 +143,75 @@ def test_what_is_no_obstacle_is_refused(ground, tree, obstacles, said):
     with pytest.raises(EshError, match="`margin` of an obstacle"):
         ScatterObstacle(tree, margin=-1.0)
     assert esh.ScatterObstacle is ScatterObstacle
+
+
+def test_the_whole_surface_of_a_target_is_kept_free_as_well(tree):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=5.0, segments=64, ring_count=32)
+    ball = bpy.context.object
+    classes = [ScatterClass("tree", [ScatterSize("s", 200, tree)])]
+    result = scatter(ball, classes, **OPTIONS, surface="whole", obstacles=[house((0, 0, 20), 4.0)])
+    away = from_box(result.instances.position[:, :2], (0, 0), 2.0)
+    assert (away == 0.0).mean() < 0.02
+
+
+@pytest.fixture
+def sidebar():
+    from esh.esh_scatter import registration
+
+    registration.register()
+    yield bpy.context.scene.esh_scatter
+    registration.unregister()
+
+
+def in_sidebar(sidebar, ground, tree, count=80):
+    made = sidebar.add_scatter(ground)
+    size = made.add_class().sizes[0]
+    size.source_object, size.count = tree, count
+    made.device, made.max_steps = "CPU", 20
+    return made
+
+
+def test_obstacles_of_the_sidebar(sidebar, ground, tree):
+    made = in_sidebar(sidebar, ground, tree)
+    box, curve = house(), path()
+    for item in bpy.context.scene.objects:
+        item.select_set(item in (box, curve, ground, tree))
+    assert bpy.ops.esh.obstacle_add() == {"FINISHED"}
+    assert [entry.item for entry in made.obstacles] == [box, curve], "neither the target nor what is placed"
+    made.obstacles[1].width, made.obstacles[0].margin = 2.0, 0.5
+    assert [(one.width, one.margin) for one in made.arguments(bpy.context.scene)[1]["obstacles"]] == [(0, 0.5), (2, 0)]
+    bpy.ops.esh.scatter()
+    position = np.array([v.co[:2] for v in made.result.data.vertices])
+    assert from_box(position, (5, 5), 2.0).min() > 0.75 and np.abs(position[:, 1] - 8.0).min() > 1.2
+    assert not made.outdated
+    box.location.x += 1.0
+    bpy.context.view_layer.update()
+    assert made.changes() == ["obstacles"]
+    box.location.x -= 1.0
+    bpy.context.view_layer.update()
+    assert not made.outdated
+    made.obstacles[1].use = False
+    assert made.changes() == ["obstacles"]
+    bpy.ops.esh.obstacle_remove()
+    assert len(made.obstacles) == 1
+    bpy.ops.esh.obstacle_remove()
+    assert not bpy.ops.esh.obstacle_remove.poll() and not made.obstacles
+
+
+def test_a_later_scatter_makes_room_for_the_one_before(sidebar, ground, tree):
+    first = in_sidebar(sidebar, ground, tree)
+    second = in_sidebar(sidebar, ground, tree)
+    bpy.ops.esh.scatter_choose(index=0)
+    bpy.ops.esh.scatter()
+    bpy.ops.esh.scatter_choose(index=1)
+    bpy.ops.esh.scatter()
+    one, two = (np.array([v.co[:2] for v in made.result.data.vertices]) for made in (first, second))
+    away = np.linalg.norm(one[:, None] - two, axis=2).min()
+    assert away > 0.6 - 3 * CELL, "equal seeds and settings, and none of them coincide"
+    assert not first.outdated and not second.outdated
+    first.result.data.vertices[0].co.x += 0.5
+    assert second.changes() == ["other scatters"] and not first.outdated
+    second.keep_off_others = False
+    bpy.ops.esh.scatter()
+    two = np.array([v.co[:2] for v in second.result.data.vertices])
+    assert np.linalg.norm(one[:, None] - two, axis=2).min() < 0.5 and not second.outdated
