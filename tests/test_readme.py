@@ -147,6 +147,15 @@ def test_the_reference_of_recipes_has_every_key():
     assert documented == known
 
 
+def test_the_page_of_the_command_line_has_the_columns_as_they_are_written():
+    from esh.engine.files.placement_columns import COLUMNS
+
+    table = TEXT["docs/command-line.md"].partition("| `.csv` column |")[2].partition("\n\n")[0]
+    assert table.splitlines()[2:] == [
+        f"| `{column.name}` | {column.unit or '–'} | {column.help} | {column.when.words} |" for column in COLUMNS
+    ]
+
+
 def test_the_page_of_the_command_line_has_every_option():
     outcome = subprocess.run(
         [sys.executable, "-m", "esh.engine.cli.command_line", "solve", "--help"], capture_output=True, text=True

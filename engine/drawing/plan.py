@@ -218,7 +218,7 @@ def _legend_lines(
             text = f"{_short(size.name)}  {count:,}"
             if size.is_range:
                 text += ", areas {:.3g} to {:.3g}".format(*size.area_span)
-            if size.line is None:
+            if not size.kind.has_axis:
                 radius, half = min(max(disc_radius(size.mean_area) * scale, 5.0), 15.0), 0.0
             else:
                 radius, half = SWATCH_LINE

@@ -15,7 +15,16 @@ from ..errors import EshError, InputFileError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 
-__all__ = ["AssetFiles", "Bodies", "Prototype", "bodies_from_columns", "bodies_of", "check_assets", "read_names"]
+__all__ = [
+    "READ_COLUMNS",
+    "AssetFiles",
+    "Bodies",
+    "Prototype",
+    "bodies_from_columns",
+    "bodies_of",
+    "check_assets",
+    "read_names",
+]
 
 AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
 
@@ -125,6 +134,14 @@ class Bodies:
         return json.dumps({"class": self.class_name, "size": self.size_name, "prototype": prototypes})
 
 
+# What is read of a table from elsewhere, beside names.
+READ_COLUMNS = (
+    *("id", "x", "y", "z", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"),
+    *(f"rotation_{axis}" for axis in "wxyz"),
+    *(f"scale_{axis}" for axis in "xyz"),
+)
+
+
 def read_names(text: str) -> dict[str, Any]:
     """Return what :meth:`Bodies.names` wrote; empty where it is something else."""
     try:
@@ -186,7 +203,7 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
         for s, size in enumerate(body_class.sizes):
             own = np.flatnonzero((placement.class_index == c) & (placement.size_index == s))
             index[own] = len(prototypes)
-            if size.line is None:
+            if not size.kind.has_axis:
                 radius = math.sqrt(size.mean_area / math.pi)
                 length = 0.0
                 scale[own] = np.sqrt(placement.area[own] / size.mean_area)[:, None]

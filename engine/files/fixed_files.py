@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,12 +12,13 @@ from ..errors import InputFileError, ProblemError
 from ..problem.fixed_bodies import FixedBodies
 from ..problem.validation import show
 from .body_formats import FORMATS
-from .placement_files import name_in_cell, one_of
+from .csv_files import read_csv
+from .placement_files import one_of
 
 __all__ = ["read_fixed_bodies"]
 
 ACCEPTED = "fixed bodies are a .npz or .csv file, or one of the other formats that placements are written in"
-# Columns that hold numbers; a cell that is empty says nothing.
+# Columns of tables that are looked at, beside names.
 NUMBERS = ("x", "y", "angle", "length", "area", "id", "class_index", "size_index", "variant", "scale")
 
 
@@ -61,7 +61,7 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         raise InputFileError(f"{path}: {error}") from None
     except InputFileError:
         raise
-    except (OSError, ValueError, EOFError, csv.Error, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise InputFileError(f"{path} cannot be read ({' '.join(str(error).split())}); {ACCEPTED}") from None
 
 
@@ -86,41 +86,12 @@ def _read_bodies(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_csv(path: Path) -> dict[str, np.ndarray]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        rows = csv.reader(file)
-        names = [name.strip() for name in next(rows, [])]
-        lines = [row for row in rows if row]
-    for needed in ("x", "y"):
-        if needed not in names:
-            raise InputFileError(f"{path} must have a column `{needed}`; its columns are {show(', '.join(names))}")
-    for number, line in enumerate(lines, start=2):
-        if len(line) != len(names):
-            raise InputFileError(f"{path} must have {len(names)} cells in every line; line {number} has {len(line)}")
-    cells = dict(zip(names, zip(*lines, strict=True) if lines else [()] * len(names), strict=True))
-    columns: dict[str, np.ndarray] = {
-        name: np.array(list(map(name_in_cell, cells[name]))) for name in ("class_name", "size_name") if name in cells
-    }
-    for name in NUMBERS:
-        if name in cells:
-            columns[name] = _numbers(path, name, cells[name])
+    columns = read_csv(path, NUMBERS)
     columns["position"] = np.stack([columns["x"], columns["y"]], axis=1)
     for name in ("class_index", "size_index"):
         if name in columns:
             columns[name] = columns[name].astype(np.int64)
     return columns
-
-
-def _numbers(path: Path, name: str, cells: Sequence[str]) -> np.ndarray:
-    nothing = {"id": -1.0, "angle": 0.0, "class_index": 0.0, "size_index": 0.0}.get(name, np.nan)
-    result = np.empty(len(cells))
-    for place, cell in enumerate(cells):
-        try:
-            result[place] = float(cell) if cell.strip() else nothing
-        except ValueError:
-            raise InputFileError(
-                f"{path} must hold numbers in its column `{name}`; line {place + 2} has {show(cell)}"
-            ) from None
-    return result
 
 
 def _read_npz(path: Path) -> dict[str, np.ndarray]:

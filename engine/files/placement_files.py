@@ -6,8 +6,6 @@ Writers import what takes time to load when they are called: the command line lo
 from __future__ import annotations
 
 import contextlib
-import csv
-import io
 import os
 import secrets
 import shutil
@@ -18,6 +16,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
 from .body_formats import FORMATS, BodyFormat
+from .placement_columns import is_marked, size_names
 
 if TYPE_CHECKING:
     from ..problem.placement import Placement
@@ -29,7 +28,6 @@ __all__ = [
     "PlacementWriter",
     "check_ending",
     "check_writable",
-    "name_in_cell",
     "one_of",
     "placement_writer",
     "write_bodies",
@@ -37,8 +35,6 @@ __all__ = [
     "write_placement",
 ]
 
-# What formulas begin with in spreadsheets, those of East Asian keyboards among them.
-FORMULAS = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 Writer = Callable[[BinaryIO], None]
 
 
@@ -298,86 +294,19 @@ def _write_npz(file: BinaryIO, placement: Placement, assets: Assets) -> None:
         class_name=np.array(placement.class_name, dtype=np.str_),
         **{name: getattr(placement, name) for name in ON_SURFACE if placement.normal is not None},
         # Where nothing is fixed and nothing was edited they say nothing that the order does not.
-        **({"id": placement.id, "fixed": placement.fixed} if _is_marked(placement) else {}),
-        **({"size_name": np.array(_size_names(placement), dtype=np.str_)} if _is_marked(placement) else {}),
+        **({"id": placement.id, "fixed": placement.fixed} if is_marked(placement) else {}),
+        **({"size_name": np.array(size_names(placement), dtype=np.str_)} if is_marked(placement) else {}),
     )
 
 
 def _write_csv(file: BinaryIO, placement: Placement, assets: Assets) -> None:
-    import numpy as np
+    from .csv_files import write_csv
 
-    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-    rows = csv.writer(text, lineterminator="\n")
-    marked = _is_marked(placement)
-    on_surface = placement.normal is not None
-    rows.writerow(
-        (
-            *("x", "y", *(["z"] if on_surface else []), "class_index", "size_index", "angle", "length", "class_name"),
-            *("size_name", "width", "area", "variant", "scale"),
-            *(("id", "fixed") if marked else ()),
-            *(SURFACE_COLUMNS if on_surface else ()),
-        )
-    )
-    class_name = [_as_text(body_class.name) for body_class in placement.problem.classes]
-    size_name = [[_as_text(size.name) for size in body_class.sizes] for body_class in placement.problem.classes]
-    marks = [placement.id.tolist(), placement.fixed.astype(int).tolist()] if marked else []
-    for name in ON_SURFACE if on_surface else ():
-        values = getattr(placement, name)
-        marks += [values.tolist()] if values.ndim == 1 else values.T.tolist()
-    columns = (
-        *np.asarray(placement.position, dtype=np.float64).T.tolist(),
-        placement.class_index.tolist(),
-        placement.size_index.tolist(),
-        placement.angle.tolist(),
-        placement.length.tolist(),
-    )
-    at = 3 if on_surface else 2
-    shape = zip(
-        *(values.tolist() for values in (placement.width, placement.area, placement.variant, placement.scale)),
-        *marks,
-        strict=True,
-    )
-    # Python writes the shortest digits that read back as the same number.
-    rows.writerows(
-        (*row, class_name[row[at]], size_name[row[at]][row[at + 1]], *rest)
-        for row, rest in zip(zip(*columns, strict=True), shape, strict=True)
-    )
-    text.detach()
+    write_csv(file, placement)
 
 
-# What placements on surfaces have beside, in the order in which a table has it; and its columns.
+# What placements on surfaces have beside.
 ON_SURFACE = ("normal", "tangent", "mesh", "triangle", "barycentric")
-SURFACE_COLUMNS = (
-    *(f"normal_{axis}" for axis in "xyz"),
-    *(f"tangent_{axis}" for axis in "xyz"),
-    "mesh",
-    "triangle",
-    *(f"weight_{corner}" for corner in range(3)),
-)
-
-
-def _as_text(name: str) -> str:
-    """A name as a cell that no spreadsheet takes for a formula: those that begin like one get a quote in front."""
-    # One that begins so after quotes of its own gets another, so that reading takes away no quote of its own.
-    return f"'{name}" if name.lstrip("'").lstrip().startswith(FORMULAS) else name
-
-
-def name_in_cell(cell: str) -> str:
-    """The name that a cell of a table stands for, see :func:`_as_text`."""
-    return cell[1:] if cell[:1] == "'" and cell.lstrip("'").lstrip().startswith(FORMULAS) else cell
-
-
-def _is_marked(placement: Placement) -> bool:
-    """Whether bodies have identities of their own, or are fixed."""
-    import numpy as np
-
-    return bool(placement.fixed.any() or (placement.id != np.arange(len(placement.id))).any())
-
-
-def _size_names(placement: Placement) -> list[str]:
-    names = [[size.name for size in body_class.sizes] for body_class in placement.problem.classes]
-    pairs = zip(placement.class_index.tolist(), placement.size_index.tolist(), strict=True)
-    return [names[c][s] for c, s in pairs]
 
 
 def _exchange_writer(body_format: BodyFormat) -> PlacementWriter:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputFileError
-from .bodies import Bodies, bodies_from_columns
+from .bodies import READ_COLUMNS, Bodies, bodies_from_columns
 from .body_formats import FORMATS
-from .placement_files import check_ending, name_in_cell
+from .csv_files import read_csv
+from .placement_files import check_ending
 
 __all__ = ["READABLE", "load_placement"]
 
@@ -68,25 +68,16 @@ def _read_npz(path: Path) -> Bodies:
 
 
 def _read_csv(path: Path) -> Bodies:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(file)
-            head = [key.strip() for key in next(rows, [])]
-            table = list(zip(*(row for row in rows if row), strict=True))
-    except (OSError, ValueError, csv.Error) as error:
-        raise InputFileError(f"{path} cannot be read as a table: {' '.join(str(error).split())[:200]}") from None
-    if table and len(table) != len(head):
-        raise InputFileError(f"{path} must have as many columns in every line as in the first, {len(head)}")
-    texts = dict(zip(head, table or [()] * len(head), strict=True))
-    names = {key: list(map(name_in_cell, texts.pop(key, ()))) for key in ("class_name", "size_name")}
-    columns = {key: list(values) for key, values in texts.items()}
+    columns = read_csv(path, READ_COLUMNS)
+    names = columns.pop("class_name", None)
+    size_names = columns.pop("size_name", None)
     labels: list[str] = []
     sizes: list[list[str]] = []
-    if "class_index" in columns and names["class_name"]:
-        pairs = sorted({(_whole(c), str(k)) for c, k in zip(columns["class_index"], names["class_name"], strict=True)})
+    if "class_index" in columns and names is not None:
+        pairs = sorted({(_whole(c), str(k)) for c, k in zip(columns["class_index"], names, strict=True)})
         labels = [name for _, name in pairs] if [c for c, _ in pairs] == list(range(len(pairs))) else []
-    if labels and "size_index" in columns and names["size_name"]:
-        sizes = _size_names(columns["class_index"], columns["size_index"], names["size_name"], len(labels))
+    if labels and "size_index" in columns and size_names is not None:
+        sizes = _size_names(columns["class_index"], columns["size_index"], size_names, len(labels))
     return bodies_from_columns(columns, {"class": labels, "size": sizes}, str(path))
 
 

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputFileError
-from .bodies import Bodies, bodies_from_columns, read_names
+from .bodies import READ_COLUMNS, Bodies, bodies_from_columns, read_names
 from .extras import import_extra
 
 __all__ = ["read_geojson", "read_parquet", "read_ply", "write_geojson", "write_parquet", "write_ply"]
@@ -141,9 +141,7 @@ def read_geojson(path: Path) -> Bodies:
         raise InputFileError(f"{path} cannot be read as a GeoJSON file of points: {_brief(error)}") from None
     columns: dict[str, Any] = dict(zip("xyz", np.reshape(np.array(place, np.float64), (-1, 3)).T, strict=True))
     properties = [f.get("properties") or {} for f in features]
-    keys = ["id", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"]
-    keys += [f"rotation_{axis}" for axis in "wxyz"] + [f"scale_{axis}" for axis in "xyz"]
-    for key in keys:
+    for key in (key for key in READ_COLUMNS if key not in columns):
         # A property of the same name that somebody else gave another meaning is none of ours.
         values = [p.get(key) for p in properties]
         if properties and all(isinstance(v, (int, float)) or (key == "area" and v is None) for v in values):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .problem import Problem
-from .size import Size
 
 __all__ = ["BodyCharges", "charges_of"]
 
@@ -34,7 +33,7 @@ class BodyCharges:
 
 def charges_of(problem: Problem) -> BodyCharges:
     """Return the charges of all bodies of ``problem``."""
-    if all(size.line is None for body_class in problem.classes for size in body_class.sizes):
+    if all(size.kind.charges == 1 for body_class in problem.classes for size in body_class.sizes):
         charge = problem.body_areas()
         n = len(charge)
         number = np.arange(n + 1, dtype=np.int32)
@@ -43,7 +42,7 @@ def charges_of(problem: Problem) -> BodyCharges:
     for body_class in problem.classes:
         for size in body_class.sizes:
             n = size.count or 0
-            axial, share = _along(size)
+            axial, share = size.kind.charge_places(), size.kind.charge_shares()
             counts.append(np.full(n, len(axial)))
             axials.append(np.tile(axial, n))
             shares.append(np.tile(share, n))
@@ -56,9 +55,3 @@ def charges_of(problem: Problem) -> BodyCharges:
         np.concatenate(axials),
         charge * (len(charge) / charge.sum()),
     )
-
-
-def _along(size: Size) -> tuple[np.ndarray, np.ndarray]:
-    if size.line is None:
-        return np.zeros(1), np.ones(1)
-    return np.linspace(-1.0, 1.0, size.line.charges), size.line.charge_shares()

@@ -123,7 +123,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         body_class = problem.classes[c]
         room[own], gap[own] = size.room * body_class.room, size.gap + body_class.gap
         if given is None:
-            if size.line is not None:
+            if size.kind.has_axis:
                 first[own] = CAPSULE
             else:
                 factor[own] = np.sqrt(area[own] / math.pi)
@@ -135,7 +135,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
             [drawn.variant, np.minimum(problem.fixed.variant[fixed], len(given.outlines) - 1)]
         )
         turn[own] = np.concatenate(
-            [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.line else problem.fixed.angle[fixed]]
+            [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.kind.has_axis else problem.fixed.angle[fixed]]
         )
         outline_area = np.array([outline.area for outline in given.outlines])[variant[own]][count - int(fixed.sum()) :]
         # One whose scale is not said has its area, where that is the outline's.
@@ -146,7 +146,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         factor[own] = np.concatenate([drawn.scale, np.where(np.isnan(scale), by_area, scale)])
         first[own] = len(shapes)
         shapes.extend(given.outlines)
-        free[own] = size.line is None and isinstance(given.turn, str) and given.turn == "free"
+        free[own] = not size.kind.has_axis and isinstance(given.turn, str) and given.turn == "free"
         is_outline[own] = True
         if given.slope is not None:
             known = [k for k, image in enumerate(slopes) if image is given.slope]

@@ -85,11 +85,8 @@ def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
         for size in body_class.sizes:
             own = slice(begin, begin + (size.count or 0))
             begin = own.stop
-            if size.line is not None:
-                mean = float(np.mean(size.line.length))
-                length[own] = mean
-                # Where a line has no width of its own, its area is what is asked for.
-                width[own] = size.line.width or 2.0 / math.pi * (math.sqrt(mean**2 + math.pi * size.mean_area) - mean)
+            length[own] = size.kind.mean_length
+            width[own] = size.kind.thickness(np.array([size.mean_area]), size.kind.mean_length)
     return footprints.areas(length, width, apart=True)
 
 

@@ -141,10 +141,7 @@ def _check_extents(problem: Problem) -> None:
         side, most, which = min(problem.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
     for c in problem.classes:
         for size in c.sizes:
-            disc = 2.0 * math.sqrt(size.area_span[1] / math.pi)
-            key, extent = "area", disc
-            if size.line is not None:
-                key, extent = "line", size.line.longest + (size.line.width or disc)
+            key, extent = "line" if size.kind.has_axis else "area", size.kind.extent(size.area_span[1])
             if size.footprint is not None:
                 key, extent = "footprint", max(extent, size.longest_reach * 2.0)
             extent = extent * size.room * c.room + size.gap + c.gap

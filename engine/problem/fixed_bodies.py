@@ -207,8 +207,8 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain)
         sizes = classes[c].sizes
         size_index[own] = _indices(labels[own], [s.name for s in sizes], f'`fixed.size` of class "{names[c]}"')
         area[own] = np.where(np.isnan(area[own]), np.array([s.mean_area for s in sizes])[size_index[own]], area[own])
-        is_line = np.array([s.line is not None for s in sizes])[size_index[own]]
-        length[own] = np.where(is_line & (length[own] > 0.0), length[own], np.nan)
+        has_axis = np.array([s.kind.has_axis for s in sizes])[size_index[own]]
+        length[own] = np.where(has_axis & (length[own] > 0.0), length[own], np.nan)
     if (length > max(domain.size)).any():
         raise ProblemError(
             f"`fixed.length` must not be longer than the domain, {max(domain.size):g} m; got {show(float(np.nanmax(length)))}"

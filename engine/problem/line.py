@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -109,3 +110,44 @@ class Line(Settings):
         if self.charges % 2 == 1:
             weight[self.charges // 2] = self.middle_charge
         return weight / weight.sum()
+
+    @property
+    def has_axis(self) -> bool:
+        """See :class:`~.body_kind.BodyKind`."""
+        return True
+
+    @property
+    def mean_length(self) -> float:
+        """The mean preferred length [m]."""
+        return float(np.mean(self.length))
+
+    def charge_places(self) -> np.ndarray:
+        """Coordinate of every charge along the axis, -1 at one end to 1 at the other, shape ``[charges]``."""
+        return np.linspace(-1.0, 1.0, self.charges)
+
+    def thickness(self, area: np.ndarray, mean_length: float) -> np.ndarray:
+        """Thickness [m] of capsules around axes of a mean length, shape ``[n]``.
+
+        Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
+        image.
+        """
+        if self.width is not None:
+            return np.full(len(area), self.width)
+        # length * width + pi width² / 4 = area
+        return 2.0 / math.pi * (np.sqrt(mean_length**2 + math.pi * area) - mean_length)
+
+    def reach_across(self, area: np.ndarray) -> np.ndarray:
+        """Half the thickness of capsules whose axes are as long as is asked in the mean [m], shape ``[n]``."""
+        return 0.5 * self.thickness(area, self.mean_length)
+
+    def ground(self, area: float) -> float:
+        """Ground that a body covers [m²]: the capsule, where its width is given, or else its area."""
+        return area if self.width is None else self.width * (self.mean_length + 0.25 * math.pi * self.width)
+
+    def narrowest(self, area: float) -> float:
+        """The width, where it is given, or else 0."""
+        return self.width or 0.0
+
+    def extent(self, area: float) -> float:
+        """From one end of the capsule to the other [m], at most."""
+        return self.longest + (self.width or 2.0 * math.sqrt(area / math.pi))

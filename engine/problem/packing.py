@@ -54,9 +54,9 @@ def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -
     for size in sizes:
         given = size.footprint
         # Lines lie side by side.
-        share = DISCS if size.line is None else FREE
+        share = FREE if size.kind.has_axis else DISCS
         if isinstance(given, Footprints):
-            free = size.line is not None or (isinstance(given.turn, str) and given.turn == "free")
+            free = size.kind.has_axis or (isinstance(given.turn, str) and given.turn == "free")
             share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
         # The room that outlines keep for themselves is ground that they do not cover.
         radius = math.sqrt(size.mean_area / math.pi)

@@ -173,7 +173,7 @@ class Problem(SamplingSettings):
     def charge_count(self) -> int:
         """Number of charges on all bodies: one on a dot, several on a line."""
         sizes = [size for body_class in self.classes for size in body_class.sizes]
-        return sum((size.count or 0) * (size.line.charges if size.line else 1) for size in sizes)
+        return sum((size.count or 0) * size.kind.charges for size in sizes)
 
     def body_indices(self) -> tuple[np.ndarray, np.ndarray]:
         """Class and size index of every body, shapes ``[body_count]``, int32, in class, then size order."""

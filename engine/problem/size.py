@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .body_kind import DOT, BodyKind
 from .footprint import DrawnFootprints, Footprint, Footprints, checked_footprints
 from .line import Line
 from .settings import Choice, Settings, as_given, described, setting, settle
@@ -92,7 +93,7 @@ class Size(Settings):
         super().__post_init__()
         if self.footprint is not None:
             where = f'of size "{self.name}"'
-            settle(self, footprint=checked_footprints(self.footprint, where, self.count, self.line is not None))
+            settle(self, footprint=checked_footprints(self.footprint, where, self.count, self.kind.has_axis))
         elif self.area is None:
             validation.check_area_or_range(self.area, self._key("area"))
         if self.count is not None and self.share is not None:
@@ -115,6 +116,11 @@ class Size(Settings):
             )
 
     @property
+    def kind(self) -> BodyKind:
+        """What kind of bodies they are."""
+        return self.line or DOT
+
+    @property
     def is_range(self) -> bool:
         """Whether areas differ so much that the large ones are to be even among themselves."""
         if self.area is None:
@@ -135,9 +141,7 @@ class Size(Settings):
         if self.footprint is not None:
             given = self._footprints
             return max(outline.width for outline in given.outlines) * self._largest_scale
-        if self.line is not None:
-            return self.line.width or 0.0
-        return 2.0 * math.sqrt(self.area_span[1] / math.pi)
+        return self.kind.narrowest(self.area_span[1])
 
     @property
     def room(self) -> float:
@@ -185,9 +189,7 @@ class Size(Settings):
         """Mean ground that a body covers [m²]: its outline, the capsule of a line with a width of its own, or else its area."""
         if self.footprint is not None and not isinstance(self.area, tuple):
             return self._footprints.mean_area
-        if self.line is None or self.line.width is None:
-            return self.mean_area
-        return self.line.width * (float(np.mean(self.line.length)) + 0.25 * math.pi * self.line.width)
+        return self.kind.ground(self.mean_area)
 
     def areas(self, seed: Sequence[int]) -> np.ndarray:
         """Footprint of every body [m²], shape ``[count]``, float64; ``seed`` draws those of a uniform range."""
@@ -207,7 +209,7 @@ class Size(Settings):
     def footprints(self, seed: Sequence[int]) -> DrawnFootprints:
         """Which outline every body has, how large and how turned; ``seed`` draws what is not given."""
         areas = self.areas([seed[0], 2, *seed[2:]]) if isinstance(self.area, tuple) else None
-        return self._footprints.draw(self.count or 0, seed, areas, self.line is not None)
+        return self._footprints.draw(self.count or 0, seed, areas, self.kind.has_axis)
 
 
 def with_count(size: Size, count: int) -> Size:

@@ -110,7 +110,7 @@ class Model:
         is_line = [size.line is not None for _, size in sizes]
         self.kinds = tuple(LineKind(c, size.line) for c, size in sizes if size.line is not None)
         kind = np.where(is_line, np.cumsum(is_line) - 1, -1)
-        longest = np.array([0.0 if size.line is None else size.line.longest for _, size in sizes])
+        longest = np.array([size.kind.longest for _, size in sizes])
         self.groups: Groups = groups or group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
@@ -187,10 +187,7 @@ class Model:
         return np.bincount(self.body.group[self.charge.body], weights=self.charge.charge, minlength=self.groups.count)
 
     def widths(self, length: np.ndarray) -> np.ndarray:
-        """Thickness of every body [m], shape ``[n]``, 0 for dots.
-
-        Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
-        image.
+        """Thickness of every body [m], shape ``[n]``, 0 for dots; see :meth:`.line.Line.thickness`.
 
         Args:
             length: Length of every body's axis [m], shape ``[n]``.
@@ -198,13 +195,7 @@ class Model:
         width = np.zeros(self.body_count)
         for number, kind in enumerate(self.kinds):
             own = np.flatnonzero(self.body.kind == number)
-            mean = float(length[own].mean())
-            # length * width + pi width² / 4 = area
-            width[own] = (
-                2.0 / math.pi * (np.sqrt(mean**2 + math.pi * self.body.area[own]) - mean)
-                if kind.line.width is None
-                else kind.line.width
-            )
+            width[own] = kind.line.thickness(self.body.area[own], float(length[own].mean()))
         return width
 
 

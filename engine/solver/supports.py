@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
-from ..problem.line import Line
 from ..problem.obstacles import clearance
 from ..problem.problem import Problem
 
@@ -93,22 +91,13 @@ def _radii(
     """
     if not problem.avoid_overlap:
         return np.zeros(len(area))
-    radius = np.sqrt(area / math.pi)
+    radius = np.zeros(len(area))
     for c, body_class in enumerate(problem.classes):
         for s, size in enumerate(body_class.sizes):
-            if size.line is not None:
-                own = (class_index == c) & (size_index == s)
-                radius[own] = 0.5 * _width(size.line, area[own])
+            own = (class_index == c) & (size_index == s)
+            radius[own] = size.kind.reach_across(area[own])
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
-    lines = np.array([size.line is not None for c in problem.classes for size in c.sizes])
+    has_axis = np.array([size.kind.has_axis for c in problem.classes for size in c.sizes])
     first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in problem.classes])])
-    dots = footprints.is_outline & ~lines[first[class_index] + size_index]
+    dots = footprints.is_outline & ~has_axis[first[class_index] + size_index]
     return np.where(dots, circle * footprints.factor, radius)
-
-
-def _width(line: Line, area: np.ndarray) -> np.ndarray:
-    """Thickness of capsules of these areas whose axes are as long as is asked in the mean."""
-    if line.width is not None:
-        return np.full(len(area), line.width)
-    mean = float(np.mean(line.length))
-    return 2.0 / math.pi * (np.sqrt(mean**2 + math.pi * area) - mean)

@@ -386,10 +386,10 @@ def test_tables_of_others_need_only_places(tmp_path):
     np.testing.assert_allclose(bodies.angle, [0.5, 0.0], atol=1e-6)
     assert bodies.class_name == ("class 1",) and bodies.size_name == (("class 1 1",),)
     (tmp_path / "a.csv").write_text("x,z\n1,2\n")
-    with pytest.raises(InputFileError, match=r"a\.csv must hold the columns x and y; it holds x, z"):
+    with pytest.raises(InputFileError, match=r"a\.csv must have a column `y`; its columns are .x, z"):
         esh.load_placement(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text("x,y\n1,two\n")
-    with pytest.raises(InputFileError, match="column y must hold numbers"):
+    with pytest.raises(InputFileError, match="must hold numbers in its column `y`; line 2 has"):
         esh.load_placement(tmp_path / "a.csv")
     (tmp_path / "a.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
@@ -496,3 +496,16 @@ def test_names_that_are_quoted_for_spreadsheets_come_back_as_they_were(tmp_path)
     fixed = esh.read_fixed_bodies(tmp_path / "a.csv")
     again = Problem(Domain((4.0, 4.0)), classes, fixed=[fixed])
     np.testing.assert_array_equal(np.sort(again.fixed.class_index), [0, 0, 1, 1, 2, 2])
+
+
+def test_a_table_of_text_keeps_large_ids_and_tells_the_line_of_a_mistake(tmp_path):
+    path = tmp_path / "a.csv"
+    large = 2**53 + 1
+    path.write_text(f"x,y,id,angle\n1,2,{large},\n\n3,4,7,0.5\n", encoding="utf-8")
+    bodies = esh.load_placement(path)
+    assert bodies.id.tolist() == [large, 7]
+    np.testing.assert_allclose(bodies.angle, [0.0, 0.5], atol=1e-7)
+    path.write_text("x,y\n1,2\n\n3,four\n", encoding="utf-8")
+    for read in (esh.load_placement, esh.read_fixed_bodies):
+        with pytest.raises(InputFileError, match='must hold numbers in its column `y`; line 4 has "four"'):
+            read(path)

@@ -1,0 +1,158 @@
+"""What the pages and the docstrings name exists: identifiers, files and folders, and the targets of references."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+from esh.engine.files.placement_columns import COLUMNS
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += sorted((ROOT / "demo_scenes").rglob("README.md"))
+CODE = ("engine", "esh_scatter", "tools", "benchmarks", "demo_scenes", "tests")
+# Of other programs, and what users choose themselves.
+FOREIGN = {"InstancedMesh"}
+
+
+def tracked(pattern: str) -> list[Path]:
+    """Files of the code's folders and of the root."""
+    found = [path for folder in CODE for path in (ROOT / folder).rglob(pattern)]
+    return sorted([*found, *ROOT.glob(pattern)])
+
+
+@cache
+def words_of_the_code() -> frozenset[str]:
+    """Every name in the sources, and every word of their texts, such as keys and options; docstrings and comments do not count."""
+    words = {column.name for column in COLUMNS}
+    for path in tracked("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        described = (ast.Module, ast.ClassDef, ast.FunctionDef)
+        docstrings = {
+            id(node.body[0].value)
+            for node in ast.walk(tree)
+            if isinstance(node, described) and ast.get_docstring(node) and isinstance(node.body[0], ast.Expr)
+        }
+        for node in ast.walk(tree):
+            for field in ("id", "attr", "arg", "name", "module"):
+                if isinstance(name := getattr(node, field, None), str):
+                    words |= set(name.split("."))
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+                words |= set(re.findall(r"[A-Za-z_]\w*", node.value))
+    for pattern in ("*.toml", "*.yaml", "*.sh", "Makefile"):
+        for path in tracked(pattern):
+            words |= set(re.findall(r"[A-Za-z_]\w*", path.read_text(encoding="utf-8")))
+    return frozenset(words)
+
+
+@cache
+def modules() -> dict[str, ast.Module]:
+    """Every module of the package by its dotted name, as it is imported."""
+    found = {}
+    for path in [ROOT / "__init__.py", *(ROOT / "engine").rglob("*.py"), *(ROOT / "esh_scatter").rglob("*.py")]:
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        parts = parts[:-1] if parts[-1] == "__init__" else parts
+        found[".".join(("esh", *parts))] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+def defined_in(body: list[ast.stmt]) -> dict[str, ast.stmt]:
+    """What the statements of a module or class define or import, by name."""
+    names: dict[str, ast.stmt] = {}
+    for node in body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names[node.name] = node
+        elif isinstance(node, (ast.Import, ast.ImportFrom)):
+            names |= {(alias.asname or alias.name): node for alias in node.names}
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names |= {target.id: node for target in targets if isinstance(target, ast.Name)}
+        elif isinstance(node, ast.If):
+            names |= defined_in(node.body)
+    return names
+
+
+@cache
+def names_of(module: str) -> dict[str, ast.stmt]:
+    """What a module defines or imports."""
+    return defined_in(modules()[module].body)
+
+
+def attributes_of(cls: ast.ClassDef) -> set[str]:
+    """Methods, fields, and what methods set on ``self``."""
+    set_there = {
+        node.attr
+        for node in ast.walk(cls)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self"
+    }
+    return set(defined_in(cls.body)) | set_there
+
+
+def exists(target: str) -> bool:
+    """Whether a dotted name is that of a module, or of something in one, or of an attribute of a class in one."""
+    parts = target.split(".")
+    for cut in range(len(parts), 0, -1):
+        module = ".".join(parts[:cut])
+        if module not in modules():
+            continue
+        rest = parts[cut:]
+        if not rest:
+            return True
+        node = names_of(module).get(rest[0])
+        if node is None:
+            return False
+        return len(rest) == 1 or not isinstance(node, ast.ClassDef) or rest[1] in attributes_of(node)
+    return False
+
+
+def candidates(target: str, module: str) -> list[str]:
+    """What a reference in a module may mean: as Sphinx looks, in the module first."""
+    if not target.startswith("."):
+        return [target, f"{module}.{target}", f"esh.{target}"]
+    package = module.rpartition(".")[0]
+    folders = [package, *(name for name in modules() if name.startswith(f"{package}."))]
+    return [f"{folder}{target}" for folder in (*folders, "esh", *modules())]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_pages_name_what_there_is(path: Path):
+    text = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for token in re.findall(r"`([^`\n]+)`", text):
+        bare = token.removesuffix("()")
+        if not re.fullmatch(r"[A-Za-z_][\w.]*", bare) or bare in FOREIGN:
+            continue
+        if re.search(r"\.(py|md|toml|json|png|npz|csv|blend|parquet|cff|whl|txt)$", bare):
+            continue
+        if "_" in bare or re.search(r"[a-z][A-Z]", bare) or bare.endswith(".py"):
+            missing = [part for part in bare.split(".") if part and part not in words_of_the_code()]
+            assert not missing, f"{path.name} names `{token}`, and nothing in the code is called {missing[0]}"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_pages_name_files_that_there_are(path: Path):
+    names = {found.name for found in tracked("*.py")}
+    folders = "|".join((*CODE, "docs"))
+    for token in re.findall(r"`([\w./*-]+)`", path.read_text(encoding="utf-8")):
+        if re.fullmatch(rf"(?:{folders})/[\w./*-]*", token):
+            assert list(ROOT.glob(token.rstrip("/"))), f"{path.name} names {token}, which is not there"
+        elif re.fullmatch(r"[\w/]+\.py", token):
+            assert Path(token).name in names or (ROOT / token).exists(), (
+                f"{path.name} names {token}, which is not there"
+            )
+
+
+@pytest.mark.parametrize("module", sorted(modules()))
+def test_references_of_docstrings_have_a_target(module: str):
+    for node in ast.walk(modules()[module]):
+        if not isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
+            continue
+        for target in re.findall(r":(?:func|class|meth|mod|data|attr):`~?!?([\w.]+)`", ast.get_docstring(node) or ""):
+            known = any(exists(name) for name in candidates(target, module))
+            # Short for an attribute of the class that is described, or of one of its bases.
+            known = known or ("." not in target.lstrip(".") and target.lstrip(".") in words_of_the_code())
+            own = target.lstrip(".").split(".")
+            known = known or (len(own) == 2 and any(exists(f"{name}.{'.'.join(own)}") for name in modules()))
+            assert known, f"{module} refers to {target}, which is not there"
