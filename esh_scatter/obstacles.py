@@ -23,7 +23,15 @@ from .node_group import INSTANCE_INDEX, ROTATION, SCALE, shown_by
 from .survey import Survey
 from .target import is_result
 
-__all__ = ["ObstacleSource", "ScatterObstacle", "StoredObstacle", "covered", "obstacle_image", "read_obstacles"]
+__all__ = [
+    "FreePlace",
+    "ObstacleSource",
+    "ScatterObstacle",
+    "StoredObstacle",
+    "covered",
+    "obstacle_image",
+    "read_obstacles",
+]
 
 # Cells along the longer side of the rectangle that obstacles are drawn into.
 CELLS = 2048
@@ -64,7 +72,22 @@ class ScatterObstacle(Settings):
         return f"`{name}` of an obstacle"
 
 
-ObstacleSource: TypeAlias = ScatterObstacle | bpy.types.Object | bpy.types.Collection
+@dataclass(frozen=True)
+class FreePlace:
+    """A disc that objects keep off, where one was removed by hand.
+
+    Attributes:
+        x: Its middle in the world [m].
+        y: Likewise.
+        radius: How far objects keep off it [m], as from a :class:`ScatterObstacle`.
+    """
+
+    x: float
+    y: float
+    radius: float
+
+
+ObstacleSource: TypeAlias = ScatterObstacle | FreePlace | bpy.types.Object | bpy.types.Collection
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +143,8 @@ def read_obstacles(obstacles: object, known: Known, without: Sequence[bpy.types.
 def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
     if isinstance(entry, bpy.types.Object | bpy.types.Collection):
         entry = ScatterObstacle(entry)
+    if isinstance(entry, FreePlace):
+        return StoredObstacle(np.full((1, 3, 2), (entry.x, entry.y), np.float64), (), entry.radius)
     if not isinstance(entry, ScatterObstacle):
         raise ProblemError(
             f"{KEY} must be a list of ScatterObstacle, objects and collections; got {show(entry)} among them"

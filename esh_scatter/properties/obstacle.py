@@ -4,14 +4,14 @@
 # mypy: disable-error-code="valid-type"
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
-from ..obstacles import ScatterObstacle
+from ..obstacles import FreePlace, ScatterObstacle
 from .described import property_of
 
-__all__ = ["CLASSES", "ESH_PG_obstacle"]
+__all__ = ["CLASSES", "ESH_PG_free_place", "ESH_PG_obstacle"]
 
 _SETTINGS = settings_of(ScatterObstacle)
 
@@ -65,4 +65,15 @@ class ESH_PG_obstacle(PropertyGroup):
         return ScatterObstacle(self.source, width=self.width, margin=self.margin)
 
 
-CLASSES = (ESH_PG_obstacle,)
+class ESH_PG_free_place(PropertyGroup):
+    """Where an object was removed by hand: the place stays free."""
+
+    place: FloatVectorProperty(size=2, options={"HIDDEN"})
+    radius: FloatProperty(options={"HIDDEN"})
+
+    def as_argument(self) -> FreePlace:
+        """Return it as :func:`~esh.scatter` takes it."""
+        return FreePlace(*self.place, self.radius)
+
+
+CLASSES = (ESH_PG_obstacle, ESH_PG_free_place)

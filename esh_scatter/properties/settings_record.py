@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from .. import checksums
+from .. import checksums, pins
 from ..target import members_of
 from .influence import WITHOUT_INFLUENCE
 
@@ -67,7 +67,9 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
         return before
     kind: Any = type(scatter)
     names = _influential(kind)
-    return {**before, "scatter": {**{name: _default(scatter, name) for name in names}, **before["scatter"]}}
+    defaults = {name: _default(scatter, name) for name in names}
+    defaults |= {"obstacles": [], "free_places": [[], []], "keep_off_others": []}
+    return {**before, "scatter": {**defaults, **before["scatter"]}}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
@@ -202,8 +204,18 @@ def _kept_off(scatter: Any) -> dict[str, Any]:
             for one in scatter.obstacles
             if one.ready
         ],
+        "free_places": [
+            [[*(round(x, 4) for x in one.place), round(one.radius, 4)] for one in scatter.free_places],
+            _pinned(scatter),
+        ],
         "keep_off_others": [checksums.of_points(result) for result in scatter.other_results()],
     }
+
+
+def _pinned(scatter: Any) -> list[int]:
+    """Return what stays of the result by hand."""
+    result = scatter.result_in(scatter.id_data)
+    return [] if result is None else pins.checksum_of(result)
 
 
 def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], key: str) -> dict[str, Any]:
