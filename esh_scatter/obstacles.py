@@ -19,7 +19,7 @@ from ..engine.surface.triangle_mesh import TriangleMesh
 from .density_source import Known
 from .flat_shapes import check_shapes, read_shapes, shape_objects
 from .footprint import read_source
-from .node_group import INSTANCE_INDEX, ROTATION, SCALE, shown_by
+from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
 from .survey import Survey
 from .target import is_result
 
@@ -178,7 +178,7 @@ def _read_result(item: bpy.types.Object) -> _Stood:
     # Where the object's x axis points, seen from above.
     turn = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = shown_by(groups[0]) if groups else []
+    shown = placed_objects(groups[0]) if groups else []
     meshes = []
     for source in shown:
         try:

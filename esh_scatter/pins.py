@@ -13,7 +13,7 @@ import numpy as np
 from ..engine.problem.fixed_bodies import FixedBodies
 from ..engine.surface.chart import Chart
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, PLACED_AT, read_attribute, write_attribute
-from .node_group import INSTANCE_INDEX, SCALE, shown_by
+from .node_group import INSTANCE_INDEX, SCALE, placed_objects
 
 __all__ = [
     "PINNED",
@@ -154,7 +154,7 @@ def read_pins(
 def _sources(result: bpy.types.Object) -> np.ndarray:
     """Return the numbers of the objects that a result shows, and one more for none."""
     groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = shown_by(groups[0]) if groups else []
+    shown = placed_objects(groups[0]) if groups else []
     found = np.full(int(read_attribute(result.data, INSTANCE_INDEX).max(initial=-1)) + 1, -1, np.int64)
     for number, item in enumerate(shown[: len(found)]):
         found[number] = -1 if item is None else item.session_uid
@@ -209,7 +209,7 @@ def discs_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     mesh, world = result.data, np.array(result.matrix_world)
     position = (read_attribute(mesh, "position")[points] @ world[:3, :3].T + world[:3, 3])[:, :2]
     groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = shown_by(groups[0]) if groups else []
+    shown = placed_objects(groups[0]) if groups else []
     half = [0.0 if item is None else 0.5 * max(item.dimensions.x, item.dimensions.y) for item in shown]
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
