@@ -36,6 +36,7 @@ BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 PLACED_AT = "placed_at"
 
 _NORMAL, _HEADING, _LONG, _FIT, _MIDDLE, _LIFT = "ground_normal", "heading", "long", "fit", "middle", "lift"
+_LAID = "laid"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
@@ -56,6 +57,8 @@ def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, 
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
         kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
+        if ground.laid.any():
+            kept[_LAID] = ("BOOLEAN", ground.laid)
     if (ground.fit != 1.0).any():
         kept[_FIT] = ("FLOAT", ground.fit)
     return kept
@@ -84,6 +87,7 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
         read_attribute(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
         middle[:, :2],
         middle[:, 2],
+        read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
     lift, position = read_attribute(mesh, _LIFT), read_attribute(mesh, "position")

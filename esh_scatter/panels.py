@@ -438,6 +438,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.separator()
     _write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
@@ -562,10 +563,11 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     session = running.session
     assert session is not None
     row = layout.row(align=True)
-    row.scale_y = 1.8
+    row.scale_y = 1.4
     row.progress(factor=session.factor, text=session.text)
-    row.operator("esh.keep", text="Keep")
-    row.operator("esh.stop", text="", icon="CANCEL")
+    buttons = layout.row(align=True)
+    buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
+    buttons.operator("esh.stop", text="Stop", icon="CANCEL")
     _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 
