@@ -46,6 +46,7 @@ from ..engine.solver.solver import Progress
 from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.instances import Instances
+from ..engine.surface.surface_points import SurfacePoints
 from ..engine.surface.triangle_mesh import TriangleMesh
 from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
@@ -70,6 +71,7 @@ from .densities import (
     read_density,
 )
 from .density_source import Known
+from .following import follow_attributes, followed
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
@@ -300,6 +302,7 @@ class _Placed(NamedTuple):
     instances: Instances
     ground: Ground
     lift: np.ndarray
+    surface: SurfacePoints
     stuck: dict[str, tuple[str, np.ndarray]]
 
 
@@ -506,6 +509,8 @@ class ScatterJob:
             sources,
             placed.instances.position,
             self._attributes(self.placement, placed),
+            [c.name for c in self.classes],
+            followed(self._targets.objects, placed.surface.view.mesh),
         )
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)
@@ -676,11 +681,13 @@ class ScatterJob:
                 self._standing_of(scatter_class), ground.part(own), self.settings.seed
             )
         position = (surface.position + lift).astype(np.float32)
-        return _Placed(Instances(position, rotation, scale, source), ground, lift, stuck_attributes(surface))
+        instances = Instances(position, rotation, scale, source)
+        return _Placed(instances, ground, lift, surface, stuck_attributes(surface))
 
     def _attributes(self, placement: Placement, placed: _Placed) -> dict[str, tuple[str, np.ndarray]]:
         instances, ground = placed.instances, placed.ground
         colors = np.array([_rgba(c.color) for c in self.classes], np.float32)
+        align = np.array([self._standing_of(c).align_to_normal for c in self.classes], np.float32)
         return {
             "id": ("INT", ground.identity),
             **({BODY_ANGLE: ("FLOAT", placement.angle)} if placement.angle.any() else {}),
@@ -692,6 +699,7 @@ class ScatterJob:
             SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
+            **follow_attributes(placed.surface, align[placement.class_index]),
             **_overlapping(placement),
             **placed.stuck,
         }

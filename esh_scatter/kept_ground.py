@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..engine.problem.scatter_settings import Standing
-from .node_group import HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
+from .node_group import ALIGN, HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
 from .standing import Ground, stand
 
 __all__ = [
@@ -88,6 +88,10 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
     rotation[own], scale[own] = new.rotation, new.scale[:, None]
     for name, values in (("position", position), (_LIFT, lift), (ROTATION, rotation), (SCALE, scale)):
         _write(mesh, name, values)
+    if ALIGN in mesh.attributes:
+        align = _read(mesh, ALIGN)
+        align[own] = standing.align_to_normal
+        _write(mesh, ALIGN, align)
     mesh.update()
 
 

@@ -106,6 +106,7 @@ class ESH_UL_layers(bpy.types.UIList):
     ) -> None:
         """Draw one layer."""
         row = layout.row(align=True)
+        row.use_property_split = False
         row.prop(item, "use", text="")
         text = row.row(align=True)
         text.active = item.use

@@ -13,6 +13,7 @@ from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSetti
 from . import checksums, forecast, live, running, words
 from .class_copy import KEPT_APART
 from .density_panel import draw_density
+from .display import get_inputs, input_property, our_modifier
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -317,6 +318,31 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
             _write_text(context, layout, note, icon="ERROR")
 
 
+class ESH_PT_display(_SubPanel, bpy.types.Panel):
+    """What of the result is shown: the inputs of its modifier."""
+
+    bl_label = "Display"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is shown in the viewport, and when that is less."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        modifier = our_modifier(result) if result is not None else None
+        if modifier is not None:
+            _draw_inputs(column, modifier, ("Display", "Viewport Share", "Scale", "Follow Target"))
+            column.separator()
+            culling = input_property(modifier, "Camera Culling")
+            _draw_inputs(column, modifier, ("Camera Culling",))
+            if culling and get_inputs(modifier)["Camera Culling"]:
+                _draw_inputs(column, modifier, ("Margin", "Distance"))
+            _draw_inputs(column, modifier, ("Limit Renders",))
+            column.separator()
+        column.prop(scatter, "points_above")
+        column.prop(scatter, "cap")
+
+
 class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
     """Seed, device and steps."""
 
@@ -331,6 +357,14 @@ class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
         _draw_settings(column, scatter, RunSettings)
+
+
+def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
+    """Draw inputs of a result's modifier, as far as it has them."""
+    for name in names:
+        found = input_property(modifier, name)
+        if found is not None:
+            column.prop(*found, text=name)
 
 
 def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
@@ -535,5 +569,6 @@ CLASSES = (
     ESH_PT_overlap,
     ESH_PT_balance,
     ESH_PT_report,
+    ESH_PT_display,
     ESH_PT_advanced,
 )

@@ -30,14 +30,13 @@ def check_feasible(problem: Problem) -> None:
     _check_inset(problem)
 
 
-def check_known_on_surfaces(classes: Sequence[PreparedClass], fixed: object, obstacles: Sequence[Obstacle]) -> None:
+def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequence[Obstacle]) -> None:
     """Raise ProblemError for what there is in rectangles only."""
-    if obstacles:
-        raise ProblemError(
-            "`obstacles` must lie in a rectangle; on a surface set densities to 0 where nothing is to be"
-        )
-    if fixed != () and fixed != []:
-        raise ProblemError("`fixed` bodies must lie in a rectangle; on a surface there are none")
+    for obstacle in obstacles:
+        if obstacle.ball is None:
+            raise ProblemError(
+                "`obstacles` on a surface must be balls; a polygon, a disc or an image must lie in a rectangle"
+            )
     for c in classes:
         for size in c.sizes:
             if size.line is not None:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from .feasibility import check_feasible, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .packing import packable_share, scale_to_fit
-from .prepared_class import PreparedClass, cut_out, prepare, prepare_density
+from .prepared_class import PreparedClass, cut_out, cut_out_on_surface, prepare, prepare_density
 from .settings import Settings, described, setting, settle
 from .size import with_count
 from .surface import Surface
@@ -61,7 +60,7 @@ class Problem(SamplingSettings):
     """Everything that :func:`~esh.engine.solve.solve` needs to know.
 
     Args:
-        domain: Where: a rectangle, or a :class:`~.surface.Surface`, on which there are no fixed bodies, obstacles or lines yet.
+        domain: Where: a rectangle, or a :class:`~.surface.Surface`.
         classes: What; at least one :class:`BodyClass`. Kept as :class:`PreparedClass`: with the density that bodies follow, and
             with a whole count for every size.
         balance: How the aims are weighed.
@@ -118,14 +117,20 @@ class Problem(SamplingSettings):
         )
         prepared = bases
         if isinstance(domain, Surface):
-            check_known_on_surfaces(bases, fixed, obstacles)
+            check_known_on_surfaces(bases, obstacles)
+            if obstacles:
+                prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
         elif obstacles:
+            if any(obstacle.ball is not None for obstacle in obstacles):
+                raise ProblemError(
+                    "`obstacles` in a rectangle must be polygons, discs or images; a ball needs a Surface"
+                )
             prepared = tuple(cut_out(c, domain, obstacles) for c in bases)
         prepared = _sharing_images(prepared)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
         settle(self, include_fixed=include_fixed, obstacles=obstacles)
         super().__post_init__()
-        settle(self, fixed=fixed_table(fixed, prepared, cast(Domain, domain)))
+        settle(self, fixed=fixed_table(fixed, prepared, domain))
         counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]
         settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))
         if self.body_count == len(self.fixed.id):

@@ -26,9 +26,13 @@ from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
+from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed
 from .surface_state import SurfaceState
 
 __all__ = ["SurfaceDescent"]
+
+# Changes where the bodies of a new descent are.
+Start = Callable[["SurfaceDescent"], None]
 
 # Where a density changes within a tile by more than this share of its largest value there, tiles are cut into so many times so many.
 DETAIL = 0.3
@@ -45,8 +49,10 @@ class SurfaceDescent:
     Args:
         model: What is to be placed; its domain is a surface.
         launcher: Where to run.
+        start: Says where bodies start, by the facets; None puts them on Hilbert curves.
 
     Attributes:
+        share: Share of every class's density on every tile, shape ``[class_count, tile_count]``.
         state: Where the bodies are; at first on Hilbert curves.
         facets: The surface, cut.
         cascade: The forces.
@@ -55,7 +61,7 @@ class SurfaceDescent:
         step: A whole step, recorded.
     """
 
-    def __init__(self, model: Model, launcher: Launcher) -> None:
+    def __init__(self, model: Model, launcher: Launcher, start: Start | None = None) -> None:
         self.model, self.launcher = model, launcher
         device = launcher.device
         surface = model.problem.domain
@@ -64,6 +70,14 @@ class SurfaceDescent:
         share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, device)
         on_device = self.facets.for_kernels(device)
+        asked = started = share
+        fixed = None
+        if model.fixed.any():
+            fixed = spots_of_fixed(launcher, model, self.facets)
+            share, started = left_by_fixed(model, self.facets, asked, fixed)
+        self.share = share
+        self._balls, self._clear = balls_of(model, self.facets), clearances(model)
+        started = clear_of_balls(model, self.facets, started, self._balls, self._clear)
         column = model.groups.class_index
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
@@ -93,7 +107,11 @@ class SurfaceDescent:
         self._totals = launcher.zeros(kinds, wp.int64)
         self._no_lines = launcher.zeros(1, float)
         self.direction = launcher.zeros(4, float)
-        self.state = self._first_state(share)
+        self.state = self._first_state(started)
+        if start is not None:
+            start(self)
+        if fixed is not None:
+            self._put(np.flatnonzero(model.fixed), fixed)
         self.contact: SurfaceContact | None = None
         if model.problem.avoid_overlap:
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground)
@@ -232,7 +250,26 @@ class SurfaceDescent:
         ground.full = wp.array((share > 0.0).astype(np.uint8).ravel(), dtype=wp.uint8, device=device)
         ground.step_limit = wp.array(limit, dtype=float, device=device)
         ground.step_length = wp.array(length.ravel(), dtype=float, device=device)
+        ground.ball_count = len(self._balls)
+        ground.balls = wp.array(self._balls.astype(np.float32), dtype=wp.vec4, device=device)
+        ground.clear = wp.array(self._clear, dtype=float, device=device)
         return ground
+
+    def take_over(self, source: np.ndarray, spots: tuple[np.ndarray, np.ndarray], before: SurfaceState) -> None:
+        """Put bodies where they were before an edit, lines as they lay; ``source`` is their number then, -1 for new ones."""
+        self._put(np.arange(len(source)), spots)
+        came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
+        if len(came):
+            axis = self.state.axis.numpy().copy()
+            axis[came] = before.axis.numpy()[source[came]]
+            self.state.axis.assign(axis)
+
+    def _put(self, rows: np.ndarray, spots: tuple[np.ndarray, np.ndarray]) -> None:
+        """Put some bodies somewhere."""
+        facet, weight = self.state.facet.numpy().copy(), self.state.weight.numpy().copy()
+        facet[rows], weight[rows] = spots
+        self.state.facet.assign(facet)
+        self.state.weight.assign(weight)
 
     def _first_state(self, share: np.ndarray) -> SurfaceState:
         model, launcher, device = self.model, self.launcher, self.launcher.device

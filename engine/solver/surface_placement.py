@@ -48,6 +48,7 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
         length[shown],
         width[shown],
         id=body.identity[shown].astype(np.int64),
+        fixed=model.fixed[shown],
         normal=normal[shown],
         tangent=tangent[shown],
         mesh=mesh[shown].astype(np.int32),

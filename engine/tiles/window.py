@@ -54,6 +54,7 @@ def launcher_on(device: str, process: int = 0) -> Launcher:
     return Launcher(resolve_device(device))
 
 
+@lru_cache(maxsize=8)
 def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
     """Density of a class in a part of the domain, less obstacles, shape ``[height, width]``, float32; 0 all over where nothing is."""
     image = _density(plan, class_index, box)
@@ -128,9 +129,6 @@ def relax(
     present = np.unique(plan.groups.group_of(bodies.identity))
     targets = _targets(plan, box, model, present, totals, scale, taper)
     descent = Descent(model, launcher, pose=pose, targets=targets)
-    # The mean length of lines is that of those that move.
-    kinds = np.bincount(model.body.kind[~pinned] + 1, minlength=len(model.kinds) + 1)[1:]
-    descent.rules.line_count.assign(np.maximum(kinds, 1).astype(np.float32) if len(kinds) else np.zeros(1, np.float32))
     try:
         for _ in range(steps):
             descent.step.play()
@@ -186,6 +184,7 @@ def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
     return margin, TAPER / MARGIN * margin
 
 
+@lru_cache(maxsize=8)
 def _density(plan: Plan, class_index: int, box: Box) -> np.ndarray:
     return sample_source(plan.sources[class_index], box.down, box.across, _pixels(plan, box))
 

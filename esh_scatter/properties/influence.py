@@ -22,4 +22,6 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "known_name",
     "source_was_in_scene",
     "layer_index",
+    "points_above",
+    "cap",
 }

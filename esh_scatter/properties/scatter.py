@@ -13,7 +13,7 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import settings_of
-from .. import checksums
+from .. import checksums, words
 from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
@@ -68,6 +68,20 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         "What is far from a change stays where it is",
         default=False,
         update=_live_switched,
+    )
+    points_above: IntProperty(
+        name="Points Above",
+        description="A result of more objects than this begins as points in the viewport. Renders have the objects",
+        default=100_000,
+        min=0,
+        soft_max=10_000_000,
+    )
+    cap: IntProperty(
+        name="Ask Above",
+        description="Before more objects than this are placed, ask, and say how long it will take",
+        default=1_000_000,
+        min=1,
+        soft_max=10_000_000,
     )
     report_json: StringProperty(options={"HIDDEN"})
     ran_with: StringProperty(options={"HIDDEN"})
@@ -210,8 +224,12 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def remember(self, result: bpy.types.Object, report: dict, ran_with: str | None = None) -> None:
         """Keep what a run made and reached; ``ran_with`` is the fingerprint that it began with, None that of now."""
+        from ..display import begin_with_points
         from ..kept_ground import CLASSES_OF_POINTS
 
+        few = self.result != result or words.placed(self.report) <= self.points_above
+        if few and words.placed(report) > self.points_above:
+            begin_with_points(result)
         self.result = result
         # Which objects overlap, the points say.
         self.report_json = json.dumps({name: value for name, value in report.items() if name != "overlapping"})

@@ -41,9 +41,10 @@ class Layout:
         self.drawn.append(text)
 
     def prop(self, data, name, *, text=None, icon="NONE", **_options):
-        assert name in data.bl_rna.properties, name
+        # Up to Blender 5.1, a modifier's inputs are custom properties.
+        assert name in data.bl_rna.properties or name[2:-2] in data.keys(), name  # noqa: SIM118
         self._check_icon(icon)
-        self.drawn.append(name)
+        self.drawn.append(text if name.startswith('["') else name)
 
     def prop_search(self, data, name, search_data, search_name, *, icon="NONE", **_options):
         assert hasattr(search_data, search_name)

@@ -8,6 +8,7 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
+from esh.engine.tiles.coarse import cell_sums
 from esh.engine.tiles.groups import group_tiles
 from scipy import spatial
 
@@ -172,3 +173,15 @@ def test_groups_of_more_bodies_than_memory():
     chosen = tiles.identities(23, 1_000_000, 1_000_005)
     assert (tiles.group_of(chosen) == 23).all() and len(np.unique(chosen)) == 5
     assert tiles.areas(np.array([0, 2_999_999_999])).tolist() == [0.5, 2.0]
+
+
+def test_sums_over_cells_hold_all_of_a_part():
+    image = np.random.default_rng(2).random((7, 11))
+    # Between 3.2 and 6.7 of 10, in 8 cells: cell edges at 3.75, 5 and 6.25.
+    first, sums = cell_sums(image, 0, (3.2, 6.7), 10.0, 8)
+    assert first == 2 and sums.shape == (4, 11)
+    assert np.allclose(sums.sum(axis=0), image.sum(axis=0))
+    # The first pixel ends at 3.7, so that the first cell has a tenth of the second.
+    assert np.allclose(sums[0], image[0] + 0.1 * image[1])
+    first, sums = cell_sums(image, 1, (0.0, 10.0), 10.0, 11)
+    assert first == 0 and np.allclose(sums, image)
