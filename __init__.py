@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .engine.problem.size import Size
     from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
     from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
+    from .engine.problem.surface_directions import SurfaceVectors
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
@@ -134,6 +135,7 @@ __all__ = [
     "SurfaceMesh",
     "SurfaceState",
     "SurfaceTriplanar",
+    "SurfaceVectors",
     "TileState",
     "Unsharp",
     "VertexGroupDensity",
@@ -226,6 +228,7 @@ _MODULES = {
     "SurfaceMesh": ".engine.problem.surface",
     "SurfaceState": ".engine.solver.surface_state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
+    "SurfaceVectors": ".engine.problem.surface_directions",
     "TileState": ".engine.tiles.tiles",
     "Unsharp": ".engine.problem.body_class",
     "VertexGroupDensity": ".esh_scatter.densities",

@@ -31,6 +31,7 @@ from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Stan
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.size import Size
 from ..engine.problem.slopes import LEVEL, normal_of_slope, slope_at
+from ..engine.problem.surface_directions import SLOPE
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,
@@ -75,7 +76,7 @@ from .following import follow_attributes, followed
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .on_whole_surface import class_on_surface, mean_footprint
+from .on_whole_surface import class_on_surface, headings, mean_footprint
 from .references import Reference
 from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
@@ -203,9 +204,9 @@ class ScatterClass(ClassSettings):
         default="density",
         metadata=setting(
             "Where long objects of this class point, seen from above",
-            more='``"density"`` (along its edges, of which the target\'s border is none), ``"none"``, an angle [rad], an array of '
-            "angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x and y; images are stretched "
-            "over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
+            more='``"density"`` (along its edges, of which the target\'s border is none), ``"none"``, ``"slope"`` (where water runs), '
+            "an angle [rad], an array of angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x "
+            "and y; images are stretched over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
             check=as_given,
         ),
     )
@@ -412,12 +413,6 @@ class ScatterJob:
                 _shape(size, source, reading.directions[number], survey)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
-            if isinstance(self.chart, WholeSurface):
-                # What is long by its outline counts as a disc of its area there.
-                shapes = [
-                    shape if size.line else replace(shape, line=None)
-                    for shape, size in zip(shapes, scatter_class.sizes, strict=True)
-                ]
             self.shapes += shapes
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
@@ -575,8 +570,9 @@ class ScatterJob:
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
-        if lines and isinstance(c.direction, str) and c.direction == "density":
-            direction = _edge_directions(chart, one.surface.image)
+        if lines and isinstance(c.direction, str) and c.direction in ("density", SLOPE):
+            edges = c.direction == "density"
+            direction = _edge_directions(chart, one.surface.image) if edges else _slope_directions(chart)
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         density = check_density(one.density, f'`density` of class "{c.name}"')
@@ -636,11 +632,12 @@ class ScatterJob:
         ground = Ground(
             placement.id.astype(np.int32),
             surface.normal,
-            placement.angle.astype(np.float32),
+            _headings(surface, placement),
             np.zeros(count, bool),
             np.ones(count, np.float32),
             np.zeros((count, 2), np.float32),
             np.zeros(count, np.float32),
+            np.full(count, isinstance(self.chart, WholeSurface)),
         )
         source = np.empty(count, np.int32)
         chart = self.chart
@@ -739,6 +736,20 @@ def scatter(
     job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
     job.solve(progress)
     return job.write()
+
+
+def _headings(surface: SurfacePoints, placement: Placement) -> np.ndarray:
+    """Return how objects are turned about their own axes [rad], shape ``[n]``, float32."""
+    if placement.tangent is None:
+        return placement.angle.astype(np.float32)
+    return headings(surface.normal.astype(np.float64), placement.tangent).astype(np.float32)
+
+
+def _slope_directions(chart: Chart) -> str | np.ndarray:
+    """Return where water runs on the surface as a :class:`Line` takes it; what is steep weighs more."""
+    normal = chart.points.normal
+    downhill = np.stack([chart.continued(normal[:, k]) for k in (0, 1)], axis=-1)
+    return downhill if downhill.any() else "none"
 
 
 def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
@@ -899,6 +910,8 @@ def _direction(scatter_class: ScatterClass) -> str | float | np.ndarray:
     """Return where long bodies point as a :class:`Line` takes it; raise ProblemError for what has no meaning."""
     key = f'`direction` of class "{scatter_class.name}"'
     direction = scatter_class.direction
+    if isinstance(direction, str) and direction == SLOPE:
+        return direction
     if isinstance(direction, bpy.types.Image):
         pixels = image_pixels(direction, key)
         if pixels.shape[2] < 2:

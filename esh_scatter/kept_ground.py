@@ -31,6 +31,7 @@ CLASSES_OF_POINTS = "esh_scatter_classes"
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 
 _NORMAL, _HEADING, _LONG, _FIT, _MIDDLE, _LIFT = "ground_normal", "heading", "long", "fit", "middle", "lift"
+_LAID = "laid"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
@@ -51,6 +52,8 @@ def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, 
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
         kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
+        if ground.laid.any():
+            kept[_LAID] = ("BOOLEAN", ground.laid)
     if (ground.fit != 1.0).any():
         kept[_FIT] = ("FLOAT", ground.fit)
     return kept
@@ -79,6 +82,7 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
         _read(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
         middle[:, :2],
         middle[:, 2],
+        _read(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
     lift, position = _read(mesh, _LIFT), _read(mesh, "position")

@@ -377,6 +377,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.separator()
     _write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
