@@ -13,8 +13,9 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES += sorted((ROOT / "demo_scenes").rglob("README.md"))
 CODE = ("engine", "esh_scatter", "tools", "benchmarks", "demo_scenes", "tests")
-# Of other programs, and what users choose themselves.
+# Of other programs; and files that users make.
 FOREIGN = {"InstancedMesh"}
+OF_USERS = {"render.py"}
 
 
 def tracked(pattern: str) -> list[Path]:
