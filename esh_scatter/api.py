@@ -454,11 +454,11 @@ class ScatterJob:
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
         obstacle = None
-        if reading.obstacles and isinstance(self.chart, WholeSurface):
+        if reading.obstacles and isinstance(self.chart, Chart):
+            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
+        elif reading.obstacles:
             free = ~covered(reading.obstacles, self.chart.points.position, survey)
             values_of_classes = [values * free for values in values_of_classes]
-        elif reading.obstacles:
-            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
         self.problem = Problem(
             domain,
             self._prepare_classes(shapes_of_classes, values_of_classes),

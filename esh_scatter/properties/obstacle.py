@@ -73,7 +73,7 @@ class ESH_PG_free_place(PropertyGroup):
 
     def as_argument(self) -> FreePlace:
         """Return it as :func:`~esh.scatter` takes it."""
-        return FreePlace(*self.place, self.radius)
+        return FreePlace(self.place[0], self.place[1], self.radius)
 
 
 CLASSES = (ESH_PG_obstacle, ESH_PG_free_place)
