@@ -104,8 +104,7 @@ class Chart:
         There are none where hardly anything would be left.
         """
         rows, columns = self.shape
-        there = np.ones((rows + 2, columns + 2), bool)
-        there[1:-1, 1:-1] = False
+        there = np.zeros((rows + 2, columns + 2), bool)
         there[1:-1, 1:-1].flat[self._filled] = True
         inner = np.all([there[i : rows + i, j : columns + j] for i in range(3) for j in range(3)], axis=0)
         edge = self._filled[~inner.ravel()[self._filled]]
