@@ -334,3 +334,18 @@ def test_room_lies_around_outlines_wherever_their_origin_is(contact, room):
     assert common.max() < 1e-3
     assert placement.report.overlaps == 0
     assert distance.min() > 0.01 if room > 1.0 else distance.min() == 0.0
+
+
+def test_what_is_too_crowded_where_it_may_be_ends_after_one_try(monkeypatch):
+    """Half of the domain is left, which the bodies cover to 95 %: they do not part, however long it is tried."""
+    from esh.engine.solver import separation
+
+    rounds = []
+    move = separation.Separation._move
+    monkeypatch.setattr(separation.Separation, "_move", lambda self: (rounds.append(1), move(self)))
+    left = np.zeros((1, 2))
+    left[0, 0] = 1.0
+    side = math.sqrt(2.0 * 60 * PLANK.area / 0.95)
+    placement = solve(problem_of(Footprints(PLANK, turn="random"), 60, side, left), device="cpu", max_steps=10)
+    assert placement.report.overlaps > 0 and not placement.report.converged
+    assert 0 < len(rounds) <= separation.ROUNDS_OF_THE_TOO_CROWDED
