@@ -29,6 +29,9 @@ __all__ = [
 
 Shape = tuple[np.ndarray, np.ndarray]
 
+# Where the paint of a hull ends above the water [m], and share of its girth that is painted.
+EDGE, PAINTED = 0.06, 0.6
+
 
 def waves(place: np.ndarray, wavelength: float, seed: int, octaves: int = 4, roughness: float = 0.5) -> np.ndarray:
     """Fractal noise, about -1 to 1, of points ``[n, 3]``; its coarsest bumps are a wavelength [m] apart."""
@@ -196,7 +199,7 @@ def hull(length: float, beam: float, draft: float, board: float) -> tuple[Shape,
         draft: Depth below the water.
         board: Height above it.
     """
-    rows, columns = 220, 161
+    rows, columns = 220, 201
     along = np.linspace(-1.0, 1.0, rows)[:, None]
     girth = np.linspace(-1.0, 1.0, columns)
     fore = np.maximum((along + 0.2) / 1.2, 0.0)
@@ -205,15 +208,18 @@ def hull(length: float, beam: float, draft: float, board: float) -> tuple[Shape,
     width = np.maximum(width, 0.012)
     keel = -draft * (1.0 - 0.75 * np.maximum(along, 0.0) ** 3 - 0.45 * np.maximum(-along, 0.0) ** 2)
     rail = board * (1.0 + 0.55 * np.maximum(along, 0.0) ** 2 + 0.12 * along**2)
-    up = np.abs(girth) ** 1.35
-    height = keel + (rail - keel) * up
-    flare = np.sin(0.5 * np.pi * np.abs(girth) ** 0.8) ** 0.9
+    # A row of points runs along the edge of the paint.
+    share = np.abs(girth)
+    below = np.minimum(share / PAINTED, 1.0)
+    height = keel + (EDGE - keel) * below + (rail - EDGE) * np.maximum(share - PAINTED, 0.0) / (1.0 - PAINTED)
+    up = (height - keel) / (rail - keel)
+    flare = np.sin(0.5 * np.pi * up ** (0.8 / 1.35)) ** 0.9
     across = np.sign(girth) * width * flare
     stem = 0.5 * length * along + 0.1 * length * np.maximum(along, 0.0) ** 4 * up
     vertex = np.stack([np.broadcast_to(stem, across.shape), across, height], axis=-1).reshape(-1, 3)
-    # Turned so that faces look outward, which is down at the keel.
-    face = grid_faces(rows, columns)[:, ::-1]
-    return (vertex, face), vertex[face][..., 2].mean(axis=1) < 0.06
+    # Faces look outward, which is down at the keel.
+    face = grid_faces(rows, columns)
+    return (vertex, face), vertex[face][..., 2].mean(axis=1) < EDGE
 
 
 def barnacle(radius: float, seed: int) -> Shape:

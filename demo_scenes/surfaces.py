@@ -305,7 +305,7 @@ def boat(device: str) -> list[Scattered]:
             continue
         depth = lift - place[:, 2]
         colony = np.clip(0.75 * shapes.waves(place, 1.1, 5) + 0.45, 0.0, 1.0)
-        _values(item, "growth", np.clip(depth / 0.12 - 0.1, 0.0, 1.0) * (0.15 + colony))
+        _values(item, "growth", np.clip(depth / 0.12 - 0.1, 0.0, 1.0) * (0.25 + colony))
         _values(
             item, "band", np.clip(1.0 - np.abs(depth - 0.16) / 0.13, 0.0, 1.0) * np.clip(2.5 * colony - 0.7, 0.0, 1.0)
         )
@@ -317,7 +317,7 @@ def boat(device: str) -> list[Scattered]:
             [
                 esh.ScatterSize(
                     "any",
-                    1900,
+                    1500,
                     _sources("Barnacle", [shapes.barnacle(0.02, n) for n in range(5)], lime),
                     area=(0.0002, 0.0024),
                     distribution="linear",
@@ -330,7 +330,7 @@ def boat(device: str) -> list[Scattered]:
             [
                 esh.ScatterSize(
                     "any",
-                    200,
+                    110,
                     _sources("Mussel", [shapes.mussel(0.06, n) for n in range(4)], shell),
                     area=0.0016,
                     line=False,
@@ -363,8 +363,8 @@ def boat(device: str) -> list[Scattered]:
         (np.array([(-40, -40, 0), (40, -40, 0), (40, 40, 0), (-40, 40, 0)], float), np.array([(0, 1, 2, 3)])),
         concrete,
     )
-    set_light(scene, (0.55, -0.75, 0.4), 3.2, (0.6, 0.72, 0.88), 0.65, (1.0, 0.85, 0.66))
-    camera = add_camera(scene, "Boat", (3.5, -3.4, 0.62), (-0.1, 0.05, 0.86), lens=40.0, clip_end=200.0)
+    set_light(scene, (0.5, -0.8, 0.32), 4.0, (0.6, 0.74, 0.92), 1.0, (1.0, 0.87, 0.7))
+    camera = add_camera(scene, "Boat", (4.3, -3.9, 0.7), (0.25, 0.0, 0.92), lens=36.0, clip_end=200.0)
     scene.camera = camera
     return [Scattered(result, targets)]
 

@@ -39,7 +39,7 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
         side.operator("esh.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
     layer = body_class.active_layer
     if layer is not None:
-        _draw_layer(column, scatter, layer, first=body_class.layer_index == 0)
+        _draw_layer(column, scatter, layer)
     notes = [density_preview.message()] if density_preview.message() else []
     names = [f'"{image.name}"' for image in unsaved_images(scatter)]
     if names:
@@ -48,7 +48,7 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
     return notes
 
 
-def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any, *, first: bool) -> None:
+def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any) -> None:
     target = scatter.first_target if scatter.first_target and scatter.first_target.type == "MESH" else None
     column.prop(layer, "kind")
     _draw_source(column, scatter, layer, target)
@@ -59,8 +59,7 @@ def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any, *, first: 
         else:
             column.prop(layer, shown.name, slider=shown.slider)
     column.separator()
-    # On an even density, a layer that multiplies and one that is the smaller are the same.
-    column.prop(layer, "blend", text="On White" if first else "Blend")
+    column.prop(layer, "blend")
     column.prop(layer, "strength", slider=True)
     column.prop(layer, "invert")
     column.prop(layer, "use_curve")

@@ -14,8 +14,10 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from ..engine.errors import EshError
+from ..engine.problem.scatter_settings import TargetSettings
 from . import running
 from .density_stack import ClassDensity, DensityLayer, DensityStack
+from .properties.described import values_from
 
 __all__ = ["Colors", "attach", "density_colors", "detach", "message"]
 
@@ -106,13 +108,15 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
         ProblemError: Something that the density needs is missing, or it is 0 everywhere.
     """
     from .densities import DensityReader, attribute_names, read_density
-    from .target import check_target, read_target
+    from .targets import check_targets, read_targets
 
     scatter = context.scene.esh_scatter.active
     body_class = scatter.active_class if scatter else None
     if body_class is None or scatter.first_target is None:
         return None, None
-    target = check_target(scatter.first_target, context)
+    target = scatter.first_target
+    objects, _ = check_targets(scatter.chosen_target, context)
+    settings = TargetSettings(**values_from(scatter, TargetSettings))
     densities: dict[str, Any] = {}
     reads: dict = {}
     wanted = [body_class]
@@ -125,7 +129,7 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
     if body_class.name not in densities:
         return None, None
     names: set[str] = set().union(*(attribute_names(density) for density in densities.values()))
-    chart = survey.begin(read_target(target, context, names))
+    chart = survey.begin(read_targets(objects, context, names, settings), settings)
     reader = DensityReader(chart.points, densities)
     content = survey.shape, reader.content(body_class.name)
     if content == known:
@@ -143,20 +147,29 @@ def _followed(density: Any) -> list[str]:
 
 
 def _colors(chart: Any, values: np.ndarray, normal: np.ndarray) -> Colors:
-    position = chart.points.position + LIFT * float(chart.size.max()) * normal
+    whole = hasattr(chart, "pieces")
+    extent = float((chart.high - chart.low).max() if whole else chart.size.max())
+    position = chart.points.position + LIFT * extent * normal
     share = np.clip(values / max(1.0, float(values.max(initial=0.0))), 0.0, 1.0)
     along = np.linspace(0.0, 1.0, len(RAMP))
     color = np.column_stack([*(np.interp(share, along, channel) for channel in RAMP.T), np.full(len(share), OPACITY)])
+    triangle = chart.pieces() if whole else _cells(chart, position)
+    # Blender's buffers take them as they lie in memory.
+    position, color = (np.ascontiguousarray(values, np.float32) for values in (position, color))
+    return Colors(position, color, np.ascontiguousarray(triangle, np.int32))
+
+
+def _cells(chart: Any, position: np.ndarray) -> np.ndarray:
+    """Return triangles between neighbouring cells of a chart, shape ``[t, 3]``."""
     number = np.full(chart.shape, -1)
     there = chart.area > 0.0
-    number[there] = np.arange(len(values))
+    number[there] = np.arange(len(position))
     corner = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     quad = np.stack([one.ravel() for one in corner], axis=1)
     quad = quad[(quad >= 0).all(axis=1)]
     height = position[quad, 2]
     quad = quad[np.ptp(height, axis=1) <= LARGEST_STEP * float(chart.cell.max())]
-    triangle = np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
-    return Colors(position.astype(np.float32), color.astype(np.float32), triangle.astype(np.int32))
+    return np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
 
 
 def _switched(_manager: object, _context: object) -> None:

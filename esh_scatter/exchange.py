@@ -15,7 +15,7 @@ from ..engine.files.body_formats import FORMATS
 from ..engine.files.placement_files import check_ending, check_writable, write_bodies
 from ..engine.files.placement_reader import load_placement
 from ..engine.problem.validation import show
-from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
 from .result import CLASS_NAMES, write_result
 from .target import RESULT_TAG, check_exists
 
@@ -138,10 +138,9 @@ def _expose_usd() -> None:
 def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]]:
     """Return the points of a result as they stand in the world, and what is instanced on them."""
     group = next(m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group.get(RESULT_TAG))
-    # In the order that the index counts: see build_node_group.
-    branches = [node for node in group.nodes if node.bl_idname == "GeometryNodeObjectInfo"]
-    sources = [node.inputs["Object"].default_value for node in branches]
-    if any(source is None for source in sources):
+    placed = placed_objects(group)
+    sources = [source for source in placed if source is not None]
+    if len(sources) < len(placed):
         raise ProblemError(f'an object that "{item.name}" places was removed from the file; scatter again')
     mesh = item.data
     count = len(mesh.vertices)

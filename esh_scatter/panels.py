@@ -13,6 +13,7 @@ from ..engine.problem.scatter_settings import RunSettings, Standing, TargetSetti
 from . import checksums, forecast, live, running, words
 from .class_copy import KEPT_APART
 from .density_panel import draw_density
+from .display import get_inputs, input_property, our_modifier
 from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
@@ -282,6 +283,67 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
         _draw_settings(column, scatter, SamplingSettings, ("seed",))
 
 
+class ESH_PT_obstacles(_SubPanel, bpy.types.Panel):
+    """What objects keep off."""
+
+    bl_label = "Obstacles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list of obstacles, the selected one, and whether other scatters are some."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        if scatter.obstacles:
+            _draw_list(column, "ESH_UL_obstacles", scatter, "obstacles", "obstacle_index", "obstacle", rows=3)
+        else:
+            column.operator("esh.obstacle_add", text="Add Obstacle", icon="ADD")
+        chosen = scatter.active_obstacle
+        if chosen is not None:
+            column.separator()
+            column.prop(chosen, "kind")
+            column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
+            column.prop(chosen, "width")
+            column.prop(chosen, "margin")
+        column.separator()
+        column.prop(scatter, "keep_off_others")
+
+
+class ESH_PT_instances(_SubPanel, bpy.types.Panel):
+    """Instances that are put where they are by hand."""
+
+    bl_label = "Instances"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only where there is a result."""
+        scatter = active_scatter(context)
+        return scatter is not None and scatter.result_in(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons to pick, pin, turn and remove instances."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        assert result is not None
+        editing = result.mode == "EDIT"
+        row = column.row()
+        row.scale_y = 1.3
+        text, icon = ("Done", "CHECKMARK") if editing else ("Edit Instances", "EDITMODE_HLT")
+        row.operator("esh.instances_edit", text=text, icon=icon)
+        if editing:
+            _write_text(context, column, "Select points and move them (G). What you move stays there in the next run")
+        buttons = column.column(align=True)
+        row = buttons.row(align=True)
+        row.operator("esh.instances_pin", icon="PINNED")
+        row.operator("esh.instances_unpin", icon="UNPINNED")
+        row = buttons.row(align=True)
+        row.operator("esh.instances_turn", icon="FILE_REFRESH")
+        row.operator("esh.instances_remove", icon="X")
+        if len(scatter.free_places):
+            column.operator("esh.instances_refill")
+
+
 class ESH_PT_report(_SubPanel, bpy.types.Panel):
     """What the last run reached."""
 
@@ -317,6 +379,31 @@ class ESH_PT_report(_SubPanel, bpy.types.Panel):
             _write_text(context, layout, note, icon="ERROR")
 
 
+class ESH_PT_display(_SubPanel, bpy.types.Panel):
+    """What of the result is shown: the inputs of its modifier."""
+
+    bl_label = "Display"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is shown in the viewport, and when that is less."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        modifier = our_modifier(result) if result is not None else None
+        if modifier is not None:
+            _draw_inputs(column, modifier, ("Display", "Viewport Share", "Scale", "Follow Target"))
+            column.separator()
+            culling = input_property(modifier, "Camera Culling")
+            _draw_inputs(column, modifier, ("Camera Culling",))
+            if culling and get_inputs(modifier)["Camera Culling"]:
+                _draw_inputs(column, modifier, ("Margin", "Distance"))
+            _draw_inputs(column, modifier, ("Limit Renders",))
+            column.separator()
+        column.prop(scatter, "points_above")
+        column.prop(scatter, "cap")
+
+
 class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
     """Seed, device and steps."""
 
@@ -333,6 +420,14 @@ class ESH_PT_advanced(_SubPanel, bpy.types.Panel):
         _draw_settings(column, scatter, RunSettings)
 
 
+def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
+    """Draw inputs of a result's modifier, as far as it has them."""
+    for name in names:
+        found = input_property(modifier, name)
+        if found is not None:
+            column.prop(*found, text=name)
+
+
 def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
     """Say what to click where there is no scatter."""
     _write_text(context, column, "Select the objects to place, then the ground, and click:")
@@ -343,6 +438,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.separator()
     _write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
@@ -534,6 +630,9 @@ CLASSES = (
     ESH_PT_density_more,
     ESH_PT_overlap,
     ESH_PT_balance,
+    ESH_PT_obstacles,
+    ESH_PT_instances,
     ESH_PT_report,
+    ESH_PT_display,
     ESH_PT_advanced,
 )

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import bpy
 import numpy as np
 
-from .node_group import HIDE_RENDER, HIDE_VIEWPORT, build_node_group, shown_by
+from .display import get_inputs, our_modifier, set_inputs
+from .node_group import HIDE_RENDER, HIDE_VIEWPORT, MADE_OF, Followed, build_node_group, made_of, placed_objects
 from .target import RESULT_TAG, RESULT_TARGET, is_result
 
 __all__ = ["CLASS_NAMES", "OVERLAPPING", "find_result", "remove_result", "rename_result", "write_result"]
@@ -61,6 +62,8 @@ def write_result(
     sources: Sequence[bpy.types.Object],
     position: np.ndarray,
     attributes: Mapping[str, tuple[str, np.ndarray]],
+    classes: Sequence[str] = (),
+    followed: Sequence[Followed] = (),
 ) -> bpy.types.Object:
     """Make the result object, or give ``replaced`` new points and a new node group; both old ones are removed if unused.
 
@@ -73,11 +76,18 @@ def write_result(
         sources: What ``instance_index`` counts.
         position: Points in the world [m], shape ``[n, 3]``.
         attributes: Name -> (Blender's type, values of shape ``[n]`` or ``[n, k]``), one value for each point.
+        classes: Names of what ``class_index`` counts.
+        followed: What the points follow.
     """
-    if replaced is not None and _shows(replaced, name, sources) and _move_points(replaced.data, position, attributes):
+    ingredients = made_of(classes, followed)
+    if (
+        replaced is not None
+        and _shows(replaced, name, sources, ingredients)
+        and _move_points(replaced.data, position, attributes)
+    ):
         return replaced
     mesh = _point_mesh(name, position, attributes)
-    group = build_node_group(name, sources)
+    group = build_node_group(name, sources, classes, followed)
     if replaced is None:
         for earlier in _results(scene, target, name):
             if is_shared(earlier) and scene.collection.objects.get(earlier.name) == earlier:
@@ -87,11 +97,13 @@ def write_result(
     else:
         item = replaced
         _swap_mesh(item, mesh)
-    modifier = next((m for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)), None)
+    modifier = our_modifier(item)
     if modifier is None:
         modifier = item.modifiers.new("ESH Scatter", "NODES")
     old = modifier.node_group
+    shown = get_inputs(modifier) if old is not None else {}
     modifier.node_group = group
+    set_inputs(modifier, shown)
     if old is not None and old != group and old.users == 0:
         old_name = old.name
         bpy.data.node_groups.remove(old)
@@ -103,10 +115,12 @@ def write_result(
     return item
 
 
-def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object]) -> bool:
-    """Tell whether a result was made with a name and already shows these objects, in this order."""
+def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object], ingredients: str) -> bool:
+    """Tell whether a result was made with a name, and its node group already shows these objects, in this order."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)]
-    return item.get(NAME) == name and len(groups) == 1 and shown_by(groups[0]) == list(sources)
+    if item.get(NAME) != name or len(groups) != 1 or groups[0].get(MADE_OF) != ingredients:
+        return False
+    return placed_objects(groups[0]) == list(sources)
 
 
 def _move_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bool:

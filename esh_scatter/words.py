@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["UNBROKEN", "cover", "evenness", "evenness_word", "meters", "notes", "overlaps", "summary"]
+__all__ = ["UNBROKEN", "cover", "evenness", "evenness_word", "meters", "notes", "overlaps", "placed", "summary"]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07.
 VERY_EVEN = 0.04
@@ -29,7 +29,7 @@ def evenness(report: dict[str, Any]) -> str:
 
     Classes that mix are even together and not each alone, classes that do not are even alone; the better of the two counts.
     """
-    if _placed(report) < FEWEST:
+    if placed(report) < FEWEST:
         return ""
     alone = max(entry["coverage_error"] for entry in report["classes"])
     word = evenness_word(min(report["coverage_error"], alone))
@@ -43,7 +43,7 @@ def summary(report: dict[str, Any], unbroken: str = " ") -> str:
     """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
     count = report["overlaps"]
     overlap = f"{count:,} overlap{'s' * (count != 1)}" if count else "no overlap"
-    parts = [f"{_placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
+    parts = [f"{placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
 
 
@@ -86,5 +86,6 @@ def meters(length: float) -> str:
     return f"{length:.1f} m" if length >= 10.0 else f"{length:.2f} m" if length >= 0.1 else f"{length:.2g} m"
 
 
-def _placed(report: dict[str, Any]) -> int:
-    return sum(size["placed"] for entry in report["classes"] for size in entry["sizes"])
+def placed(report: dict[str, Any] | None) -> int:
+    """Return how many objects a run has placed; 0 before the first."""
+    return sum(size["placed"] for entry in (report or {}).get("classes", ()) for size in entry["sizes"])

@@ -195,7 +195,7 @@ def test_contributing_names_files_that_exist():
 def test_every_make_target_that_is_named_exists():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"(?:^    |`)make (\w+)", WORDS, re.MULTILINE):
-        assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"make {target}"
+        assert re.search(rf"^(?:[\w ]+ )?{target}(?: [\w ]+)?:", makefile, re.MULTILINE), f"make {target}"
     for target in re.search(r"^\.PHONY: help (.*)$", makefile, re.MULTILINE).group(1).split():
         assert f"make {target} " in TEXT["docs/start.md"], f"make {target} is missing in docs/start.md"
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ProblemError
 from ..problem import validation
 from ..problem.fixed_bodies import FixedBodies, FixedTable
-from ..problem.obstacles import Obstacle, check_disc, check_polygon
+from ..problem.obstacles import Obstacle, check_ball, check_disc, check_polygon
 from ..problem.problem import Problem
 from ..problem.validation import show
 from .fixed_files import read_fixed_bodies
@@ -77,6 +77,8 @@ def written_obstacles(problem: Problem, name_array: NameArray) -> list[dict[str,
             keys["polygon"] = np.asarray(obstacle.polygon).tolist()
         elif obstacle.disc is not None:
             keys["disc"] = list(obstacle.disc)
+        elif obstacle.ball is not None:
+            keys["ball"] = list(obstacle.ball)
         elif obstacle.image is not None:
             keys["image"] = name_array("obstacle", obstacle.image)
         if obstacle.margin:
@@ -117,7 +119,7 @@ def _read_fixed(table: RecipeTable) -> FixedBodies:
 
 
 def _read_obstacle(table: RecipeTable) -> Obstacle:
-    table.check_keys("polygon", "disc", "image", "invert", "margin")
+    table.check_keys("polygon", "disc", "image", "ball", "invert", "margin")
     image = None
     invert = table.take("invert", validation.check_switch, False)
     if "image" in table.entries:
@@ -130,6 +132,7 @@ def _read_obstacle(table: RecipeTable) -> Obstacle:
             table.take_optional("disc", check_disc),
             image,
             table.take("margin", validation.check_at_least_zero, 0.0),
+            table.take_optional("ball", check_ball),
         )
     )
 
@@ -145,8 +148,10 @@ def _check_positions(value: object, key: str) -> np.ndarray:
         position = np.array(value, dtype=np.float64)
     except validation.FOREIGN_ERRORS:
         position = np.empty(0)
-    if position.ndim != 2 or position.shape[1] != 2 or isinstance(value, str):
-        raise ProblemError(f"{key} must be a list of positions, each x and y in metres; got {show(value)}")
+    if position.ndim != 2 or position.shape[1] not in (2, 3) or isinstance(value, str):
+        raise ProblemError(
+            f"{key} must be a list of positions, each x and y in metres, and z on a surface; got {show(value)}"
+        )
     return position
 
 

@@ -12,6 +12,7 @@ from ..errors import ProblemError
 from . import validation
 from .domain import Domain
 from .prepared_class import PreparedClass
+from .surface import Surface
 from .validation import show
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class FixedBody:
     """One body that does not move.
 
     Args:
-        position: Where it is [m], inside the domain.
+        position: Where it is [m], inside the domain; on a surface x, y and z, on that.
         body_class: Name of its class, or index.
         size: Name of its size, or index.
         angle: Direction of its long axis [rad]; that of a dot is kept and means nothing to others.
@@ -39,7 +40,7 @@ class FixedBody:
         scale: Factor on that outline; None for that which gives it its area where the outline does, else 1.
     """
 
-    position: tuple[float, float]
+    position: tuple[float, ...]
     body_class: Label = 0
     size: Label = 0
     angle: float = 0.0
@@ -55,7 +56,7 @@ class FixedBodies:
     """Bodies that do not move, as arrays; every value but the position may be one for all of them.
 
     Args:
-        position: Where they are [m], shape ``[m, 2]``, inside the domain.
+        position: Where they are [m], shape ``[m, 2]``, inside the domain; on a surface ``[m, 3]``.
         body_class: Names of their classes, or indices.
         size: Names of their sizes, or indices.
         angle: Directions of their long axes [rad].
@@ -64,6 +65,10 @@ class FixedBodies:
         id: Identities, whole numbers of 0 or more that no two bodies share; -1 or None for free ones.
         variant: Which of the outlines of their sizes they have.
         scale: Factors on these; NaN or None as in :class:`FixedBody`.
+        mesh: On a surface, meshes that they are on; together with the following it says where they are exactly, and on which side of
+            a thin wall. None where only positions are known.
+        triangle: Triangles of these meshes, -1 for unknown ones.
+        barycentric: Weights of these triangles' corners, shape ``[m, 3]``.
 
     Raises:
         ProblemError: Shapes that do not fit each other, or values that are none.
@@ -78,11 +83,16 @@ class FixedBodies:
     id: np.ndarray | None = None
     variant: int | np.ndarray = 0
     scale: float | np.ndarray | None = None
+    mesh: int | np.ndarray | None = None
+    triangle: np.ndarray | None = None
+    barycentric: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         position = _numbers(self.position, "`fixed.position`")
-        if position.ndim != 2 or position.shape[1] != 2:
-            raise ProblemError(f"`fixed.position` must have shape [count, 2]; got shape {list(position.shape)}")
+        if position.ndim != 2 or position.shape[1] not in (2, 3):
+            raise ProblemError(
+                f"`fixed.position` must have shape [count, 2], or [count, 3] on a surface; got shape {list(position.shape)}"
+            )
         m = len(position)
         if not np.isfinite(position).all():
             raise ProblemError("`fixed.position` must be finite everywhere; it holds NaN or infinity")
@@ -96,6 +106,9 @@ class FixedBodies:
             "id": _ids(self.id, m),
             "variant": _each(self.variant, m, "`fixed.variant`"),
             "scale": _each(np.nan if self.scale is None else self.scale, m, "`fixed.scale`"),
+            "mesh": _each(0 if self.mesh is None else self.mesh, m, "`fixed.mesh`").astype(np.int64),
+            "triangle": _each(-1 if self.triangle is None else self.triangle, m, "`fixed.triangle`").astype(np.int64),
+            "barycentric": _weights(self.barycentric, m),
         }
         if not ((values["variant"] >= 0.0) & (values["variant"] % 1.0 == 0.0)).all():
             raise ProblemError(f"`fixed.variant` must be whole numbers of 0 or more; got {show(self.variant)}")
@@ -137,6 +150,9 @@ class FixedBodies:
             placement.id[pick],
             placement.variant[pick],
             placement.scale[pick],
+            None if placement.mesh is None else placement.mesh[pick],
+            None if placement.triangle is None else placement.triangle[pick],
+            None if placement.barycentric is None else placement.barycentric[pick],
         )
 
 
@@ -144,7 +160,7 @@ class FixedTable(NamedTuple):
     """Fixed bodies of a problem in class, then size order; shapes ``[m]`` and float64, unless said otherwise.
 
     Attributes:
-        position: Shape ``[m, 2]`` [m].
+        position: Shape ``[m, 2]`` [m]; ``[m, 3]`` on a surface.
         class_index: int32.
         size_index: int32.
         angle: [rad].
@@ -153,6 +169,9 @@ class FixedTable(NamedTuple):
         id: int64; -1 for a free one.
         variant: int32.
         scale: NaN for what follows from the area.
+        mesh: int64; on a surface, which of its meshes.
+        triangle: int64; triangle of that mesh, -1 where only the position is known.
+        barycentric: Weights of that triangle's corners, shape ``[m, 3]``.
     """
 
     position: np.ndarray
@@ -164,13 +183,16 @@ class FixedTable(NamedTuple):
     id: np.ndarray
     variant: np.ndarray
     scale: np.ndarray
+    mesh: np.ndarray
+    triangle: np.ndarray
+    barycentric: np.ndarray
 
     def number_of(self, class_index: int, size_index: int) -> int:
         """How many there are of a size of a class."""
         return int(((self.class_index == class_index) & (self.size_index == size_index)).sum())
 
 
-def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain) -> FixedTable:
+def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain | Surface) -> FixedTable:
     """Check fixed bodies against the problem that they belong to, and put them into its order.
 
     Args:
@@ -186,9 +208,26 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain)
     if not parts:
         nothing = np.zeros(0)
         none = np.zeros(0, np.int32)
-        return FixedTable(np.zeros((0, 2)), none, none, nothing, nothing, nothing, np.zeros(0, np.int64), none, nothing)
-    position = np.concatenate([part.position for part in parts])
-    outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
+        long = np.zeros(0, np.int64)
+        width = 3 if isinstance(domain, Surface) else 2
+        return FixedTable(
+            np.zeros((0, width)),
+            none,
+            none,
+            nothing,
+            nothing,
+            nothing,
+            long,
+            none,
+            nothing,
+            long,
+            long,
+            np.zeros((0, 3)),
+        )
+    position, places = _places(parts, domain)
+    outside = np.zeros(0, np.int64)
+    if isinstance(domain, Domain):
+        outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
     if len(outside):
         at = position[outside[0]]
         raise ProblemError(
@@ -221,8 +260,27 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain)
     order = np.lexsort((size_index, class_index))
     variant = np.concatenate([np.asarray(part.variant) for part in parts])
     scale = np.concatenate([np.asarray(part.scale) for part in parts])
-    columns = (position, class_index, size_index, angle, length, area, ids, variant, scale)
+    columns = (position, class_index, size_index, angle, length, area, ids, variant, scale, *places)
     return FixedTable(*(column[order] for column in columns))
+
+
+def _places(
+    parts: Sequence[FixedBodies], domain: Domain | Surface
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Positions of bodies, and what is known of them on a surface: meshes, triangles and weights."""
+    width = 3 if isinstance(domain, Surface) else 2
+    for part in parts:
+        if part.position.shape[1] != width:
+            where = "on a surface x, y and z" if width == 3 else "in a rectangle x and y"
+            raise ProblemError(f"`fixed.position` must be {where} in metres; got {part.position.shape[1]} coordinates")
+    position = np.concatenate([part.position for part in parts])
+    mesh = np.concatenate([np.asarray(part.mesh) for part in parts])
+    triangle = np.concatenate([np.asarray(part.triangle) for part in parts])
+    barycentric = np.concatenate([np.asarray(part.barycentric) for part in parts])
+    known = np.flatnonzero(triangle >= 0)
+    if isinstance(domain, Surface) and len(known):
+        position[known] = domain.locate(mesh[known], triangle[known], barycentric[known]).position
+    return position, (mesh, triangle, barycentric)
 
 
 def _parts(given: object) -> tuple[object, ...]:
@@ -241,8 +299,10 @@ def _as_bodies(part: object) -> FixedBodies:
     if not isinstance(part, FixedBody):
         raise ProblemError(f"`fixed` must be a FixedBodies, or a list of FixedBody; got {show(part)} among them")
     position = _numbers(part.position, "`fixed.position`")
-    if position.shape != (2,):
-        raise ProblemError(f"`fixed.position` must be two lengths in metres, x and y; got {show(part.position)}")
+    if position.shape not in ((2,), (3,)):
+        raise ProblemError(
+            f"`fixed.position` must be two lengths in metres, x and y, or three on a surface; got {show(part.position)}"
+        )
     return FixedBodies(
         position[None, :],
         [part.body_class],
@@ -271,6 +331,15 @@ def _each(value: object, count: int, key: str) -> np.ndarray:
             f"{key} must be one number, or one for each of {count} bodies; got shape {list(array.shape)}"
         )
     return np.broadcast_to(array, (count,)).copy()
+
+
+def _weights(value: object, count: int) -> np.ndarray:
+    if value is None:
+        return np.full((count, 3), 1.0 / 3.0)
+    weights = _numbers(value, "`fixed.barycentric`")
+    if weights.shape != (count, 3):
+        raise ProblemError(f"`fixed.barycentric` must have shape [{count}, 3]; got shape {list(weights.shape)}")
+    return weights
 
 
 def _ids(value: object, count: int) -> np.ndarray:

@@ -29,30 +29,32 @@ THRESHOLD = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
-    """Something that bodies keep off: one of a polygon, a disc and an image.
+    """Something that bodies keep off: one of a polygon, a disc and an image, or of a surface a ball.
 
     Args:
         polygon: Corners [m], shape ``[3 or more, 2]``, in either order; where its edges cross, what is inside an odd number of times.
         disc: Centre along x and y, and radius [m].
+        ball: Centre along x, y and z, and radius [m]; what of a surface lies within it is an obstacle.
         image: Shape ``[height, width]``, row 0 at the top, stretched over the domain: an obstacle from half on, of 0..1 or of true
             and false.
         margin: How far bodies keep off its edge [m]: their centres, and their whole footprints where overlap is avoided.
 
     Raises:
-        ProblemError: None or several of the three, or a value that is none.
+        ProblemError: None or several of the four, or a value that is none.
     """
 
     polygon: np.ndarray | Sequence[Sequence[float]] | None = None
     disc: Sequence[float] | None = None
     image: np.ndarray | None = None
     margin: float = 0.0
+    ball: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
-        given = [name for name in ("polygon", "disc", "image") if getattr(self, name) is not None]
+        given = [name for name in ("polygon", "disc", "image", "ball") if getattr(self, name) is not None]
         if len(given) != 1:
             got = " and ".join(f"`{name}`" for name in given) or "none of them"
-            raise ProblemError(f"an obstacle must have one of `polygon`, `disc` and `image`; got {got}")
-        checks = {"polygon": check_polygon, "disc": check_disc, "image": _check_image}
+            raise ProblemError(f"an obstacle must have one of `polygon`, `disc`, `image` and `ball`; got {got}")
+        checks = {"polygon": check_polygon, "disc": check_disc, "image": _check_image, "ball": check_ball}
         value = checks[given[0]](getattr(self, given[0]), f"`obstacle.{given[0]}`")
         object.__setattr__(self, given[0], value)
         margin = validation.check_at_least_zero(self.margin, "`obstacle.margin`")
@@ -77,6 +79,15 @@ def check_disc(value: object, key: str) -> tuple[float, float, float]:
     if not (math.isfinite(x) and math.isfinite(y) and 0.0 < radius < math.inf):
         raise ProblemError(f"{key} must be x, y and a radius above 0, in metres; got {show(value)}")
     return x, y, radius
+
+
+def check_ball(value: object, key: str) -> tuple[float, float, float, float]:
+    """Return centre and radius; raise ProblemError unless the radius is above 0."""
+    entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
+    ball = tuple(math.nan if entry is None else entry for entry in (entries if len(entries) == 4 else [None] * 4))
+    if not (all(math.isfinite(entry) for entry in ball) and ball[3] > 0.0):
+        raise ProblemError(f"{key} must be x, y, z and a radius above 0, in metres; got {show(value)}")
+    return ball[0], ball[1], ball[2], ball[3]
 
 
 def _check_image(value: object, key: str) -> np.ndarray:

@@ -18,14 +18,22 @@ from .body_class import BodyClass
 from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
-from .obstacles import Obstacle, clearance, mask_shape
+from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
 from .packing import packable_share
 from .size import Size
 from .surface import PointsOnSurface, Surface
 from .surface_density import density_at
 from .validation import MOST_BODIES, show
 
-__all__ = ["PreparedClass", "PreparedDensity", "count_sizes", "cut_out", "prepare", "prepare_density"]
+__all__ = [
+    "PreparedClass",
+    "PreparedDensity",
+    "count_sizes",
+    "cut_out",
+    "cut_out_on_surface",
+    "prepare",
+    "prepare_density",
+]
 
 
 class PreparedDensity(NamedTuple):
@@ -191,6 +199,35 @@ def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obsta
     if body_class.asked is not None:
         sizes = count_sizes(body_class.asked, body_class.share * float(fine.mean(dtype=np.float64)) * domain.area)
     return replace(body_class, density_image=fine, sizes=sizes)
+
+
+def cut_out_on_surface(body_class: PreparedClass, surface: Surface, obstacles: Sequence[Obstacle]) -> PreparedClass:
+    """Return a class whose density on a surface is 0 within the balls of obstacles.
+
+    Raises:
+        ProblemError: Nothing of the density is left, or too little for a count of ``"cover"``.
+    """
+    assert body_class.asked is not None
+    edge = math.sqrt(surface.area / max(body_class.body_count, 1)) / PIXELS_PER_SPACING
+    balls = np.array(
+        [(*obstacle.ball[:3], obstacle.ball[3] + obstacle.margin) for obstacle in obstacles if obstacle.ball]
+    )
+
+    def left(points: PointsOnSurface) -> np.ndarray:
+        density = body_class.density_on(points)
+        position = points.position
+        for ball in balls:
+            away = np.linalg.norm(position - ball[:3], axis=1) - ball[3]
+            # Ends within an edge that is narrow beside the spacing.
+            density = density * np.clip(0.5 + away / edge, 0.0, 1.0)
+        return density
+
+    # What was corrected or sharpened is so already.
+    asked = replace(body_class.asked, density=left, density_correction=False, unsharp=None)
+    mean = float(left(surface.sample()).mean())
+    if mean <= 0.0:
+        raise ProblemError(f'`obstacles` must leave a place where the density of class "{body_class.name}" is above 0')
+    return replace(body_class, asked=asked, sizes=count_sizes(asked, mean * surface.area))
 
 
 def prepare_density(body_class: BodyClass) -> PreparedDensity:

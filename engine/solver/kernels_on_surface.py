@@ -8,6 +8,7 @@ from ..cascade.kernels_points import Points
 from ..surface.kernels_facets import (
     SHORTER,
     Facets,
+    Spot,
     carried,
     facet_of_tile,
     place_in_tile,
@@ -28,7 +29,8 @@ class Ground:
     """The surface for the descent.
 
     Facets; the home node of every tile; on which tiles bodies of a class may be, class after class; and for every node how far bodies
-    may move in a step and, group after group, the inverse of the energy's curvature.
+    may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, centre and radius,
+    and by how much more every body does.
     """
 
     facets: Facets
@@ -38,6 +40,9 @@ class Ground:
     full: wp.array(dtype=wp.uint8)
     step_limit: wp.array(dtype=float)
     step_length: wp.array(dtype=float)
+    ball_count: wp.int32
+    balls: wp.array(dtype=wp.vec4)
+    clear: wp.array(dtype=float)
 
 
 @wp.struct
@@ -65,12 +70,51 @@ def may_stand(facet: int, weight: wp.vec2, class_index: int, ground: Ground):
 
 
 @wp.func
-def walk(facet: int, weight: wp.vec2, way: wp.vec3, class_index: int, ground: Ground):
-    """Where a body ends that goes ``way``: it stays on its sheet, and where its class may be."""
-    new = step_along(facet, weight, way, ground.facets)
-    if not may_stand(new.facet, new.weight, class_index, ground):
-        new = step_along(facet, weight, SHORTER * way, ground.facets)
-        if not may_stand(new.facet, new.weight, class_index, ground):
+def along_balls(way: wp.vec3, place: wp.vec3, clear: float, ground: Ground):
+    """``way`` without what leads into a ball."""
+    left = way
+    for k in range(ground.ball_count):
+        ball = ground.balls[k]
+        out = place - wp.vec3(ball[0], ball[1], ball[2])
+        away = wp.length(out)
+        if away > 0.0:
+            out = out / away
+            # What is left of the way to the ball may be gone.
+            inward = -wp.dot(left, out) - wp.max(away - ball[3] - clear, 0.0)
+            left = left + wp.max(inward, 0.0) * out
+    return left
+
+
+@wp.func
+def in_ball(place: wp.vec3, clear: float, ground: Ground):
+    inside = bool(False)
+    for k in range(ground.ball_count):
+        ball = ground.balls[k]
+        if wp.length(place - wp.vec3(ball[0], ball[1], ball[2])) < ball[3] + clear:
+            inside = True
+    return inside
+
+
+@wp.func
+def may_be(spot: Spot, class_index: int, clear: float, ground: Ground):
+    if in_ball(spot.position, clear, ground):
+        return False
+    return may_stand(spot.facet, spot.weight, class_index, ground)
+
+
+@wp.func
+def walk(facet: int, weight: wp.vec2, way: wp.vec3, body: int, class_index: int, ground: Ground):
+    """Where a body ends that goes ``way``: it stays on its sheet, where its class may be, and out of balls, along which it slides."""
+    clear = float(0.0)
+    onwards = way
+    if ground.ball_count > 0:
+        clear = ground.clear[body]
+        start = spot_at(facet, weight, ground.facets)
+        onwards = tangential(along_balls(way, start.position, clear, ground), ground.facets.normal[facet])
+    new = step_along(facet, weight, onwards, ground.facets)
+    if not may_be(new, class_index, clear, ground):
+        new = step_along(facet, weight, SHORTER * onwards, ground.facets)
+        if not may_be(new, class_index, clear, ground):
             new = spot_at(facet, weight, ground.facets)
     return new
 
@@ -220,7 +264,7 @@ def move_dots(
     way = shortened(d, ground.step_limit[charges.home[j]])
     old = charges.points.position[j]
     normal = ground.facets.normal[facet[i]]
-    new = walk(facet[i], weight[i], way, bodies.support[i], ground)
+    new = walk(facet[i], weight[i], way, i, bodies.support[i], ground)
     facet[i] = new.facet
     weight[i] = new.weight
     # What is remembered goes along, into the plane that touches the surface where the body is now.

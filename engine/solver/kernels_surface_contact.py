@@ -231,7 +231,7 @@ def accept_push(
         return
     normal = ground.facets.normal[facet[i]]
     old = position[i]
-    new = walk(facet[i], weight[i], shift[i], bodies.support[i], ground)
+    new = walk(facet[i], weight[i], shift[i], i, bodies.support[i], ground)
     new_normal = ground.facets.normal[new.facet]
     way = displacement[i] + tangential(new.position - old, normal)
     displacement[i] = carried(way, normal, new_normal)

@@ -14,6 +14,7 @@ from ..device.launcher import Launcher
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
 from . import kernels_descent
+from .body_flags import BodyFlags
 from .model import LineKind, Model
 
 __all__ = ["LineRules"]
@@ -32,7 +33,7 @@ class LineRules:
     Attributes:
         kind_count: Number of kinds.
         lines: The rules as kernels take them.
-        line_count: Number of bodies of every kind, on the device.
+        line_count: Number of bodies of every kind that are not pinned, on the device.
         pressed: 1 for kinds whose length the forces change, on the device.
     """
 
@@ -61,7 +62,9 @@ class LineRules:
         lines.length, *shape = _joined([length / model.unit for length in self._lengths], float, device)
         lines.length_start, lines.length_height, lines.length_width = shape
         self.lines = lines
-        count = np.bincount(model.body.kind + 1, minlength=self.kind_count + 1)[1:]
+        # Those that are pinned keep their lengths.
+        moving = model.body.kind[(model.body.flags & BodyFlags.PINNED) == 0]
+        count = np.bincount(moving + 1, minlength=self.kind_count + 1)[1:]
         self.line_count = numbers_of(count.astype(float).tolist())
         # A line whose length the forces do not change reaches it by itself.
         self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
@@ -103,6 +106,7 @@ class LineRules:
 def _directions_of(kind: LineKind, domain: Domain, made: dict[tuple[object, ...], np.ndarray]) -> np.ndarray:
     """Desired directions of a kind, as :class:`DirectionField` gives them to kernels; those of equal wishes are ``made`` once."""
     line, image = kind.line, kind.body_class.density_image
+    assert not callable(line.direction)
     wish = line.direction if isinstance(line.direction, (str, float)) else id(line.direction)
     key = (wish, id(image), *line.tensor_scales)
     if key not in made:

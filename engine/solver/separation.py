@@ -22,7 +22,7 @@ from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from . import kernels_descent, kernels_separation
+from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
 from .model import Model
 from .spatial_order import spatial_order
@@ -258,7 +258,7 @@ class Separation:
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
-    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_separation.Slopes | None:
+    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_outlines.Slopes | None:
         """Slopes of the planes that outlines lie in; None where all are horizontal."""
         footprints, device = self._model.footprints, self.launcher.device
         if not footprints.slopes:
@@ -268,7 +268,7 @@ class Separation:
             return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
 
         pixels = [image.reshape(-1, 2) for image in footprints.slopes]
-        slopes = kernels_separation.Slopes()
+        slopes = kernels_outlines.Slopes()
         slopes.image = whole(footprints.slope[order])
         slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
         slopes.rows = whole([image.shape[0] for image in footprints.slopes])
@@ -278,7 +278,7 @@ class Separation:
 
     def _outlines_for_kernels(
         self, tables: FootprintTables, order: np.ndarray, **others: np.ndarray
-    ) -> kernels_separation.Outlines:
+    ) -> kernels_outlines.Outlines:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
@@ -289,7 +289,7 @@ class Separation:
 
         corners = np.diff(tables.start)[tables.shape][order]
         first = np.concatenate([[0], np.cumsum(corners)])
-        outlines = kernels_separation.Outlines()
+        outlines = kernels_outlines.Outlines()
         outlines.body = whole(order)
         outlines.first_corner = whole(first)
         outlines.shape = whole(tables.shape[order])
@@ -349,7 +349,7 @@ class Separation:
         self._settings = wp.zeros(5, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
-        pairs = kernels_separation.Pairs()
+        pairs = kernels_pairs.Pairs()
         pairs.start = launcher.zeros(n + 1, wp.int32)
         pairs.count = launcher.zeros(n, wp.int32)
         self._pairs = pairs
@@ -455,7 +455,7 @@ class Separation:
     def _rebuild(self) -> None:
         """List the pairs that are near."""
         launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
-        launcher.launch(kernels_separation.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
+        launcher.launch(kernels_pairs.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
         self._turn_corners()
         near.sort(self._place)
         search = [
@@ -468,7 +468,7 @@ class Separation:
             self._image_range,
             max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n)),
         ]
-        launcher.launch(kernels_separation.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
         start = np.zeros(n + 1, np.int64)
         np.cumsum(pairs.count.numpy(), out=start[1:])
         slots = max(int(start[-1]), 1)
@@ -480,21 +480,21 @@ class Separation:
             self._seconds = CellSort(launcher, self._slots, n + 1)
             self._forget()
         pairs.start.assign(start.astype(np.int32))
-        launcher.launch(kernels_separation.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
-        self._seconds.sort(kernels_separation.second_keys, [pairs.start, pairs, n])
+        launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        self._seconds.sort(kernels_pairs.second_keys, [pairs.start, pairs, n])
         if self._one_round is None:
             self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
 
     def _turn_corners(self) -> None:
         if self._slopes is not None:
             self.launcher.launch(
-                kernels_separation.find_slopes,
+                kernels_outlines.find_slopes,
                 self._count,
                 [self._place, self._slopes, self._space],
                 [self._outlines.slope],
             )
         self.launcher.launch(
-            kernels_separation.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
+            kernels_outlines.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
         )
 
     def _launch_find(self) -> None:
@@ -584,7 +584,7 @@ class Separation:
         near.sort(self._place)
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
         self.launcher.launch(
-            kernels_separation.propose_swaps,
+            kernels_trials.propose_swaps,
             len(stuck),
             [
                 wp.array(stuck.astype(np.int32), dtype=wp.int32, device=device),
@@ -633,14 +633,14 @@ class Separation:
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
             launcher.launch(
-                kernels_separation.find_costs,
+                kernels_trials.find_costs,
                 n,
                 [self._place, *search, self._image_range, self._inset],
                 [cost],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             launcher.launch(
-                kernels_separation.propose_turns,
+                kernels_trials.propose_turns,
                 n,
                 [
                     TRIALS,
@@ -658,7 +658,7 @@ class Separation:
                 grain=8,
             )
             launcher.launch(
-                kernels_separation.accept_turns,
+                kernels_trials.accept_turns,
                 n,
                 [angle, gain, *search, self._place],
                 [self._place, turned],

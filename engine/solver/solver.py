@@ -13,7 +13,6 @@ import numpy as np
 from ..device.launcher import Launcher, resolve_device
 from ..device.profile import Profile
 from ..errors import ProblemError
-from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
@@ -25,6 +24,7 @@ from .model import Model
 from .spread import spread
 from .state import State
 from .surface_descent import SurfaceDescent
+from .surface_edit import carry_over_on_surface
 from .surface_placement import placement_on_surface, points_of
 from .surface_state import SurfaceState
 
@@ -155,39 +155,65 @@ class Solver:
             ProblemError: Another domain, or a problem that does not fit into memory.
         """
         before, domain = self.model, self.model.problem.domain
-        if not isinstance(self.descent, Descent) or not isinstance(problem.domain, Domain):
-            raise ProblemError("`domain` must be a rectangle for an edit; it is a surface")
+        if isinstance(domain, Surface) and problem.domain is not domain:
+            raise ProblemError("`domain` must stay the same Surface in an edit; got another one")
         if problem.domain != domain:
             raise ProblemError(f"`domain` must stay what it was in an edit, {domain}; got {problem.domain}")
         check_memory(problem)
         with self.launcher.phase("set-up"):
-            ratio = problem.charge_count / before.charge_count
-            model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
-            old = self.descent.state
-            pose = old.pose.numpy().astype(np.float64)
-            position = position_in_metres(before, old)
-            carried = carry_over(before, position, model, self._next_identity, self._spread)
-            model.carry(before, carried)
-            start = np.full((model.body_count, 4), np.nan)
-            start[:, :2] = carried.position / model.unit
-            came = carried.source >= 0
-            start[came, 2] = pose[carried.source[came], 2]
-            start[came, 3] = pose[carried.source[came], 3] * (before.unit / model.unit)
-            # What was another kind of body has neither angle nor length.
-            other = came & (_charges_per_body(model) != _charges_per_body(before)[carried.source])
-            start[other | (model.body.kind < 0), 2:] = np.nan
-            descent = Descent(model, self.launcher, pose=start)
-            carry_lines(before, old, model, descent.state, carried)
-            _carry_turns(before, old, model, descent.state, carried)
-            self.launcher.release(self.descent.step)
-            self.model, self.descent = model, descent
-            descent.place_charges()
+            if isinstance(self.descent, SurfaceDescent):
+                model = self._edit_on_surface(problem, self.descent)
+            else:
+                model = self._edit_in_rectangle(problem, self.descent)
         self._next_identity = max(self._next_identity, int(model.body.identity.max()) + 1)
         if steps:
             self.step(steps)
         self.separate(again=True)
         gone = np.setdiff1d(before.body.identity, model.body.identity)
         return Edit(np.setdiff1d(model.body.identity, before.body.identity), gone, steps)
+
+    def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> Model:
+        before, old = self.model, descent.state
+        model = Model(problem)
+        points = points_of(descent.facets, old)
+        self._spreads += 1
+        rng = np.random.default_rng([problem.seed, 4, self._spreads])
+
+        def start(new: SurfaceDescent) -> None:
+            carried, spots = carry_over_on_surface(
+                before, points, model, new.facets, new.share, self._next_identity, rng
+            )
+            model.carry(before, carried)
+            new.take_over(carried.source, spots, old)
+
+        self.launcher.release(descent.step)
+        self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
+        return model
+
+    def _edit_in_rectangle(self, problem: Problem, before_edit: Descent) -> Model:
+        before = self.model
+        ratio = problem.charge_count / before.charge_count
+        model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
+        old = before_edit.state
+        pose = old.pose.numpy().astype(np.float64)
+        position = position_in_metres(before, old)
+        carried = carry_over(before, position, model, self._next_identity, self._spread)
+        model.carry(before, carried)
+        start = np.full((model.body_count, 4), np.nan)
+        start[:, :2] = carried.position / model.unit
+        came = carried.source >= 0
+        start[came, 2] = pose[carried.source[came], 2]
+        start[came, 3] = pose[carried.source[came], 3] * (before.unit / model.unit)
+        # What was another kind of body has neither angle nor length.
+        other = came & (_charges_per_body(model) != _charges_per_body(before)[carried.source])
+        start[other | (model.body.kind < 0), 2:] = np.nan
+        descent = Descent(model, self.launcher, pose=start)
+        carry_lines(before, old, model, descent.state, carried)
+        _carry_turns(before, old, model, descent.state, carried)
+        self.launcher.release(self.descent.step)
+        self.model, self.descent = model, descent
+        descent.place_charges()
+        return model
 
     @property
     def state(self) -> State | SurfaceState:
@@ -317,7 +343,7 @@ class Solver:
             again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
         """
         if isinstance(self.descent, SurfaceDescent):
-            if self.descent.contact is None:
+            if self.descent.contact is None or not self.model.problem.avoid_overlap:
                 return True
             with self.launcher.phase("contact"):
                 return self.descent.separate(go_on)

@@ -10,6 +10,7 @@ from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
 from ..problem.obstacles import clearance
 from ..problem.problem import Problem
+from ..problem.surface import Surface
 
 __all__ = ["Supports", "supports_of"]
 
@@ -46,7 +47,8 @@ def supports_of(
     Raises:
         ProblemError: Obstacles leave bodies of a size no place.
     """
-    if not problem.obstacles:
+    # On a surface tiles and balls say where bodies may be.
+    if not problem.obstacles or isinstance(problem.domain, Surface):
         return Supports([c.density_image for c in problem.classes], class_index)
     images: list[np.ndarray] = []
     of_body = np.zeros(len(class_index), np.int32)

@@ -77,6 +77,14 @@ class WholeSurface:
         """Return values of :attr:`points` as a function of points on :attr:`surface`."""
         return SampledDensity(np.asarray(values, np.float32), self._cuts, self._first)
 
+    def pieces(self) -> np.ndarray:
+        """Return the small triangles between neighbours of :attr:`points`, shape ``[k, 3]``: they cover the surface."""
+        found = []
+        for cuts in np.unique(self._cuts).tolist():
+            own = np.flatnonzero(self._cuts == cuts)
+            found.append((self._first[own][:, None, None] + _pieces(cuts)).reshape(-1, 3))
+        return np.concatenate(found)
+
     def lift(self, placement: Placement) -> SurfacePoints:
         """Return the points of the target that bodies were placed on."""
         assert placement.triangle is not None and placement.barycentric is not None
@@ -129,6 +137,17 @@ class SampledDensity:
     def _at(self, triangle: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
         cuts = self._cuts[triangle]
         return self.values[self._first[triangle] + row * (cuts + 1) - row * (row - 1) // 2 + column].astype(np.float64)
+
+
+def _pieces(cuts: int) -> np.ndarray:
+    """Return the small triangles between the points of :func:`_lattice`, shape ``[cuts², 3]``."""
+    start = np.concatenate([[0], np.cumsum(np.arange(cuts + 1, 0, -1))])
+    row = np.repeat(np.arange(cuts), np.arange(cuts, 0, -1))
+    column = np.arange(len(row)) - np.concatenate([[0], np.cumsum(np.arange(cuts, 0, -1))])[row]
+    here, above = start[row] + column, start[row + 1] + column
+    pointing_up = np.stack([here, here + 1, above], axis=1)
+    inner = column < cuts - 1 - row
+    return np.concatenate([pointing_up, np.stack([here + 1, above + 1, above], axis=1)[inner]])
 
 
 def _lattice(cuts: int) -> np.ndarray:

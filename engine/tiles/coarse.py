@@ -14,7 +14,7 @@ import numpy as np
 
 from ..problem.image_filters import gaussian_blur
 
-__all__ = ["CoarseGrid", "Patch", "displacement", "overlaps", "solve_flow"]
+__all__ = ["CoarseGrid", "Patch", "cell_sums", "displacement", "solve_flow"]
 
 # Fixed point of deposits: sums of integers do not depend on the order.
 SCALE = 2.0**32
@@ -89,20 +89,34 @@ class Patch:
         whole[:, self.row : self.row + rows, self.column : self.column + columns] += self.values
 
 
-def overlaps(low: float, high: float, pixels: int, length: float, cells: int) -> tuple[int, np.ndarray]:
-    """How pixels between two places along an axis lie over the cells of the whole axis.
+def cell_sums(
+    values: np.ndarray, axis: int, span: tuple[float, float], length: float, cells: int
+) -> tuple[int, np.ndarray]:
+    """Sums of pixels in the cells of a whole axis; pixels on the border of two cells belong to both, in part.
+
+    Args:
+        values: Shape ``[rows, columns]``; along ``axis`` they lie between the two ends of ``span``.
+        axis: 0 or 1.
+        span: Where the pixels begin and end.
+        length: Of the whole axis.
+        cells: Along it.
 
     Returns:
-        The first cell, and the share of every pixel in each cell from there on, shape ``[cells, pixels]``.
+        The first cell, and the sums from there on.
     """
-    edge = np.linspace(low, high, pixels + 1) * (cells / length)
-    first = min(max(math.floor(edge[0]), 0), cells - 1)
-    last = min(max(math.ceil(edge[-1] - 1e-9), first + 1), cells)
-    cell = np.arange(first, last)[:, None]
-    shared = np.minimum(edge[None, 1:], cell + 1) - np.maximum(edge[None, :-1], cell)
-    shared = np.maximum(shared, 0.0) / np.diff(edge)
-    # What rounding leaves out belongs to somebody.
-    return first, shared / np.maximum(shared.sum(axis=0), 1e-300)
+    values = np.moveaxis(values, axis, 0)
+    pixels = len(values)
+    scale = cells / length
+    first = min(max(math.floor(span[0] * scale), 0), cells - 1)
+    last = min(max(math.ceil(span[1] * scale - 1e-9), first + 1), cells)
+    # Sums of all before an edge: linear within a pixel.
+    edge = (np.arange(first, last + 1) / scale - span[0]) / (span[1] - span[0]) * pixels
+    edge[0], edge[-1] = 0.0, pixels
+    edge = np.clip(edge, 0.0, pixels)
+    before = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0, dtype=np.float64)])
+    whole = np.minimum(edge.astype(np.int64), pixels - 1)
+    at_edge = before[whole] + (edge - whole)[:, None] * values[whole]
+    return first, np.moveaxis(np.diff(at_edge, axis=0), 0, axis)
 
 
 def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: float) -> tuple[np.ndarray, ...]:

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from .bodies import PartBodies, read_bodies, write_atomically, write_part
-from .coarse import displacement, overlaps
+from .coarse import cell_sums, displacement
 from .layout import Box
 from .plan import Plan, TileRun, make_plan
 from .tile_files import TILE_WRITERS, tile_name
 from .window import density_of_class, onto_densities, relax, start_bodies
 
-__all__ = ["COUNTS", "TARGET", "TOTALS", "flow_folder", "make_part", "part_path", "stage_names"]
+__all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "flow_folder", "make_part", "part_path", "stage_names"]
 
 # Files of the work folder.
 COUNTS = "counts.npy"
 TARGET = "target.npy"
 TOTALS = "totals.npy"
+RARE = "rare.npz"
 
 
 def stage_names(passes: int) -> list[str]:
@@ -55,14 +56,13 @@ def _survey(run: TileRun, plan: Plan, number: int) -> None:
     integrals, patches = [], []
     corner = (0, 0)
     for c in range(len(plan.problem.classes)):
-        image = density_of_class(plan, c, box).astype(np.float64)
+        image = density_of_class(plan, c, box)
         pixel = box.size[0] * box.size[1] / image.size
-        row, up = overlaps(box.low[1], box.high[1], image.shape[0], plan.layout.size[1], rows)
-        column, across = overlaps(box.low[0], box.high[0], image.shape[1], plan.layout.size[0], columns)
-        patch = up @ image[::-1] @ across.T * pixel
+        row, part = cell_sums(image[::-1], 0, (box.low[1], box.high[1]), plan.layout.size[1], rows)
+        column, part = cell_sums(part, 1, (box.low[0], box.high[0]), plan.layout.size[0], columns)
         corner = (row, column)
-        patches.append(patch)
-        integrals.append(float(image.sum()) * pixel)
+        patches.append(part * pixel)
+        integrals.append(float(image.sum(dtype=np.float64)) * pixel)
     file = io.BytesIO()
     np.savez(file, integral=np.array(integrals), patch=np.array(patches), corner=np.array(corner))
     write_atomically(part_path(run, "survey", number), file.getvalue())
@@ -72,9 +72,11 @@ def _start(run: TileRun, plan: Plan, number: int) -> int:
     """Put the bodies of a tile where they start."""
     begin, end = np.load(run.work / COUNTS, mmap_mode="r")[:, :, number]
     parts = [plan.groups.identities(g, int(a), int(b)) for g, (a, b) in enumerate(zip(begin, end, strict=True))]
-    identity = np.sort(np.concatenate(parts))
     box = plan.layout.box((0.0, 0.0), number)
-    bodies = start_bodies(plan, box, identity, number, run.device)
+    with np.load(run.work / RARE, allow_pickle=False) as stored:
+        here = box.holds(stored["position"])
+        rare, place = stored["identity"][here], stored["position"][here]
+    bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
     _write(run, plan, "start", number, bodies)
     return len(bodies)
 

@@ -9,12 +9,13 @@
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import FloatProperty, IntProperty
+from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import settings_of
 from .. import running, words
+from ..amount_ahead import bodies_ahead, question
 from ..properties.described import property_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
@@ -32,10 +33,17 @@ __all__ = ["CLASSES"]
 _SETTINGS = settings_of(ScatterSettings)
 
 
+def in_background() -> bool:
+    """Tell whether Blender has no window."""
+    return bpy.app.background
+
+
 class _Run(bpy.types.Operator):
     """Base of what solves: in the background where there is a window, otherwise to the end."""
 
     bl_options = {"REGISTER", "UNDO"}
+
+    asked: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end before returning: for scripts, ``blender -b`` and the panel of the last operation."""
@@ -59,8 +67,8 @@ class _Run(bpy.types.Operator):
         return self._finish(settings, result)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Solve in the background while the window stays alive."""
-        if bpy.app.background or context.window is None:
+        """Solve in the background while the window stays alive; above the cap, ask first."""
+        if in_background() or context.window is None:
             return self.execute(context)
         try:
             first = self._first(context)
@@ -81,6 +89,11 @@ class _Run(bpy.types.Operator):
         settings = self._settings(context)
         if settings is None:
             return False
+        count = bodies_ahead(settings)
+        if count > settings.cap and not self.asked:
+            self._undo(context)
+            self._ask(context, question(settings, count))
+            return False
         try:
             positional, named = settings.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False, survey=survey)
@@ -94,6 +107,16 @@ class _Run(bpy.types.Operator):
     def _first(self, _context: bpy.types.Context) -> "SelectionSurvey | None":
         """Return what has to be worked out before there is anything to scatter, or None."""
         return None
+
+    def _ask(self, context: bpy.types.Context, text: str) -> None:
+        """Ask whether to run all the same; whoever says yes presses a button that does not ask."""
+
+        def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
+            popup.layout.label(text=text)
+            popup.layout.operator_context = "INVOKE_DEFAULT"
+            popup.layout.operator(self.bl_idname, text="Place Them", icon="PLAY").asked = True
+
+        context.window_manager.popup_menu(draw, title="That Many?", icon="QUESTION")
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         """Return the settings to run, or None where there is nothing to run, which has been reported."""

@@ -12,6 +12,7 @@ AT_ONCE = {*settings_of(Standing), "color", "show_viewport", "show_render"}
 WITHOUT_INFLUENCE = AT_ONCE | {
     "name",
     "class_index",
+    "obstacle_index",
     "size_index",
     "result",
     "target",
@@ -22,4 +23,6 @@ WITHOUT_INFLUENCE = AT_ONCE | {
     "known_name",
     "source_was_in_scene",
     "layer_index",
+    "points_above",
+    "cap",
 }

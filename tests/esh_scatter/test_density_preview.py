@@ -37,6 +37,7 @@ def test_colors_go_from_none_to_many_and_lie_on_the_ground(scatter):
     scatter.active_class.add_layer("ALTITUDE", altitude_low=20.0, altitude_high=40.0, altitude_falloff=40.0)
     content, colors = density_colors(bpy.context, Survey(64))
     assert content is not None and colors.position.shape == (64 * 64, 3)
+    assert all(values.flags.c_contiguous for values in colors), "as Blender's buffers take them"
     high = colors.position[:, 0] > 10.0
     np.testing.assert_allclose(colors.position[:, 2], np.where(high, 30.0, 0.0), atol=0.1)
     np.testing.assert_allclose(colors.color[high, :3], np.broadcast_to(RAMP[-1], (high.sum(), 3)), atol=1e-5)
@@ -45,6 +46,11 @@ def test_colors_go_from_none_to_many_and_lie_on_the_ground(scatter):
     corner = high[colors.triangle]
     assert (corner.all(axis=1) | ~corner.any(axis=1)).all()
     assert len(colors.triangle) == 2 * 63 * 62
+    scatter.surface = "WHOLE"
+    _, whole = density_colors(bpy.context, Survey(64))
+    corner = whole.position[whole.triangle].astype(np.float64)
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum() / 2
+    assert area == pytest.approx(2 * 10 * 20, rel=1e-3), "every face once"
 
 
 def test_only_what_says_something_new_is_shown_anew(scatter):

@@ -89,7 +89,10 @@ def test_what_does_not_fit_the_problem_is_refused_with_a_sentence(fixed, message
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"position": [1.0, 2.0]}, r"`fixed.position` must have shape \[count, 2\]; got shape \[2\]"),
+        (
+            {"position": [1.0, 2.0]},
+            r"`fixed.position` must have shape \[count, 2\], or \[count, 3\] on a surface; got shape \[2\]",
+        ),
         ({"position": [[1.0, np.nan]]}, "`fixed.position` must be finite everywhere"),
         ({"position": "here"}, "`fixed.position` must be numbers"),
         ({"angle": [0.0, 1.0]}, r"`fixed.angle` must be one number, or one for each of 1 bodies; got shape \[2\]"),

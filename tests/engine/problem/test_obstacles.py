@@ -109,7 +109,7 @@ def test_obstacles_everywhere_are_refused():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({}, "an obstacle must have one of `polygon`, `disc` and `image`; got none of them"),
+        ({}, "an obstacle must have one of `polygon`, `disc`, `image` and `ball`; got none of them"),
         ({"disc": (1, 1, 1), "image": np.ones((2, 2))}, "must have one of .*; got `disc` and `image`"),
         ({"polygon": [[0, 0], [1, 1]]}, "`obstacle.polygon` must be three or more corners, each x and y in metres"),
         ({"polygon": 3}, "`obstacle.polygon` must be three or more corners"),

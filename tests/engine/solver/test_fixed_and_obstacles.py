@@ -95,6 +95,15 @@ def test_fixed_lines_keep_angle_and_length():
     assert np.ptp(placement.length[~placement.fixed]) > 0.0
 
 
+def test_fixed_lines_do_not_make_others_longer():
+    fixed = FixedBodies(np.stack(np.meshgrid(np.arange(1.0, 20.0, 2.0), np.arange(1.0, 12.0, 2.0)), -1).reshape(-1, 2))
+    size = Size("line", area=0.4, count=240, line=Line(length=1.0, direction=0.0))
+    placement = solve(Problem(Domain((20.0, 12.0)), [BodyClass("a", [size])], fixed=fixed), device="cpu")
+    # A fifth of all lines keep their lengths; the mean of the others is as asked.
+    assert placement.fixed.sum() == 60
+    assert placement.length[~placement.fixed].mean() == pytest.approx(1.0, rel=0.02)
+
+
 def test_fixed_bodies_stay_where_their_class_has_no_density():
     """There they are neither moved nor attract others' share: the rest follows its density as it would without them."""
     density = np.zeros((20, 40))

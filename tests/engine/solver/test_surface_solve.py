@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from esh.engine.errors import ProblemError
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
@@ -205,8 +204,6 @@ def test_a_state_is_saved_and_gone_on_from(tmp_path):
         assert solver.state.steps[0] == 3
         solver.step(2)
         np.testing.assert_array_equal(solver.placement().position, expected)
-        with pytest.raises(ProblemError, match="must be a rectangle for an edit"):
-            solver.edit(problem)
         copy = solver.state.copy()
         with pytest.raises(ValueError, match="must have shape"):
             copy.assign(SurfaceState(**{**vars(copy), "facet": copy.facet[:5]}))

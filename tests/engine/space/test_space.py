@@ -117,3 +117,12 @@ def test_only_the_room_space_looks_into_a_space():
         if re.search(r"\bspace\.periodic\b", line)
     ]
     assert not [line for line in read if "kernels_separation" not in line], read
+
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/how-it-works.md"])
+def test_the_pages_say_what_a_space_provides(page):
+    source = (ENGINE / "space" / "kernels_space.py").read_text(encoding="utf-8")
+    provided = set(re.findall(r"^@wp\.func\ndef (\w+)\(.*space: Space\):", source, re.MULTILINE))
+    assert len(provided) > 8
+    text = (ENGINE.parent / page).read_text(encoding="utf-8")
+    assert not [name for name in provided if f"`{name}`" not in text]

@@ -8,6 +8,7 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
+from esh.engine.tiles.coarse import cell_sums
 from esh.engine.tiles.groups import group_tiles
 from scipy import spatial
 
@@ -165,6 +166,29 @@ def test_groups_are_those_of_a_whole_problem():
         assert np.array_equal(np.sort(np.concatenate(parts)), np.arange(tiles.first[g], tiles.first[g + 1]))
 
 
+def test_a_class_is_as_rare_as_in_the_whole_problem():
+    """Of a size there are 4,096 samples at most; its rarity is that of all bodies."""
+    classes = [esh.BodyClass(name, [esh.Size("s", area=0.01, count=n)]) for name, n in (("a", 81_920), ("b", 8_192))]
+    matrix = group_tiles(esh.Problem(esh.Domain((40.0, 40.0)), classes)).matrix
+    assert np.allclose(matrix, [[1.0, 0.5], [0.5, 0.5 + 5.0]])
+
+
+def test_tiles_are_as_regular_as_asked(tmp_path):
+    orders = []
+    for regularity in (1.0, 0.0):
+        folder = tmp_path / f"{regularity:g}"
+        folder.mkdir()
+        (folder / "even.toml").write_text(
+            f"version = 1\nregularity = {regularity}\n[domain]\nsize = [64.0, 64.0]\n"
+            '[[class]]\nname = "a"\ndensity = 1.0\n[[class.size]]\nname = "s"\narea = 0.2\ncount = 4096\n'
+        )
+        esh.solve_tiles(folder / "even.toml", folder / "out", device="cpu", ending=".npz", tile=32.0, workers=0)
+        position = np.concatenate([np.load(path)["position"] for path in sorted((folder / "out").glob("tile-*.npz"))])
+        way = position[spatial.cKDTree(position).query(position, 7)[1][:, 1:]] - position[:, None]
+        orders.append(np.abs(np.exp(6j * np.arctan2(way[..., 1], way[..., 0])).mean(axis=1)).mean())
+    assert orders[0] > orders[1] + 0.15
+
+
 def test_groups_of_more_bodies_than_memory():
     size = esh.Size("range", area=(0.5, 2.0), count=3_000_000_000)
     tiles = group_tiles(esh.Problem(esh.Domain((1e6, 1e6)), [esh.BodyClass("a", [size])]))
@@ -172,3 +196,35 @@ def test_groups_of_more_bodies_than_memory():
     chosen = tiles.identities(23, 1_000_000, 1_000_005)
     assert (tiles.group_of(chosen) == 23).all() and len(np.unique(chosen)) == 5
     assert tiles.areas(np.array([0, 2_999_999_999])).tolist() == [0.5, 2.0]
+
+
+def test_sums_over_cells_hold_all_of_a_part():
+    image = np.random.default_rng(2).random((7, 11))
+    # Between 3.2 and 6.7 of 10, in 8 cells: cell edges at 3.75, 5 and 6.25.
+    first, sums = cell_sums(image, 0, (3.2, 6.7), 10.0, 8)
+    assert first == 2 and sums.shape == (4, 11)
+    assert np.allclose(sums.sum(axis=0), image.sum(axis=0))
+    # The first pixel ends at 3.7, so that the first cell has a tenth of the second.
+    assert np.allclose(sums[0], image[0] + 0.1 * image[1])
+    first, sums = cell_sums(image, 1, (0.0, 10.0), 10.0, 11)
+    assert first == 0 and np.allclose(sums, image)
+
+
+def test_rare_lines_keep_to_their_density_and_off_obstacles(tmp_path):
+    half = np.zeros((40, 80), np.float32)
+    half[:, 40:] = 1.0
+    line = esh.Line(length=2.0, direction=0.5)
+    rare = esh.BodyClass("rare", [esh.Size("line", area=0.8, count=30, line=line)], half)
+    many = esh.BodyClass("many", [esh.Size("dot", area=0.5, count=3200)])
+    problem = esh.Problem(
+        esh.Domain((80.0, 40.0)), [many, rare], seed=3, obstacles=[esh.Obstacle(disc=(60.0, 20.0, 7.0))]
+    )
+    bodies = solved(problem, tmp_path / "out", tile=33.0)
+    own = bodies["class_index"] == 1
+    x, y = bodies["position"][own].T
+    assert own.sum() == 30 and x.min() >= 40.0
+    assert np.hypot(x - 60.0, y - 20.0).min() >= 7.0 - 1e-3
+    assert np.abs(bodies["angle"][own] - 0.5).max() < 0.35
+    assert bodies["length"][own].mean() == pytest.approx(2.0, rel=0.15)
+    nearest = spatial.cKDTree(bodies["position"][own]).query(bodies["position"][own], 2)[0][:, 1]
+    assert nearest.min() > 0.5 * math.sqrt((1600.0 - math.pi * 49.0) / 30)

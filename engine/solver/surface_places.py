@@ -1,0 +1,237 @@
+"""Places on a surface: of bodies that are fixed, of new ones that leave them and obstacles room, and of those that an edit brings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..errors import ProblemError
+from ..problem.surface import PointsOnSurface
+from ..problem.validation import show
+from ..surface import kernels_facets
+from ..surface.facets import Facets
+from .model import Model
+
+__all__ = [
+    "TilePlaces",
+    "balls_of",
+    "cells_of",
+    "clear_of_balls",
+    "clearances",
+    "left_by_fixed",
+    "spots_of_fixed",
+    "spots_of_points",
+    "tiles_of",
+]
+
+# Bodies that are fixed take the place of others in cells of about so many spacings of their class.
+CELL_OF_FIXED = 2.5
+# Halvings in which the level is found to which bodies fill up what is asked for.
+BISECTIONS = 60
+# How far from the surface a fixed body may be given, in units.
+NEAR = 1.0
+
+# Facet of every point, shape [n], and the weights of its second and third corner, [n, 2].
+Spots = tuple[np.ndarray, np.ndarray]
+
+
+def spots_of_points(facets: Facets, points: PointsOnSurface) -> Spots:
+    """Return where points of the surface are by facets."""
+    order = np.argsort(facets.triangle, kind="stable")
+    first = np.searchsorted(facets.triangle[order], points.triangle)
+    count = np.searchsorted(facets.triangle[order], points.triangle, side="right") - first
+    row = np.repeat(np.arange(len(first)), count)
+    within = np.arange(len(row)) - np.repeat(np.concatenate([[0], np.cumsum(count)[:-1]]), count)
+    candidate = order[first[row] + within]
+    weight = np.einsum("nk,nkd->nd", points.barycentric[row], np.linalg.inv(facets.weight[candidate]))
+    # Of the facets of its triangle, that which a point lies deepest in.
+    depth = weight.min(axis=1)
+    best = np.lexsort((candidate, -depth, row))
+    chosen = best[np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)] if len(first) else best
+    return candidate[chosen].astype(np.int32), _inside(weight[chosen])
+
+
+def spots_of_fixed(launcher: Launcher, model: Model, facets: Facets) -> Spots:
+    """Return where the fixed bodies of a problem are by facets, in the order of its table.
+
+    Raises:
+        ProblemError: One of them is not on the surface.
+    """
+    table = model.problem.fixed
+    facet, weight = np.zeros(len(table.id), np.int32), np.zeros((len(table.id), 2), np.float32)
+    known = np.flatnonzero(table.triangle >= 0)
+    if len(known):
+        points = facets.surface.locate(table.mesh[known], table.triangle[known], table.barycentric[known])
+        facet[known], weight[known] = spots_of_points(facets, points)
+    found = np.flatnonzero(table.triangle < 0)
+    if len(found):
+        place = (table.position[found] - facets.middle) / facets.unit
+        near = launcher.empty(len(found), wp.int32)
+        on_device = wp.array(place.astype(np.float32), dtype=wp.vec3, device=launcher.device)
+        launcher.launch(kernels_facets.find_faces, len(found), [facets.mesh.id, on_device, NEAR], [near])
+        facet[found] = near.numpy()
+        missed = np.flatnonzero(facet[found] < 0)
+        if len(missed):
+            raise ProblemError(
+                f"`fixed.position` must lie on the surface; {show(table.position[found[missed[0]]].tolist())} is more than "
+                f"{NEAR * facets.unit:.3g} m away from it"
+            )
+        corner = facets.corner[facet[found]]
+        u, v, p = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], place - corner[:, 0]
+        uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), (v * v).sum(axis=1)
+        pu, pv = (p * u).sum(axis=1), (p * v).sum(axis=1)
+        scale = 1.0 / np.maximum(uu * vv - uv**2, 1e-30)
+        second, third = (vv * pu - uv * pv) * scale, (uu * pv - uv * pu) * scale
+        weight[found] = _inside(np.stack([1.0 - second - third, second, third], axis=1))
+    return facet, weight
+
+
+def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+    """Return the share of every class's density on every tile as others follow it, and as new bodies start on it.
+
+    Where fixed bodies are more than the density asks for, the density is what they are, so that nobody is pushed away from it; and
+    new ones start where they are less.
+
+    Args:
+        model: The model.
+        facets: The surface.
+        share: What is asked for, shape ``[class_count, tile_count]``.
+        spots: Of the fixed bodies.
+    """
+    followed, started = share.copy(), share.copy()
+    facet_of_tile, middle = _tile_middles(facets)
+    charge = model.body_charge
+    place, _ = _positions(facets, spots)
+    class_of_fixed = model.body.class_index[model.fixed]
+    for k in np.unique(class_of_fixed).tolist():
+        of_class = model.body.class_index == k
+        total = float(charge[of_class].sum())
+        cell = CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum()))
+        own = class_of_fixed == k
+        keys = cells_of(
+            np.concatenate([middle, place[own]]),
+            np.concatenate([facets.normal[facet_of_tile], facets.normal[spots[0][own]]]),
+            cell,
+        )
+        number, key = np.unique(keys, return_inverse=True)
+        key = key.ravel()
+        of_tile, of_body = key[: len(middle)], key[len(middle) :]
+        asked = np.bincount(of_tile, share[k], len(number))
+        there = np.bincount(of_body, charge[model.fixed][own], len(number)) / total
+        low, high = 0.0, 1.0
+        for _ in range(BISECTIONS):
+            level = 0.5 * (low + high)
+            over = np.maximum(level * asked, there)[asked > 0.0].sum() > 1.0
+            low, high = (low, level) if over else (level, high)
+        level = 0.5 * (low + high)
+        wanted = np.maximum(level * asked, np.where(asked > 0.0, there, 0.0))
+        followed[k] = share[k] * (wanted / np.maximum(asked, 1e-300))[of_tile]
+        followed[k] /= followed[k].sum()
+        started[k] = share[k] * np.clip(1.0 - there / np.maximum(level * asked, 1e-300), 0.0, 1.0)[of_tile]
+        if not started[k].any():
+            started[k] = share[k]
+    return followed, started
+
+
+def balls_of(model: Model, facets: Facets) -> np.ndarray:
+    """Return the balls that bodies keep out of, in units: centre and radius, shape ``[m, 4]``."""
+    found = [(*one.ball[:3], one.ball[3] + one.margin) for one in model.problem.obstacles if one.ball is not None]
+    balls = np.array(found, dtype=np.float64).reshape(-1, 4)
+    balls[:, :3] -= facets.middle
+    return balls / facets.unit
+
+
+def clearances(model: Model) -> np.ndarray:
+    """Return how far bodies keep off obstacles, in units: by their footprints where these may not overlap, shape ``[n]``."""
+    if not model.problem.avoid_overlap:
+        return np.zeros(model.body_count)
+    longest = model.body.longest
+    width = model.widths(longest) if model.kinds else np.zeros(len(longest))
+    return np.where(width > 0.0, 0.5 * width, np.sqrt(model.body.area / math.pi)) / model.unit
+
+
+def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.ndarray, clear: np.ndarray) -> np.ndarray:
+    """Return the share of every class's density on tiles that lie outside of all balls as a whole.
+
+    Raises:
+        ProblemError: Nothing of a class is left.
+    """
+    if not len(balls):
+        return share
+    facet_of_tile, middle = _tile_middles(facets)
+    corner = facets.corner[facet_of_tile]
+    reach = np.linalg.norm(corner - corner.mean(axis=1, keepdims=True), axis=2).max(axis=1) / facets.cuts[facet_of_tile]
+    result = share.copy()
+    for k, body_class in enumerate(model.problem.classes):
+        most = float(clear[model.body.class_index == k].max())
+        for ball in balls:
+            away = np.linalg.norm(middle - ball[:3], axis=1) - ball[3] - most
+            result[k, away < reach] = 0.0
+        if not result[k].any():
+            raise ProblemError(
+                f'`obstacles` must leave class "{body_class.name}" a place, which keeps off them by its size'
+            )
+    return result
+
+
+class TilePlaces:
+    """Draws places from shares of tiles.
+
+    Args:
+        facets: The surface.
+        rng: What is random.
+    """
+
+    def __init__(self, facets: Facets, rng: np.random.Generator) -> None:
+        self._facets, self._rng = facets, rng
+        self._facet, self._weight = facets.tiles(np.arange(facets.count))
+
+    def draw(self, share: np.ndarray, count: int) -> Spots:
+        """Return ``count`` places at even steps of the running sum of a share of every tile, shape ``[tile_count]``."""
+        running = np.cumsum(share)
+        step = (np.arange(count) + self._rng.random()) / max(count, 1) * running[-1]
+        tile = np.minimum(np.searchsorted(running, step, side="right"), len(running) - 1)
+        facet = self._facet[tile]
+        within = 0.3 * (self._rng.random((count, 2)) - 0.5) / self._facets.cuts[facet][:, None]
+        return facet.astype(np.int32), (self._weight[tile, 1:] + within).astype(np.float32)
+
+
+def _tile_middles(facets: Facets) -> tuple[np.ndarray, np.ndarray]:
+    facet, weight = facets.tiles(np.arange(facets.count))
+    return facet, np.einsum("nk,nkd->nd", weight, facets.corner[facet])
+
+
+def _positions(facets: Facets, spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+    facet, weight = spots
+    full = np.column_stack([1.0 - weight.sum(axis=1), weight])
+    return np.einsum("nk,nkd->nd", full, facets.corner[facet]), full
+
+
+def cells_of(place: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
+    """Number of the cell that each place is in, another one for each of six directions that the surface looks to."""
+    cell = np.floor(place / size).astype(np.int64)
+    cell -= cell.min(axis=0)
+    extent = cell.max(axis=0) + 1
+    axis = np.argmax(np.abs(normal), axis=1)
+    sheet = 2 * axis + (normal[np.arange(len(normal)), axis] > 0.0)
+    return ((cell[:, 0] * extent[1] + cell[:, 1]) * extent[2] + cell[:, 2]) * 6 + sheet
+
+
+def _inside(weight: np.ndarray) -> np.ndarray:
+    """Weights of the second and third corner, float32, of points brought into their triangle."""
+    weight = np.maximum(weight, 0.0)
+    weight /= weight.sum(axis=1, keepdims=True)
+    return weight[:, 1:].astype(np.float32)
+
+
+def tiles_of(facets: Facets, facet: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return the number of the tile that each place is on, as kernels count them."""
+    cuts = facets.cuts[facet]
+    x, y = weight[:, 0].astype(np.float64) * cuts, weight[:, 1].astype(np.float64) * cuts
+    j = np.clip(np.floor(y).astype(np.int64), 0, cuts - 1)
+    i = np.clip(np.floor(x).astype(np.int64), 0, cuts - 1 - j)
+    upper = (i < cuts - 1 - j) & ((x - i) + (y - j) > 1.0)
+    return facets.first_tile[facet] + j * (2 * cuts - j) + 2 * i + upper

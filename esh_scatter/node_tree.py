@@ -1,0 +1,148 @@
+"""Geometry node trees written as arithmetic: every function adds a node and returns its output."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import bpy
+
+__all__ = ["Tree"]
+
+Socket: TypeAlias = bpy.types.NodeSocket
+
+
+class Tree:
+    """A geometry node group that is being built; nodes stand in columns, in the order in which they are added.
+
+    Attributes:
+        group: The node group.
+        inputs: Its inputs by name, to be linked.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+        self.inputs: dict[str, Socket] = {}
+        self._rows: dict[int, int] = {}
+        self._column = 0
+        self._input_node: bpy.types.Node | None = None
+
+    def column(self, number: int) -> None:
+        """Put the nodes that follow into a column."""
+        self._column = number
+
+    def add(self, kind: str, **values: Any) -> bpy.types.Node:
+        """Add a node and set its properties."""
+        node = self.group.nodes.new(kind)
+        row = self._rows.get(self._column, 0)
+        self._rows[self._column] = row + 1
+        node.location = (240.0 * self._column, -240.0 * row)
+        for name, value in values.items():
+            setattr(node, name, value)
+        return node
+
+    def link(self, value: Any, socket: Socket) -> None:
+        """Link an output to an input, or give the input a value."""
+        if isinstance(value, bpy.types.NodeSocket):
+            self.group.links.new(value, socket)
+        else:
+            socket.default_value = value
+
+    def take(self, name: str, kind: str, default: Any = None, **more: Any) -> None:
+        """Add an input to the group; all of them before :meth:`begin`."""
+        told = self.group.interface.new_socket(
+            name, in_out="INPUT", socket_type=kind, parent=more.pop("parent", None), description=more.pop("help", "")
+        )
+        for key, value in more.items():
+            setattr(told, key, value)
+        if default is not None:
+            told.default_value = default
+
+    def begin(self) -> None:
+        """Make the inputs known to the nodes."""
+        node = self.add("NodeGroupInput")
+        self.inputs = {socket.name: socket for socket in node.outputs if socket.name}
+
+    def attribute(self, name: str, kind: str) -> Socket:
+        """Read an attribute of the points."""
+        node = self.add("GeometryNodeInputNamedAttribute", data_type=kind)
+        node.inputs["Name"].default_value = name
+        return _shown(node.outputs, "Attribute")
+
+    def switch(self, kind: str, condition: Any, false: Any, true: Any) -> Socket:
+        """Choose one of two values."""
+        node = self.add("GeometryNodeSwitch", input_type=kind)
+        for value, name in ((condition, "Switch"), (false, "False"), (true, "True")):
+            if value is not None:
+                self.link(value, _shown(node.inputs, name))
+        return _shown(node.outputs, "Output")
+
+    def both(self, *values: Any) -> Socket:
+        """Tell whether all of some truth values are true."""
+        return self._combined("AND", values)
+
+    def either(self, *values: Any) -> Socket:
+        """Tell whether any of some truth values is true."""
+        return self._combined("OR", values)
+
+    def no(self, value: Any) -> Socket:
+        """Turn a truth value round."""
+        return self._combined("NOT", (value,))
+
+    def _combined(self, operation: str, values: tuple[Any, ...]) -> Socket:
+        result = values[0]
+        for value in values[1:] or ((None,) if operation == "NOT" else ()):
+            node = self.add("FunctionNodeBooleanMath", operation=operation)
+            self.link(result, node.inputs[0])
+            if value is not None:
+                self.link(value, node.inputs[1])
+            result = node.outputs[0]
+        return result
+
+    def compare(self, operation: str, first: Any, second: Any, kind: str = "FLOAT") -> Socket:
+        """Compare two numbers."""
+        node = self.add("FunctionNodeCompare", data_type=kind, operation=operation)
+        one, two = [socket for socket in node.inputs if socket.enabled][:2]
+        self.link(first, one)
+        self.link(second, two)
+        return node.outputs[0]
+
+    def math(self, operation: str, *values: Any) -> Socket:
+        """Reckon with numbers."""
+        return self._math("ShaderNodeMath", operation, values)
+
+    def vector(self, operation: str, *values: Any) -> Socket:
+        """Reckon with vectors."""
+        return self._math("ShaderNodeVectorMath", operation, values)
+
+    def scaled(self, vector: Any, factor: Any) -> Socket:
+        """Multiply a vector with a number."""
+        node = self.add("ShaderNodeVectorMath", operation="SCALE")
+        self.link(vector, node.inputs[0])
+        self.link(factor, node.inputs["Scale"])
+        return node.outputs["Vector"]
+
+    def _math(self, kind: str, operation: str, values: tuple[Any, ...]) -> Socket:
+        node = self.add(kind, operation=operation)
+        for value, socket in zip(values, node.inputs, strict=False):
+            self.link(value, socket)
+        return next(socket for socket in node.outputs if socket.enabled)
+
+    def parts(self, vector: Any) -> list[Socket]:
+        """Take a vector apart."""
+        node = self.add("ShaderNodeSeparateXYZ")
+        self.link(vector, node.inputs[0])
+        return list(node.outputs)
+
+    def call(self, kind: str, *values: Any, output: int | str = 0, **settings: Any) -> Socket:
+        """Add a node with these values for its inputs, in their order; None leaves an input as it is."""
+        node = self.add(kind, **settings)
+        inputs = [socket for socket in node.inputs if socket.enabled]
+        for value, socket in zip(values, inputs, strict=False):
+            if value is not None:
+                self.link(value, socket)
+        return node.outputs[output] if isinstance(output, int) else _shown(node.outputs, output)
+
+
+def _shown(sockets: Any, name: str) -> Socket:
+    """Return the socket of this name that is there for the chosen type."""
+    return next(socket for socket in sockets if socket.enabled and socket.name == name)

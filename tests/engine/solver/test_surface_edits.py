@@ -1,0 +1,147 @@
+"""On a surface: bodies that are fixed, obstacles, and edits that go on from where bodies are."""
+
+import numpy as np
+import pytest
+
+trimesh = pytest.importorskip("trimesh")
+
+import esh  # noqa: E402
+from esh import EshError  # noqa: E402
+from esh.engine.quality.measurement import measure  # noqa: E402
+
+BALL = trimesh.creation.icosphere(subdivisions=3)
+SURFACE = esh.Surface(esh.SurfaceMesh(BALL.vertices, BALL.faces))
+RUN = {"device": "cpu", "max_steps": 40}
+
+
+def problem(count, density=1.0, area=0.004, **named):
+    return esh.Problem(SURFACE, [esh.BodyClass("moss", [esh.Size("tuft", area, count)], density=density)], **named)
+
+
+def upward(amount):
+    return lambda points: 1.0 + amount * points.position[:, 2]
+
+
+def start():
+    return esh.solve(problem(300), **RUN)
+
+
+def test_fixed_bodies_stay_exactly_where_they_are_and_others_make_room():
+    before = start()
+    pinned = esh.FixedBodies.of_placement(before, np.arange(0, 300, 5))
+    after = esh.solve(problem(240, fixed=pinned, avoid_overlap=True), **RUN)
+    assert after.fixed.sum() == 60 and len(after.position) == 300
+    order = np.argsort(after.id[after.fixed])
+    np.testing.assert_array_equal(after.id[after.fixed][order], before.id[::5])
+    np.testing.assert_allclose(after.position[after.fixed][order], before.position[::5], atol=1e-6)
+    assert after.report.coverage_error < 0.05 and after.report.smallest_spacing > 0.55 and after.report.overlaps == 0
+    report = after.report.classes[0].sizes[0]
+    assert (report.placed, report.fixed) == (300, 60)
+
+
+def test_where_fixed_bodies_already_are_what_is_asked_for_no_more_are_placed():
+    """A cap is full of them: it keeps others out, and these are even where they are left."""
+    cap = start().position
+    cap = cap[cap[:, 2] > 0.5]
+    after = esh.solve(problem(150, fixed=esh.FixedBodies(cap * 1.002, "moss")), **RUN)
+    new = after.position[~after.fixed]
+    assert len(new) == 150 and (new[:, 2] > 0.6).sum() <= 2
+    # They lie on the surface, below where they were given.
+    assert np.linalg.norm(after.position[after.fixed], axis=1).max() <= 1.0 + 1e-6
+
+
+def test_the_side_of_a_thin_wall_is_that_of_the_triangle():
+    corner = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], float)
+    face = np.array([(0, 1, 2), (0, 2, 3)])
+    both = esh.Surface(esh.SurfaceMesh(corner, np.concatenate([face, face[:, ::-1]])))
+    moss = [esh.BodyClass("moss", [esh.Size("tuft", 0.002, 100)])]
+    before = esh.solve(esh.Problem(both, moss), **RUN)
+    pinned = esh.FixedBodies.of_placement(before, before.normal[:, 2] < 0.0)
+    after = esh.solve(esh.Problem(both, moss, fixed=pinned), **RUN)
+    assert (after.normal[after.fixed][:, 2] < 0.0).all()
+
+
+@pytest.mark.parametrize("avoid_overlap", [False, True])
+def test_no_body_stands_in_a_ball_or_its_margin(avoid_overlap):
+    balls = [esh.Obstacle(ball=(0, 0, 1, 0.6), margin=0.05), esh.Obstacle(ball=(1, 0, 0, 0.3))]
+    after = esh.solve(problem(300, upward(0.5), obstacles=balls, avoid_overlap=avoid_overlap), **RUN)
+    radius = np.sqrt(0.004 / np.pi) if avoid_overlap else 0.0
+    for ball in balls:
+        away = np.linalg.norm(after.position - ball.ball[:3], axis=1) - ball.ball[3] - ball.margin
+        assert away.min() >= radius * (1.0 - 1e-4)
+        # And no wide strip beside it is empty.
+        assert away.min() < radius + 0.12
+    assert len(after.position) == 300 and after.report.coverage_error < 0.05
+
+
+def test_an_edit_follows_counts_densities_and_obstacles_and_stirs_little():
+    with esh.Solver(problem(400, upward(0.5)), device="cpu") as solver:
+        solver.run(40)
+        steps = [
+            (problem(460, upward(0.5)), 60, 0),
+            (problem(330, upward(0.5)), 0, 130),
+            (problem(330, upward(-0.5)), None, None),
+            (problem(330, upward(-0.5), obstacles=[esh.Obstacle(ball=(0, 0, -1, 0.5))]), None, None),
+        ]
+        for asked, added, removed in steps:
+            before = solver.placement()
+            edit = solver.edit(asked)
+            after = solver.placement()
+            assert len(after.position) == asked.body_count == len(np.unique(after.id))
+            assert added is None or (len(edit.added), len(edit.removed)) == (added, removed)
+            assert added is not None or len(edit.added) == len(edit.removed) > 20
+            assert set(after.id) == set(before.id) - set(edit.removed) | set(edit.added)
+            _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+            moved = np.linalg.norm(before.position[i] - after.position[j], axis=1) / np.sqrt(4 * np.pi / 400)
+            assert np.median(moved) < 0.4
+            report = measure(after, solver.launcher)
+            assert report.coverage_error < 0.03 and report.smallest_spacing > 0.55
+        assert np.linalg.norm(after.position - (0, 0, -1), axis=1).min() >= 0.5 - 1e-5
+
+
+def test_an_edit_pins_bodies_by_their_identity_and_lets_them_go():
+    with esh.Solver(problem(200), device="cpu") as solver:
+        solver.run(20)
+        before = solver.placement()
+        chosen = np.arange(50)
+        edit = solver.edit(problem(150, fixed=esh.FixedBodies.of_placement(before, chosen)))
+        pinned = solver.placement()
+        assert len(edit.added) == len(edit.removed) == 0 and pinned.fixed.sum() == 50
+        _, i, j = np.intersect1d(before.id[chosen], pinned.id, return_indices=True)
+        np.testing.assert_allclose(before.position[chosen][i], pinned.position[j], atol=1e-6)
+        solver.edit(problem(200))
+        assert not solver.placement().fixed.any() and set(solver.placement().id) == set(before.id)
+
+
+def test_equal_edits_give_equal_bytes():
+    def run():
+        with esh.Solver(problem(200, upward(0.5)), device="cpu") as solver:
+            solver.run(10)
+            solver.edit(problem(260, upward(-0.5)))
+            return solver.placement().position.tobytes()
+
+    assert run() == run()
+
+
+def test_what_has_no_meaning_on_a_surface_is_said():
+    other = esh.Surface(esh.SurfaceMesh(BALL.vertices, BALL.faces))
+    with esh.Solver(problem(20), device="cpu") as solver, pytest.raises(EshError, match="must stay the same Surface"):
+        solver.edit(esh.Problem(other, [esh.BodyClass("moss", [esh.Size("tuft", 0.004, 9)])]))
+    with pytest.raises(EshError, match=r"`fixed.position` must lie on the surface; \[0.0, 0.0, 3.0\] is more than"):
+        esh.solve(problem(20, fixed=esh.FixedBodies([[0, 0, 3.0]])), **RUN)
+    with pytest.raises(
+        EshError, match=r"`fixed.position` must be on a surface x, y and z in metres; got 2 coordinates"
+    ):
+        problem(20, fixed=esh.FixedBodies([[0, 0]]))
+    with pytest.raises(EshError, match="`obstacles` on a surface must be balls"):
+        problem(20, obstacles=[esh.Obstacle(disc=(0, 0, 1))])
+    with pytest.raises(EshError, match="`obstacles` must leave a place where the density"):
+        problem(20, obstacles=[esh.Obstacle(ball=(0, 0, 0, 2))])
+    with pytest.raises(EshError, match="must be polygons, discs or images; a ball needs a Surface"):
+        esh.Problem(
+            esh.Domain((1, 1)),
+            [esh.BodyClass("a", [esh.Size("b", 0.1, 3)])],
+            obstacles=[esh.Obstacle(ball=(0, 0, 0, 1))],
+        )
+    with pytest.raises(EshError, match=r"`obstacle.ball` must be x, y, z and a radius above 0, in metres; got"):
+        esh.Obstacle(ball=(0, 0, 0, -1))

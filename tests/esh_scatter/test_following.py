@@ -1,0 +1,269 @@
+"""Results follow their targets, and show as much as the inputs of their modifiers say."""
+
+import math
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import esh  # noqa: E402
+from esh.esh_scatter.display import get_inputs, our_modifier, set_inputs  # noqa: E402
+from mathutils import Matrix  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def new_object(name, vertices, faces, link=True):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    item = bpy.data.objects.new(name, mesh)
+    if link:
+        bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def hills():
+    along = np.linspace(0.0, 20.0, 11)
+    corners = [(x, y, 1.5 * math.sin(0.5 * x) + 0.1 * y) for y in along for x in along]
+    quads = [(i + 11 * j, i + 1 + 11 * j, i + 12 + 11 * j, i + 11 + 11 * j) for j in range(10) for i in range(10)]
+    return new_object("Ground", corners, quads)
+
+
+@pytest.fixture
+def scattered():
+    tree = new_object("Tree", [(0, 0, 0), (0.2, 0, 0), (0, 0.3, 0), (0, 0, 2)], [(0, 1, 2), (0, 1, 3)])
+    stone = new_object("Stone", [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    classes = [
+        esh.ScatterClass("tree", [esh.ScatterSize("t", 60, tree)], standing=esh.Standing(align_to_normal=0.0)),
+        esh.ScatterClass(
+            "stone", [esh.ScatterSize("s", 90, stone)], standing=esh.Standing(align_to_normal=1.0, offset=0.1)
+        ),
+    ]
+    return esh.scatter(hills(), classes, device="cpu", max_steps=5)
+
+
+def shown(item):
+    """Name and matrix of every instance, in the order of the points."""
+    found = []
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.is_instance and instance.parent.original == item:
+            found.append((instance.object.original.name, instance.matrix_world.copy()))
+    return found
+
+
+def matrices(item):
+    return np.array([matrix for _, matrix in shown(item)])
+
+
+def classes_of(item):
+    return np.array([name == "Stone" for name, _ in shown(item)])
+
+
+def test_a_result_that_was_just_made_stands_where_it_was_placed(scattered):
+    placed = scattered.instances
+    matrix, stones = matrices(scattered.object), classes_of(scattered.object)
+    for number, own in enumerate((~stones, stones)):
+        np.testing.assert_allclose(matrix[own][:, :3, 3], placed.position[placed.source == number], atol=2e-5)
+
+
+def test_it_moves_turns_and_grows_with_its_target(scattered):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    before, stones = matrices(item), classes_of(item)
+    motion = Matrix.Translation((3, -2, 5)) @ Matrix.Rotation(0.7, 4, "Z")
+    ground.matrix_world = motion
+    bpy.context.view_layer.update()
+    expected = np.array(motion) @ before
+    np.testing.assert_allclose(matrices(item), expected, atol=1e-4)
+    # Tilted, what follows the slope leans with it, and what stands upright does not.
+    tilt = Matrix.Rotation(0.4, 4, "X")
+    ground.matrix_world = tilt
+    bpy.context.view_layer.update()
+    after = matrices(item)
+    np.testing.assert_allclose(after[stones], (np.array(tilt) @ before)[stones], atol=1e-4)
+    np.testing.assert_allclose(after[~stones][:, :3, 3], (np.array(tilt) @ before)[~stones][:, :3, 3], atol=1e-4)
+    np.testing.assert_allclose(after[~stones][:, :3, 2], np.broadcast_to([0, 0, 1], ((~stones).sum(), 3)), atol=1e-4)
+    ground.matrix_world = Matrix.Scale(2.0, 4)
+    bpy.context.view_layer.update()
+    trees = matrices(item)[~stones]
+    np.testing.assert_allclose(trees[:, :3, 3], 2.0 * before[~stones][:, :3, 3], atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(trees[:, :3, 0], axis=1), 1.0, atol=1e-4)
+
+
+def test_it_bends_with_its_target_and_keeps_what_was_moved_by_hand(scattered):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    item.data.vertices[7].co.z += 1.0
+    item.data.update()
+    stones = classes_of(item)
+    before = matrices(item)
+    for vertex in ground.data.vertices:
+        vertex.co.z += 2.0 + 0.3 * vertex.co.x
+    ground.data.update()
+    bpy.context.view_layer.update()
+    after = matrices(item)
+    trees = ~stones
+    lifted = before[trees][:, :3, 3].copy()
+    lifted[:, 2] += 2.0 + 0.3 * lifted[:, 0]
+    moved = np.zeros(trees.sum(), bool)
+    moved[7] = True
+    # What stands away from the ground turns with it: exactly where nothing does.
+    np.testing.assert_allclose(after[trees][~moved, :3, 3], lifted[~moved], atol=1e-3)
+    assert np.linalg.norm(after[trees][7, :3, 3] - lifted[7]) < 0.5
+    # A face that rises along x leans what follows the slope, and pulls its offset with it.
+    assert np.all(after[stones][:, 0, 2] < before[stones][:, 0, 2])
+
+
+def test_it_stays_where_the_target_no_longer_is_what_it_was(scattered):
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    before = matrices(item)
+    ground.location.z = 5.0
+    set_inputs(our_modifier(item), {"Follow Target": False})
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    set_inputs(our_modifier(item), {"Follow Target": True})
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item)[:, 2, 3], before[:, 2, 3] + 5.0, atol=1e-4)
+    ground.modifiers.new("Finer", "SUBSURF")
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+    bpy.data.objects.remove(ground)
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(matrices(item), before, atol=1e-5)
+
+
+def test_standing_that_is_changed_at_once_is_followed(scattered):
+    from esh.esh_scatter.kept_ground import stand_anew
+
+    ground, item = bpy.data.objects["Ground"], scattered.object
+    stand_anew(item, 1, esh.Standing(align_to_normal=0.0))
+    ground.rotation_euler = (0.4, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    up = matrices(item)[:, :3, 2]
+    np.testing.assert_allclose(up, np.broadcast_to([0, 0, 1], up.shape), atol=1e-4)
+
+
+def test_share_classes_scale_and_display(scattered):
+    item = scattered.object
+    modifier = our_modifier(item)
+
+    def count(**values):
+        before = get_inputs(modifier)
+        set_inputs(modifier, {name.replace("_", " "): value for name, value in values.items()})
+        bpy.context.view_layer.update()
+        found = shown(item)
+        set_inputs(modifier, before)
+        bpy.context.view_layer.update()
+        return len(found)
+
+    assert count() == 150 == count(Viewport_Share=1.0) and count(Viewport_Share=0.0) == 0
+    assert 40 < count(Viewport_Share=0.5) < 110
+    assert count(Show_tree=False) == 90 and count(Show_stone=False, Show_tree=False) == 0
+    assert count(Display="Bounds") == 150 and count(Display="Points") == 1, "all points are one thing"
+    set_inputs(modifier, {"Scale": 2.0, "Display": "Bounds"})
+    bpy.context.view_layer.update()
+    sizes = np.linalg.norm(matrices(item)[:, :3, 0], axis=1)
+    np.testing.assert_allclose(sizes, 2.0, atol=1e-5)
+    assert get_inputs(modifier)["Display"] == "Bounds"
+    set_inputs(modifier, {"Display": "Points"})
+    bpy.context.view_layer.update()
+    dots = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).evaluated_geometry()
+    assert len(dots.pointcloud.points) == 150
+
+
+def test_only_what_the_camera_sees_is_shown(scattered):
+    item = scattered.object
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    camera.data.type, camera.data.ortho_scale = "ORTHO", 8.0
+    camera.location = (10.0, 10.0, 30.0)
+    bpy.context.scene.camera = camera
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = 200, 100
+    everything = matrices(item)[:, :3, 3]
+    # Whether a point is seen is told by where it stands, not by where its object's origin is lifted to.
+    set_inputs(our_modifier(item), {"Camera Culling": True, "Margin": 0.0})
+    bpy.context.view_layer.update()
+    seen = matrices(item)[:, :3, 3]
+    inside = (np.abs(everything[:, 0] - 10) < 4) & (np.abs(everything[:, 1] - 10) < 2)
+    assert len(seen) == inside.sum() > 0
+    np.testing.assert_allclose(np.sort(seen, axis=0), np.sort(everything[inside], axis=0), atol=1e-4)
+    set_inputs(our_modifier(item), {"Margin": 0.25})
+    bpy.context.view_layer.update()
+    wider = (np.abs(everything[:, 0] - 10) < 6) & (np.abs(everything[:, 1] - 10) < 3)
+    assert len(shown(item)) == wider.sum()
+    set_inputs(our_modifier(item), {"Distance": 20.0})
+    bpy.context.view_layer.update()
+    assert len(shown(item)) == 0
+    bpy.context.scene.camera = None
+    set_inputs(our_modifier(item), {"Camera Culling": False})
+    bpy.context.view_layer.update()
+    assert len(shown(item)) == 150
+
+
+def test_inputs_stay_when_the_result_is_made_anew(scattered):
+    item = scattered.object
+    set_inputs(our_modifier(item), {"Viewport Share": 0.5, "Display": "Bounds", "Show stone": False, "Scale": 1.5})
+    ground = bpy.data.objects["Ground"]
+    more = [
+        esh.ScatterClass("new", [esh.ScatterSize("n", 5, bpy.data.objects["Tree"])]),
+        esh.ScatterClass("stone", [esh.ScatterSize("s", 9, bpy.data.objects["Stone"])]),
+    ]
+    again = esh.scatter(ground, more, device="cpu", max_steps=5).object
+    assert again == item
+    found = get_inputs(our_modifier(item))
+    assert (found["Viewport Share"], found["Display"], found["Show stone"], found["Scale"]) == (
+        0.5,
+        "Bounds",
+        False,
+        1.5,
+    )
+    assert found["Show new"] and "Show tree" not in found
+
+
+def test_renders_are_whole_unless_they_are_told_otherwise(scattered, tmp_path):
+    """Seen in what Cycles gets: the shadowless silhouette of what is rendered."""
+    item = scattered.object
+    scene = bpy.context.scene
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    camera.data.type, camera.data.ortho_scale, camera.location = "ORTHO", 22.0, (10.0, 10.0, 30.0)
+    scene.camera = camera
+    for name in ("Ground", "Tree", "Stone"):
+        bpy.data.objects[name].hide_render = True
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 1, "CPU"
+    scene.render.film_transparent, scene.render.resolution_x, scene.render.resolution_y = True, 96, 96
+    scene.render.filepath = str(tmp_path / "seen.png")
+
+    def covered(**values):
+        set_inputs(our_modifier(item), {name.replace("_", " "): value for name, value in values.items()})
+        bpy.ops.render.render(write_still=True)
+        image = bpy.data.images.load(scene.render.filepath)
+        alpha = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(alpha)
+        bpy.data.images.remove(image)
+        return float(alpha[3::4].sum())
+
+    whole = covered()
+    assert whole > 0.0 and covered(Viewport_Share=0.0, Display="Points") == pytest.approx(whole)
+    assert covered(Limit_Renders=True, Display="Objects") == 0.0
+
+
+def test_each_of_several_targets_is_followed_by_what_stands_on_it():
+    square = [(0, 0, 0), (5, 0, 0), (5, 5, 0), (0, 5, 0)]
+    left, right = (new_object(name, square, [(0, 1, 2, 3)]) for name in ("Left", "Right"))
+    right.location.x = 8.0
+    stone = new_object("Stone", [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    bpy.context.view_layer.update()
+    item = esh.scatter(
+        [left, right], [esh.ScatterClass("stone", [esh.ScatterSize("s", 40, stone)])], max_steps=3
+    ).object
+    before = matrices(item)[:, :3, 3]
+    right.location.z = 3.0
+    bpy.context.view_layer.update()
+    after = matrices(item)[:, :3, 3]
+    on_right = before[:, 0] > 6.5
+    assert on_right.any() and not on_right.all()
+    np.testing.assert_allclose(after[:, 2], before[:, 2] + 3.0 * on_right, atol=1e-5)
