@@ -285,7 +285,7 @@ class ESH_PG_class(PropertyGroup):
                 return f"{self._where(size)}: choose {what} to place"
             if size.source_deleted:
                 return f'{self._where(size)}: "{size.source.name}" was deleted; choose another object to place'
-            if size.source_kind == "COLLECTION" and not size.source.all_objects:
+            if size.source_kind != "OBJECT" and not size.source.all_objects:
                 return f'{self._where(size)}: collection "{size.source.name}" is empty; put objects to place into it'
             if size.area_kind == "RANGE" and size.area_largest < size.area:
                 return f"{self._where(size)}: the largest area is smaller than the smallest"

@@ -14,6 +14,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
+from esh.engine.solver.separation import _numbered, _ranked
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -350,3 +351,14 @@ def test_what_is_too_crowded_where_it_may_be_ends_after_one_try(monkeypatch):
     placement = solve(problem_of(Footprints(PLANK, turn="random"), 60, side, left), device="cpu", max_steps=10)
     assert placement.report.overlaps > 0 and not placement.report.converged
     assert 0 < len(rounds) <= separation.ROUNDS_OF_THE_TOO_CROWDED
+
+
+@pytest.mark.parametrize("different", [1, 3, 40])
+def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(different):
+    rng = np.random.default_rng(different)
+    number, room = rng.integers(-2, different, 500), rng.choice(rng.random(different), 500)
+    other = rng.integers(-100_000, 100_000, different)[rng.integers(0, different, 500)]
+    rows = np.stack([number, room, other], axis=1)
+    expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+    np.testing.assert_array_equal(_numbered(number, _ranked(room), other), expected)
+    assert len(_numbered(number[:0], _ranked(room[:0]))) == 0
