@@ -11,12 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
 from ..problem.body_footprints import CAPSULE, BodyFootprints
+from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
@@ -373,7 +375,7 @@ class Separation:
         """
         self._again = again
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._covered <= TOO_CROWDED and self._swappable:
+        if parted is False and self._fixed and self._swappable and not self._too_crowded:
             self._place.assign(self._start)
             self._home.assign(self._start)
             parted = self._try(go_on, hot=True)
@@ -396,7 +398,12 @@ class Separation:
     def _most_rounds(self) -> int:
         if self._covered > 1.0:
             return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
-        return MOST_ROUNDS if self._covered <= TOO_CROWDED else ROUNDS_OF_THE_TOO_CROWDED
+        return MOST_ROUNDS
+
+    @cached_property
+    def _too_crowded(self) -> bool:
+        # Of the ground where bodies may be.
+        return cover_of(self._model.problem).covered > TOO_CROWDED
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
@@ -442,6 +449,8 @@ class Separation:
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
                 if number == most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
+                    break
+                if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self._too_crowded:
                     break
                 if go_on is not None and not go_on():
                     break

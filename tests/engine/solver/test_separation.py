@@ -338,6 +338,21 @@ def test_room_lies_around_outlines_wherever_their_origin_is(contact, room):
     assert distance.min() > 0.01 if room > 1.0 else distance.min() == 0.0
 
 
+def test_what_is_too_crowded_where_it_may_be_ends_after_one_try(monkeypatch):
+    """Half of the domain is left, which the bodies cover to 95 %: they do not part, however long it is tried."""
+    from esh.engine.solver import separation
+
+    rounds = []
+    move = separation.Separation._move
+    monkeypatch.setattr(separation.Separation, "_move", lambda self: (rounds.append(1), move(self)))
+    left = np.zeros((1, 2))
+    left[0, 0] = 1.0
+    side = math.sqrt(2.0 * 60 * PLANK.area / 0.95)
+    placement = solve(problem_of(Footprints(PLANK, turn="random"), 60, side, left), device="cpu", max_steps=10)
+    assert placement.report.overlaps > 0 and not placement.report.converged
+    assert 0 < len(rounds) <= separation.ROUNDS_OF_THE_TOO_CROWDED
+
+
 @pytest.mark.parametrize("different", [1, 3, 40])
 def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(different):
     rng = np.random.default_rng(different)
