@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     )
     from .esh_scatter.exchange import export_result, import_placement
     from .esh_scatter.footprint import measure_footprint
+    from .esh_scatter.obstacles import ScatterObstacle
 
 __all__ = [
     "__version__",
@@ -120,6 +121,7 @@ __all__ = [
     "Report",
     "ScatterClass",
     "ScatterJob",
+    "ScatterObstacle",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
@@ -213,6 +215,7 @@ _MODULES = {
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
+    "ScatterObstacle": ".esh_scatter.obstacles",
     "ScatterResult": ".esh_scatter.api",
     "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",

@@ -20,6 +20,7 @@ from ..engine.errors import EshError, ProblemError
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.fixed_bodies import FixedBodies
 from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.line import Line
 from ..engine.problem.packing import packable_share, scale_to_fit
@@ -77,7 +78,9 @@ from .following import follow_attributes, followed
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .obstacles import ObstacleSource, ScatterObstacle, StoredObstacle, covered, obstacle_image, read_obstacles
 from .on_whole_surface import class_on_surface, headings, mean_footprint
+from .pins import Pins, add_pins, read_pins
 from .references import Reference
 from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
@@ -102,6 +105,7 @@ __all__ = [
     "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
+    "ScatterObstacle",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
@@ -265,12 +269,16 @@ class _Reading(NamedTuple):
         sources: By class and size.
         densities: By class.
         directions: By class, as a :class:`Line` takes them.
+        obstacles: What objects keep off.
+        pins: What stays of the result that is replaced, and which of its size's objects each is.
     """
 
     target: TriangleMesh
     sources: list[list[_Source]]
     densities: list[Density]
     directions: list[str | float | np.ndarray]
+    obstacles: list[StoredObstacle]
+    pins: tuple[Pins, np.ndarray] | None
 
 
 @dataclass(frozen=True)
@@ -369,6 +377,8 @@ class ScatterJob:
         *,
         name: str = "ESH Scatter",
         result: bpy.types.Object | None = None,
+        obstacles: Sequence[ObstacleSource] = (),
+        pinned: bool | Sequence[int | None] = True,
         prepare: bool = True,
         survey: Survey | None = None,
         **changes: Any,
@@ -390,6 +400,7 @@ class ScatterJob:
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
         self.survey = survey
+        self._given_obstacles, self._given_pinned = obstacles, pinned
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
@@ -421,7 +432,33 @@ class ScatterJob:
         densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
-        return _Reading(read_targets(targets, context, names, self.settings), sources, densities, directions)
+        own = self.result or find_result(context.scene, self.target, self.name)
+        obstacles = read_obstacles(self._given_obstacles, known, [*targets, *([own] if own else [])])
+        pins = None if own is None else self._pins(own)
+        del self._given_obstacles
+        ground = read_targets(targets, context, names, self.settings)
+        return _Reading(ground, sources, densities, directions, obstacles, pins)
+
+    def _pins(self, own: bpy.types.Object) -> tuple[Pins, np.ndarray] | None:
+        """Return what stays of the result that is replaced, and which of its size's objects each of these is."""
+        names, pinned = str(own.get(CLASS_NAMES, "")), self._given_pinned
+        if pinned is False or not names:
+            return None
+        now = [c.name for c in self.classes]
+        by_name = [now.index(name) if name in now else None for name in json.loads(names)[0]]
+        numbers = by_name if isinstance(pinned, bool) else list(pinned)
+        pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers)
+        if pins is None:
+            return None
+        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        uids = [source.uid for source in self._sources]
+        variant = np.zeros(len(pins.identity), np.int64)
+        for row, (group, uid) in enumerate(
+            zip((first[pins.class_index] + pins.size_index).tolist(), pins.source.tolist(), strict=True)
+        ):
+            of_size = [uids[number] for number in self.variants[group]]
+            variant[row] = of_size.index(uid) if uid in of_size else 0
+        return pins, variant
 
     def prepare(self) -> None:
         """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
@@ -446,14 +483,30 @@ class ScatterJob:
             self.shapes += shapes
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
+        obstacle = None
+        if reading.obstacles and isinstance(self.chart, Chart):
+            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
+        elif reading.obstacles:
+            free = ~covered(reading.obstacles, self.chart.points.position, survey)
+            values_of_classes = [values * free for values in values_of_classes]
         self.problem = Problem(
             domain,
             self._prepare_classes(shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
+            obstacles=() if obstacle is None else (obstacle,),
+            fixed=self._fixed(reading),
+            include_fixed=True,
         )
         # Pixels and meshes may be large.
         self._reading = None
+
+    def _fixed(self, reading: _Reading) -> Sequence[FixedBodies]:
+        """Return the bodies that stay; on a whole surface there are none yet."""
+        if reading.pins is None or not isinstance(self.chart, Chart):
+            return ()
+        pins, variant = reading.pins
+        return (pins.fixed_in(self.chart, variant),)
 
     @property
     def target(self) -> bpy.types.Object | bpy.types.Collection:
@@ -731,6 +784,7 @@ class ScatterJob:
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
             **follow_attributes(placed.surface, align[placement.class_index]),
+            **add_pins(placement.fixed, placed.instances.position),
             **_overlapping(placement),
             **placed.stuck,
         }
@@ -744,6 +798,8 @@ def scatter(
     *,
     name: str = "ESH Scatter",
     result: bpy.types.Object | None = None,
+    obstacles: Sequence[ObstacleSource] = (),
+    pinned: bool | Sequence[int | None] = True,
     progress: Callable[[Progress], bool | None] | None = None,
     **changes: Any,
 ) -> ScatterResult:
@@ -756,6 +812,10 @@ def scatter(
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
         result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
+        obstacles: What objects keep off, seen from above: objects, collections, results of other scatters, or a
+            :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
+        pinned: Whether objects of the replaced result stay where they are that were pinned, or moved by hand; they count. Or, by
+            class of that result, the index of the class that it is now, or None. On a whole surface none stays.
         progress: Called after every step; returning False stops the run, and what is there is written.
         changes: Any of the following, by name, in place of that in ``settings``.
 
@@ -767,7 +827,7 @@ def scatter(
     """
     if progress is not None and not callable(progress):
         raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
-    job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
+    job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, pinned=pinned, **changes)
     job.solve(progress)
     return job.write()
 

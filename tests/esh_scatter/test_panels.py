@@ -347,6 +347,7 @@ def test_every_setting_of_the_sidebar_is_drawn():
     body_class.size_index = 0
     scatter.add_class()
     scatter.class_index = 0
+    scatter.obstacles.add()
     drawn = set()
     names = {
         shown.name
