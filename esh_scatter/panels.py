@@ -579,10 +579,11 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     session = running.session
     assert session is not None
     row = layout.row(align=True)
-    row.scale_y = 1.8
+    row.scale_y = 1.4
     row.progress(factor=session.factor, text=session.text)
-    row.operator("esh.keep", text="Keep")
-    row.operator("esh.stop", text="", icon="CANCEL")
+    buttons = layout.row(align=True)
+    buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
+    buttons.operator("esh.stop", text="Stop", icon="CANCEL")
     _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 

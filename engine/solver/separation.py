@@ -133,15 +133,19 @@ def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.n
         width: Thickness of every line [m].
     """
     is_line = footprints.shape == CAPSULE
-    kinds, kind = np.unique(np.stack([footprints.shape, footprints.room])[:, ~is_line], axis=1, return_inverse=True)
-    outlines = [footprints.shapes[int(number)].with_room(float(room)) for number, room in kinds.T]
+    own_shape, own_room = footprints.shape[~is_line], footprints.room[~is_line]
+    kind = _numbered(own_shape, _ranked(own_room))
+    # One body of each kind.
+    example = np.zeros(int(kind.max(initial=-1)) + 1, np.int64)
+    example[kind] = np.arange(len(kind))
+    outlines = [footprints.shapes[int(own_shape[body])].with_room(float(own_room[body])) for body in example]
     cores = [outline.corners for outline in outlines]
     # The axis of a line, of half length 1.
     cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
     capsule = len(cores) - 1
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
     shape = np.full(len(is_line), capsule, np.int32)
-    shape[~is_line] = kind.ravel()
+    shape[~is_line] = kind
     room, around = footprints.room, 0.5 * footprints.gap
     half = 0.5 * length * room
     factor = np.where(is_line, half, footprints.factor)
@@ -171,10 +175,18 @@ def _normals(core: np.ndarray) -> np.ndarray:
     return np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(*edge.T)[:, None]
 
 
+def _ranked(values: np.ndarray) -> np.ndarray:
+    """Which of the different values that there are, from the smallest one on, every one is, shape ``[n]``."""
+    if not len(values) or (values == values[0]).all():
+        # As a rule: there is nothing to sort.
+        return np.zeros(len(values), np.int64)
+    return np.unique(values, return_inverse=True)[1].ravel()
+
+
 def _numbered(*keys: np.ndarray) -> np.ndarray:
     """Number of every combination of whole numbers among the different ones that there are, in their order, shape ``[n]``."""
     number = np.zeros(len(keys[0]), np.int64)
-    for key in keys:
+    for key in keys if len(number) else ():
         low, high = int(key.min()), int(key.max())
         number = number * (high - low + 1) + (key - low)
         # After every key only as many as there are, so that the numbers stay small.
