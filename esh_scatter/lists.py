@@ -91,6 +91,10 @@ class ESH_UL_sizes(bpy.types.UIList):
         count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
 
 
+# How a layer acts on those above it.
+_SIGNS = {"MULTIPLY": "\u00d7", "ADD": "+", "SUBTRACT": "\u2212", "MINIMUM": "min"}
+
+
 class ESH_UL_layers(bpy.types.UIList):
     """The layers of a density: whether each counts, what it reads, how it acts, and how strongly."""
 
@@ -116,9 +120,7 @@ class ESH_UL_layers(bpy.types.UIList):
         acts = row.row(align=True)
         acts.active = item.use
         if index or item.blend == "SUBTRACT":
-            blend = acts.row(align=True)
-            blend.ui_units_x = 3.6
-            blend.prop(item, "blend", text="", emboss=False)
+            acts.label(text=_SIGNS[item.blend])
         strength = acts.row(align=True)
         strength.ui_units_x = 2.4
         strength.prop(item, "strength", text="", emboss=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import bpy
 import numpy as np
@@ -13,15 +13,16 @@ from ..engine.errors import ProblemError
 from ..engine.problem.obstacles import Obstacle
 from ..engine.problem.settings import Settings, described, setting
 from ..engine.problem.validation import show
-from ..engine.surface.chart import Chart
-from ..engine.surface.shapes_from_above import FlatShapes
 from ..engine.surface.triangle_mesh import TriangleMesh
 from .density_source import Known
 from .flat_shapes import check_shapes, read_shapes, shape_objects
-from .footprint import read_source
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
-from .survey import Survey
 from .target import is_result
+
+# Warp is not imported before something is computed.
+if TYPE_CHECKING:
+    from ..engine.surface.chart import Chart
+    from .survey import Survey
 
 __all__ = [
     "FreePlace",
@@ -161,6 +162,8 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
 
 
 def _read_result(item: bpy.types.Object) -> _Stood:
+    from .footprint import read_source
+
     mesh = item.data
     count = len(mesh.vertices)
     position, rotation, scale = (
@@ -214,6 +217,8 @@ def obstacle_image(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Su
 
 def covered(obstacles: Sequence[StoredObstacle], position: np.ndarray, survey: Survey) -> np.ndarray:
     """Return which points in the world ``[n, 3]`` obstacles cover, seen from above; touches nothing of Blender."""
+    from ..engine.surface.shapes_from_above import FlatShapes
+
     found = np.zeros(len(position), bool)
     for obstacle in obstacles:
         triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
@@ -247,6 +252,8 @@ def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:
 
 def _draw(image: np.ndarray, triangle: np.ndarray, reach: float, size: np.ndarray) -> None:
     """Set the cells of an image, row 0 at the largest y, whose middles are within ``reach`` of triangles in the rectangle [m]."""
+    from ..engine.surface.shapes_from_above import FlatShapes
+
     rows, columns = image.shape
     cell = size / (columns, rows)
     low, high = triangle.min(axis=1) - reach, triangle.max(axis=1) + reach

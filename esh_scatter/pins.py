@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
 
 from ..engine.problem.fixed_bodies import FixedBodies
-from ..engine.surface.chart import Chart
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, PLACED_AT, read_attribute, write_attribute
 from .node_group import INSTANCE_INDEX, SCALE, placed_objects
+
+# Warp is not imported before something is computed.
+if TYPE_CHECKING:
+    from ..engine.surface.chart import Chart
 
 __all__ = [
     "PINNED",

@@ -45,7 +45,7 @@ def list_variants(size: "ESH_PG_size", _context: object) -> None:
 class ESH_PG_variant(PropertyGroup):
     """An object of a collection that is placed, and how often."""
 
-    item: PointerProperty(type=bpy.types.Object)
+    item: PointerProperty(type=bpy.types.Object, name="Object", description="An object of the collection")
     weight: FloatProperty(
         name="Weight",
         description="How often this object is placed, compared with the others of the collection. 0 leaves it out",

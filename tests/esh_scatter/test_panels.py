@@ -372,4 +372,4 @@ def test_every_setting_of_the_sidebar_is_drawn():
                 drawn |= set(draw_all())
                 setattr(group, told.identifier, before)
     # Which result there is, the button says; what may overlap has buttons.
-    assert names - drawn == {"result", "may_overlap"} and "esh.class_overlap" in drawn
+    assert names - drawn == {"result", "may_overlap", "variants"} and "esh.class_overlap" in drawn
