@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from direct_summation import DirectSummation, direct_solve
 from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.field.splitting import split_variance
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solve import solve
 from esh.engine.solver.descent import Descent
@@ -186,7 +187,9 @@ def other_libraries(python: Path, launcher: Launcher, count: int) -> dict[str, f
     descent = Descent(Model(problem_of(count)), launcher)
     position = (np.random.default_rng(0).random((count, 2)) * descent.model.size).astype(np.float32)
     # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
-    modes = 2 * math.ceil(LAST_WAVE / descent.field.split * max(descent.model.size) / math.pi)
+    modes = 2 * math.ceil(
+        LAST_WAVE / math.sqrt(split_variance(descent.field.cutoff)) * max(descent.model.size) / math.pi
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "points.npz"
         np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)

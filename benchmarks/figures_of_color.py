@@ -40,7 +40,7 @@ def color_models(run: Run) -> None:
     image = astronaut(256)
     pictures = [("original", np.kron(image, np.ones((3, 3, 1))))]
     for name in MODELS:
-        problem = halftone_problem(image, name)
+        problem = halftone_problem(image, name, rare_emphasis=0.0)
         placement = run.solve(problem)
         rendered = render_halftone(placement, pixels_per_metre=4.0, colors=ink_colors(problem, name))
         count = image.shape[0] // BLOCK

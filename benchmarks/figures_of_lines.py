@@ -117,7 +117,7 @@ def colored_hatching(run: Run) -> None:
         ]
         classes.append(BodyClass(ink.name, sizes, channel, "cover"))
         colors.append(ink.rgb)
-    problem = Problem(Domain((256.0, 256.0)), classes, Balance(0.5, 2.0, model.non_overlap))
+    problem = Problem(Domain((256.0, 256.0)), classes, Balance(0.5, 2.0, model.non_overlap, rare_emphasis=0.0))
     placement = run.solve(problem)
     rendered = render_halftone(placement, pixels_per_metre=4.0, colors=colors)
     off = np.abs(rendered.mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max()
@@ -146,7 +146,7 @@ def lines_and_dots(run: Run) -> None:
             BodyClass("dots", [Size("dot", area, count)], image, unsharp=of_dots),
         ]
         # One picture by both: all repel each other alike.
-        placement = run.solve(Problem(domain, classes, Balance(class_separation=1.0)))
+        placement = run.solve(Problem(domain, classes, Balance(class_separation=1.0, rare_emphasis=0.0)))
         report_lines(run, "17", name, placement, placement.class_index == 0, 4.0)
         pictures.append((name, render_halftone(placement, pixels_per_metre=3.0)))
     sheet(run.output / "figure-17-lines-and-dots.png", pictures, 2)

@@ -201,7 +201,7 @@ def separation_sweep(run: Run) -> None:
         unions, classes, direct_unions, direct_classes = [], [], [], []
         for sixths in (1, 3, 5):
             two = [BodyClass(name, [Size("dot", 1.0, 512)]) for name in "ab"]
-            problem = Problem(SQUARE, two, Balance(class_separation=sixths / 6), seed)
+            problem = Problem(SQUARE, two, Balance(class_separation=sixths / 6, rare_emphasis=0.0), seed)
             # Not to the very end: there both classes and their union freeze in lattices of their own, which one being luck.
             placement = run.solve(problem)
             direct = direct_solve(problem, run.launcher, steps=400)
@@ -235,7 +235,9 @@ def second_order_classes(run: Run) -> None:
     pictures = []
     for emphasis in (1.5, 2.0, 4.0):
         sizes = [Size("small", 1.0, 600), Size("large", 3.0, 120)]
-        problem = Problem(SQUARE, [BodyClass(name, sizes) for name in "ab"], Balance(size_emphasis=emphasis))
+        problem = Problem(
+            SQUARE, [BodyClass(name, sizes) for name in "ab"], Balance(size_emphasis=emphasis, rare_emphasis=0.0)
+        )
         placement = run.solve(problem)
         direct = direct_solve(problem, run.launcher)
         red, large = placement.class_index == 0, placement.size_index == 1

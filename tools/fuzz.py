@@ -107,6 +107,8 @@ def any_recipe(choose: Choices, folder: Path) -> str:
         recipe["seed"] = sometimes(int(choose.between(1, 1e9)), 2**63 - 1, -1, 1.5)
     if choose.pick([True, False]):
         recipe["avoid_overlap"] = sometimes(choose.pick([True, False]), "yes")
+    if choose.pick([True, False, False]):
+        recipe["regularity"] = sometimes(choose.pick([0.0, 0.25, 1.0]), 1.5, "high")
     class_count = few()
 
     def area(count: int) -> float:
@@ -161,6 +163,8 @@ def any_recipe(choose: Choices, folder: Path) -> str:
         balance["size_emphasis"] = sometimes(
             choose.pick([1.0, 2.0, 10.0, 1e3, [1.0, 5.0, 5.0]]), 1e300, 0.5, [3.0, 2.0]
         )
+    if choose.pick([True, False]):
+        balance["rare_emphasis"] = sometimes(choose.pick([0.0, 0.5, 2.0]), 2.5, "much")
     if choose.pick([False, False, True]):
         balance["non_overlap"] = np.eye(class_count).tolist()
     if balance:

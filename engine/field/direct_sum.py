@@ -6,7 +6,7 @@ whose equations are named below, is Schmaltz, Gwosdek and Weickert, Multi-Class 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,6 +18,8 @@ __all__ = ["direct_field"]
 
 # Pairs handled at once; bounds the memory to a few hundred megabytes.
 PAIRS_AT_ONCE = 4_000_000
+# The variance of points, so to say: between two of them q is larger than anything that matters.
+TINY = 1e-30
 
 
 def direct_field(
@@ -29,6 +31,8 @@ def direct_field(
     charge: np.ndarray,
     charge_group: np.ndarray,
     blur: float,
+    variance: Callable[[np.ndarray], np.ndarray] | None = None,
+    core: tuple[float, float] = (0.0, 1.0),
 ) -> np.ndarray:
     """Force per unit charge on every charge, equations 1, 2 and 7 of the paper.
 
@@ -39,7 +43,11 @@ def direct_field(
         targets: One per group.
         charge: Charges, shape ``[n]``.
         charge_group: Group of every charge, shape ``[n]``.
-        blur: Standard deviation of the Gaussian that smooths the targets; they are summed over points half as far apart.
+        blur: Standard deviation of the Gaussian that smooths what acts between two charges, and between a charge and the
+            target. Targets are summed over points half as far apart.
+        variance: Where the blur differs from place to place: that of a charge or a piece of target at positions, shape
+            ``[m, 2]``; what acts between two has the sum of their variances. ``blur`` then is the narrowest.
+        core: Strength of the charges' core, and where it ends; see :func:`.blur.core`.
 
     Returns:
         Field, shape ``[n, 2]``, float64.
@@ -52,33 +60,43 @@ def direct_field(
     y = (np.arange(rows) + 0.5) / rows * size[1]
     x = (np.arange(columns) + 0.5) / columns * size[0]
     points = np.stack([np.tile(x, rows), np.repeat(y, columns)], axis=1)
+    of_charge = np.full(len(position), 0.5 * blur**2) if variance is None else variance(position)
+    of_point = np.full(len(points), 0.5 * blur**2) if variance is None else variance(points)
     # A point stands for a cell of the grid; a Gaussian that is wider by the cell's own variance makes up for its extent.
-    width = float(np.sqrt(blur**2 + (size[0] / columns * size[1] / rows) / 12.0))
+    of_point = of_point + (size[0] / columns * size[1] / rows) / 12.0
     image_charge = np.stack([t.charge * box_integrals(t.image, (rows, columns)).ravel() for t in targets])
     result = np.zeros((len(position), 2))
     for g in range(len(targets)):
         own = np.flatnonzero(charge_group == g)
         pulling = -interaction[g] @ image_charge
         pushing = charge * interaction[g, charge_group]
-        sources = ((position, pushing, 0.0), (points, pulling, width))
+        sources = ((position, pushing, of_charge, core), (points, pulling, of_point, (0.0, 1.0)))
         total = np.zeros((len(own), 2))
-        for source, strength, smoothing in sources:
+        for source, strength, variances, cores in sources:
             if space.periodic:
-                total += _periodic_sum(position[own], source, strength, smoothing, size)
+                total += _periodic_sum(position[own], of_charge[own], source, strength, variances, cores, size)
             else:
-                total += _plane_sum(position[own], source, strength, smoothing)
+                total += _plane_sum(position[own], of_charge[own], source, strength, variances, cores)
         result[own] = total
     return result
 
 
-def _plane_sum(at: np.ndarray, source: np.ndarray, strength: np.ndarray, width: float) -> np.ndarray:
+def _plane_sum(
+    at: np.ndarray,
+    own_variance: np.ndarray,
+    source: np.ndarray,
+    strength: np.ndarray,
+    variance: np.ndarray,
+    core: tuple[float, float],
+) -> np.ndarray:
     result = np.empty_like(at)
     for part in _parts(len(at), len(source)):
         dx = at[part, None, 0] - source[None, :, 0]
         dy = at[part, None, 1] - source[None, :, 1]
         r2 = dx**2 + dy**2
+        q = 0.5 * r2 / (own_variance[part, None] + variance + TINY)
         with np.errstate(divide="ignore", invalid="ignore"):
-            factor = strength / r2 if width == 0.0 else -strength * np.expm1(-r2 / (2.0 * width**2)) / r2
+            factor = strength * (_core(q, core) - np.expm1(-q)) / r2
         factor[r2 == 0.0] = 0.0
         result[part, 0] = (factor * dx).sum(axis=1)
         result[part, 1] = (factor * dy).sum(axis=1)
@@ -86,7 +104,13 @@ def _plane_sum(at: np.ndarray, source: np.ndarray, strength: np.ndarray, width: 
 
 
 def _periodic_sum(
-    at: np.ndarray, source: np.ndarray, strength: np.ndarray, width: float, size: tuple[float, float]
+    at: np.ndarray,
+    own_variance: np.ndarray,
+    source: np.ndarray,
+    strength: np.ndarray,
+    variance: np.ndarray,
+    core: tuple[float, float],
+    size: tuple[float, float],
 ) -> np.ndarray:
     """Ewald summation; both sums are cut where their terms fall below 1e-9."""
     # Wide enough that one ring of images suffices in real space.
@@ -98,9 +122,8 @@ def _periodic_sum(
                 dx = at[part, None, 0] - source[None, :, 0] + shift_x * size[0]
                 dy = at[part, None, 1] - source[None, :, 1] + shift_y * size[1]
                 r2 = dx**2 + dy**2
-                decay = np.exp(-r2 / (2.0 * split**2))
-                if width:
-                    decay = decay - np.exp(-r2 / (2.0 * width**2))
+                q = 0.5 * r2 / (own_variance[part, None] + variance + TINY)
+                decay = np.exp(-r2 / (2.0 * split**2)) - np.exp(-q) + _core(q, core)
                 with np.errstate(divide="ignore", invalid="ignore"):
                     factor = strength * decay / r2
                 factor[r2 == 0.0] = 0.0
@@ -119,6 +142,11 @@ def _periodic_sum(
             own = at @ k
             result += (amplitude * (np.sin(own) * cosine - np.cos(own) * sine))[:, None] * k
     return result
+
+
+def _core(q: np.ndarray, core: tuple[float, float]) -> np.ndarray:
+    strength, end = core
+    return strength * np.maximum(1.0 - q / end, 0.0) ** 2
 
 
 def _parts(rows: int, columns: int) -> list[slice]:

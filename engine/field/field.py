@@ -1,15 +1,14 @@
 """The electrostatic field of charges and target densities, by particle-particle particle-mesh (P3M).
 
 The paper (Schmaltz, Gwosdek and Weickert 2012) sums over all pairs, in its equations 1 and 2. Here the kernel K = -log r is split
-by a Gaussian of width s into a smooth far part, K * gauss(s), convolved on a mesh, and a near part whose force between two unit
-charges is exp(-r²/2s²)/r, summed over neighbours (Hockney and Eastwood, Computer Simulation Using Particles, 1981, chapter 8).
+into a smooth far part, convolved on a mesh, and a near part of finite reach, summed over neighbours (Hockney and Eastwood, Computer
+Simulation Using Particles, 1981, chapter 8); see :mod:`.splitting`. Charges and targets are blurred alike; see :mod:`.blur`.
 
 Units: the solver's length unit makes the mean number density 1, and its charge unit is the mean charge.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,10 +20,11 @@ from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import kernels_field, kernels_splines
-from .field_meshes import charge_mesh, split_of
-from .influence import convolution_of, open_influence, smoothed_influence
-from .target_correction import FEWEST_NODES, TargetCorrection
+from . import blur, kernels_blur, kernels_field, kernels_splines
+from .blur import LEAST_OF_SMALL, SHARPER_BETWEEN, USUAL_REGULARITY
+from .field_meshes import FEWEST_NODES, charge_mesh, cutoff_of
+from .influence import convolution_of, far_influence
+from .target_correction import TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
 
@@ -57,14 +57,20 @@ class Field:
         spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
+        regularity: 0 to 1, see :mod:`.blur`.
+        blur_over_spacing: Width of the blur between two charges over their spacing; None for what the regularity asks for.
+        family: Of every group, shape ``[group_count]``; None for one. Charges of two families are blurred less.
+        sharper: By how much the variance between them is divided.
         fewest_nodes: Of the targets' mesh; None for the usual.
 
     Attributes:
         layout: The charges' mesh.
         mesh: The same as kernels take it.
-        split: Standard deviation of the Gaussian that splits the kernel.
-        cutoff: Distance beyond which the near part is left out.
-        blur: Standard deviation of the Gaussian by which the targets are smoothed.
+        cutoff: Distance beyond which there is no near part.
+        blur: How charges and targets are blurred.
+        core: Strength of the core of every charge.
+        core_end: Squared distance over the pair's variance, halved, at which it ends.
+        fine_layout: The mesh that this is known on.
         images: The images of the targets, one per class.
         image_of_class: Index of every class's image among them, where bodies follow it.
         deposited: Share of every image's integral at every node, flat, one image after the other.
@@ -82,6 +88,10 @@ class Field:
         spacing: float,
         charge: np.ndarray,
         charge_group: np.ndarray,
+        regularity: float = USUAL_REGULARITY,
+        blur_over_spacing: float | None = None,
+        family: np.ndarray | None = None,
+        sharper: float = SHARPER_BETWEEN,
         fewest_nodes: int | None = None,
     ) -> None:
         self.launcher = launcher
@@ -89,15 +99,19 @@ class Field:
         self.group_count = len(targets)
         self.charge_count = len(charge)
         device = launcher.device
+        images, charge_of_image, self.image_of_class = _distinct_images(targets)
+        uniform = all(float(np.ptp(image)) == 0.0 for image in images)
+        if blur_over_spacing is None:
+            blur_over_spacing = blur.blur_over_spacing(regularity, uniform)
         self.layout = charge_mesh(
             space,
             spacing,
             charge_count=self.charge_count,
             group_count=self.group_count,
             on_gpu=device.is_cuda,
+            blur_over_spacing=blur_over_spacing,
         )
-        self.split = split_of(self.layout)
-        self.cutoff = kernels_field.CUTOFF_OVER_SPLIT * self.split
+        self.cutoff = cutoff_of(self.layout)
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
@@ -115,34 +129,47 @@ class Field:
         self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
         self._potential = launcher.empty(self.group_count * node_count, float)
 
-        images, charge_of_image, self.image_of_class = _distinct_images(targets)
+        # Charges that follow each image: those of a group by what it has of its charge.
+        share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
+        number = np.bincount(charge_group, minlength=len(targets)) @ share
         attracting = interaction @ charge_of_image
+        family = np.zeros(len(targets), np.int32) if family is None else np.asarray(family, np.int32)
+        same = family[:, None] == family[None, :]
         self.images = images
         self.deposited = deposit_images(launcher, images, self.layout)
         self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
         self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
-        self._influence = launcher.kept(("influence", self.layout, self.split), self._make_influence)
+        self._influence = launcher.kept(
+            ("influence", self.layout, self.cutoff), lambda: far_influence(self._convolution, self.layout, self.cutoff)
+        )
         self._correction = TargetCorrection(
             launcher,
             space=space,
             images=images,
-            attraction=attracting,
+            attraction=np.stack([(interaction * same) @ charge_of_image, (interaction * ~same) @ charge_of_image]),
+            sharper=sharper,
+            number=number.tolist(),
             spacing=spacing,
-            charge_count=n,
-            split=self.split,
+            uniform=uniform,
+            charge=charge,
+            blur_over_spacing=blur_over_spacing,
+            cutoff=self.cutoff,
             fewest_nodes=fewest_nodes or FEWEST_NODES,
         )
         self.blur = self._correction.blur
-        self._fine_mesh = self._correction.layout.for_kernels()
-
-    def _make_influence(self) -> wp.array:
-        if self.space.periodic:
-            # The mean potential has no force.
-            return smoothed_influence(self._convolution, self.layout, self.split, math.inf, 0.0)
-        return open_influence(self._convolution, self.layout, self.split)
+        self.fine_layout = self._correction.layout
+        self._fine_mesh = self.fine_layout.for_kernels()
+        self._sharper = sharper
+        self.core, self.core_end = blur.core(blur_over_spacing, uniform)
+        self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
+        self._family = launcher.zeros(self._weight_stride, wp.int32)
+        self._levels = wp.array(self.blur.levels, dtype=float, device=device)
+        # Where the blur is everywhere the same, this never changes.
+        self._variance = wp.full(self._weight_stride, self.blur.levels[0], dtype=float, device=device)
 
     def _choose_cells(self) -> None:
-        counts = [max(1, int(kernels_field.CELLS_PER_CUTOFF * length / self.cutoff)) for length in self.space.size]
+        along = kernels_field.COLUMNS_PER_CUTOFF, kernels_field.ROWS_PER_CUTOFF
+        counts = [max(1, int(n * length / self.cutoff)) for n, length in zip(along, self.space.size, strict=True)]
         cells = kernels_cells.CellGrid()
         cells.count_x, cells.count_y = counts
         cells.inverse_size = wp.vec2(counts[0] / self.space.size[0], counts[1] / self.space.size[1])
@@ -172,15 +199,21 @@ class Field:
                     self._sorted_group,
                     self._weight,
                     self._weight_stride,
+                    self._variance,
+                    self._family,
+                    self._sharper,
+                    self.core,
+                    1.0 / self.core_end,
                     self._cell_sort.cell_start,
                     self.cells,
-                    self.cutoff**2,
+                    self.cutoff,
                     self.mesh,
                     self._potential,
                     self._fine_mesh,
                     self._correction.potential,
                     self._correction.row,
                     self._correction.scale,
+                    self._levels,
                 ],
                 [field],
                 grain=GRAIN_OF_NEIGHBOURS,
@@ -202,14 +235,28 @@ class Field:
             ],
             [*self._sorted, self._sorted_group, self._weight],
         )
+        if self._family_of_group is not None:
+            self.launcher.launch(
+                kernels_blur.gather_families,
+                self.charge_count,
+                [self._sorted_group, self._family_of_group],
+                [self._family],
+            )
+        if not self.blur.constant:
+            self.launcher.launch(
+                kernels_blur.gather_variances,
+                self.charge_count,
+                [*self._sorted, self._fine_mesh, self.blur.variance, LEAST_OF_SMALL],
+                [self._variance],
+            )
 
     def _deposit(self) -> None:
         inputs = [*self._sorted, self._sorted_group, self.mesh]
         if self.launcher.device.is_cuda:
             self.launcher.launch(kernels_splines.deposit_charges, self.charge_count, inputs, [self._node_charge])
             return
-        # Threads must not write to one node at once. Charges are sorted by rows of cells, and a row of cells is higher than
-        # a spline's reach: bands of at least two rows never meet once every other one is left out.
+        # Threads must not write to one node at once. Charges are sorted by rows of cells, and two rows are higher than the
+        # four nodes that a spline reaches: bands of at least two rows never meet once every other one is left out.
         rows = self.cells.count_y
         bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, rows // 2))
         # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.

@@ -5,29 +5,39 @@ from __future__ import annotations
 from ..errors import ProblemError
 from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from ..space.space import Space
-from .kernels_field import CUTOFF_OVER_SPLIT
+from .blur import BLUR_OVER_SPACING, LOWEST, WIDEST
 
-__all__ = ["BLUR_OVER_MESH", "BLUR_OVER_SPACING", "FEWEST_NODES", "charge_mesh", "split_of", "target_mesh"]
+__all__ = ["FEWEST_NODES", "FINEST_BLUR_OVER_MESH", "charge_mesh", "cutoff_of", "target_mesh", "widest_blur"]
 
-# Split width over mesh spacing; with the cut-off it gives a force error of 1e-3 to 3e-3 of the local force scale.
-SPLIT_OVER_MESH = 2.0
+# Cut-off of the split over mesh spacing: wide enough that the forces are wrong by no more than 3e-3 of the local force scale.
+CUTOFF_OVER_MESH = 4.9
+# The same over the widest blur between two charges: there that differs from points by 2e-3 of the whole.
+CUTOFF_OVER_BLUR = 3.5
 # Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
 MESH_OVER_SPACING = 0.72
 SMALLEST_MESH = 48
 # Periods over the cut-off at least: neighbours on both sides must not meet behind. A long and narrow domain takes a long mesh.
 PERIOD_OVER_CUTOFF = 3.0
-# The target is smoothed by this share of the bodies' spacing, which they cannot resolve: coverage errors at half, one and
-# two spacings all have their minimum near 0.37. On a coarse mesh it is widened to what the mesh carries without aliases.
-BLUR_OVER_SPACING = 0.37
-BLUR_OVER_MESH = 1.1
+# The narrowest blur over the spacing of the targets' mesh that carries it without aliases. No target is blurred by less than a share
+# of the bodies' spacing, which they cannot resolve.
+FINEST_BLUR_OVER_MESH = 1.1
+LEAST_BLUR_OVER_SPACING = 0.35
 # Where bodies crowd on little of the domain, a mesh that resolves them there would have far more nodes than there are bodies.
 NODES_PER_CHARGE = 12
 FEWEST_NODES = 2**18
-# The correction's kernel has fallen to 1e-5 of its height here.
-REACH_OVER_SPLIT = 4.7
+# A Gaussian blur's potential is that of a point to 1e-6 beyond so many of its widths.
+REACH_OVER_BLUR = 4.7
 
 
-def charge_mesh(space: Space, spacing: float, *, charge_count: int, group_count: int, on_gpu: bool) -> MeshLayout:
+def charge_mesh(
+    space: Space,
+    spacing: float,
+    *,
+    charge_count: int,
+    group_count: int,
+    on_gpu: bool,
+    blur_over_spacing: float = BLUR_OVER_SPACING,
+) -> MeshLayout:
     """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
 
     The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
@@ -39,16 +49,18 @@ def charge_mesh(space: Space, spacing: float, *, charge_count: int, group_count:
         charge_count: Number of charges.
         group_count: Number of groups.
         on_gpu: Whether a GPU transforms it.
+        blur_over_spacing: Width of the blur between two charges at that distance, over it: the near part has to reach that far.
 
     Raises:
         ProblemError: A periodic domain that is too long and narrow for a GPU's transforms.
     """
     crowding = max(1.0, space.area / (charge_count * spacing**2))
     coarsening = (group_count * crowding) ** 0.25
-    wanted = min(coarsening * spacing * MESH_OVER_SPACING, max(space.size) / SMALLEST_MESH)
+    least = CUTOFF_OVER_BLUR / CUTOFF_OVER_MESH * blur_over_spacing
+    wanted = min(max(coarsening * MESH_OVER_SPACING, least) * spacing, max(space.size) / SMALLEST_MESH)
     if not space.periodic:
         return open_mesh(space, wanted, on_gpu=on_gpu)
-    most = min(space.size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_SPLIT * SPLIT_OVER_MESH)
+    most = min(space.size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_MESH)
     layout = periodic_mesh(space, min(wanted, most), on_gpu=on_gpu)
     if max(layout.spacing) > 1.001 * most:
         raise ProblemError(
@@ -58,9 +70,14 @@ def charge_mesh(space: Space, spacing: float, *, charge_count: int, group_count:
     return layout
 
 
-def split_of(layout: MeshLayout) -> float:
-    """Standard deviation of the Gaussian that splits the kernel, for the charges' mesh."""
-    return SPLIT_OVER_MESH * max(layout.spacing)
+def cutoff_of(layout: MeshLayout) -> float:
+    """Where the split's near part ends, for the charges' mesh; see :mod:`.splitting`."""
+    return CUTOFF_OVER_MESH * max(layout.spacing)
+
+
+def widest_blur(cutoff: float) -> float:
+    """Widest blur between two charges whose near part is all within the cut-off."""
+    return cutoff / CUTOFF_OVER_BLUR
 
 
 def target_mesh(
@@ -68,13 +85,21 @@ def target_mesh(
     spacing: float,
     *,
     charge_count: int,
-    split: float,
+    cutoff: float,
     on_gpu: bool,
+    blur_over_spacing: float = BLUR_OVER_SPACING,
+    uniform: bool = False,
     fewest_nodes: int = FEWEST_NODES,
 ) -> MeshLayout:
-    """Lay a mesh that shows every detail of the targets which bodies can follow; arguments as for :func:`charge_mesh`."""
+    """Lay a mesh that shows every detail of the targets which bodies can follow; arguments as for :func:`charge_mesh`.
+
+    Where the density is ``uniform``, the blur is nowhere narrower than usual.
+    """
     coarsest = (space.area / max(NODES_PER_CHARGE * charge_count, fewest_nodes)) ** 0.5
-    wanted = max(BLUR_OVER_SPACING / BLUR_OVER_MESH * spacing, coarsest)
+    narrowest = max((1.0 if uniform else LOWEST**0.5) * blur_over_spacing, LEAST_BLUR_OVER_SPACING) * spacing
+    wanted = max(narrowest / FINEST_BLUR_OVER_MESH, coarsest)
     if space.periodic:
         return periodic_mesh(space, wanted, on_gpu=on_gpu)
-    return open_mesh(space, wanted, on_gpu=on_gpu, kernel_reach=REACH_OVER_SPLIT * split)
+    widest = min(WIDEST**0.5 * blur_over_spacing * spacing, widest_blur(cutoff))
+    reach = max(cutoff, REACH_OVER_BLUR * widest)
+    return open_mesh(space, wanted, on_gpu=on_gpu, kernel_reach=reach)

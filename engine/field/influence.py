@@ -11,8 +11,9 @@ from ..device.launcher import Launcher
 from ..space.mesh_layout import MeshLayout
 from ..transforms.convolution import Convolution
 from . import kernels_influence
+from .splitting import split_variance
 
-__all__ = ["convolution_of", "open_influence", "product_influence", "smoothed_influence"]
+__all__ = ["convolution_of", "far_influence", "product_influence", "rest_influence"]
 
 
 def convolution_of(launcher: Launcher, layout: MeshLayout, count: int) -> Convolution:
@@ -23,51 +24,52 @@ def convolution_of(launcher: Launcher, layout: MeshLayout, count: int) -> Convol
     )
 
 
-def smoothed_influence(
-    convolution: Convolution, layout: MeshLayout, narrow: float, wide: float, at_zero: float
-) -> wp.array:
-    """Influence function of K * (gauss(narrow) - gauss(wide)) in a periodic domain, or where it does not reach round the mesh.
+def far_influence(convolution: Convolution, layout: MeshLayout, cutoff: float) -> wp.array:
+    """Influence function of the split's far part; see :mod:`.splitting`.
 
-    Args:
-        convolution: What it is for.
-        layout: The mesh.
-        narrow: Standard deviation of the narrower Gaussian.
-        wide: That of the wider one; infinite for none.
-        at_zero: The transform of the kernel at k = 0.
+    In the open plane K has no transform of its own; that of its samples on the padded mesh, which no pair of nodes of the unpadded
+    one reaches around, convolves exactly.
     """
     launcher = convolution.launcher
-    waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
-    influence = launcher.zeros(convolution.influence_size, float)
-    launcher.launch(
-        kernels_influence.transform_of_smoothed,
-        waves.count_x * waves.count_y,
-        # An infinite width times k = 0 would be no number.
-        [waves, narrow, min(wide, 1e150), at_zero],
-        [influence],
-    )
-    return influence
-
-
-def open_influence(convolution: Convolution, layout: MeshLayout, split: float) -> wp.array:
-    """Influence function of K * gauss(split) in an open domain.
-
-    In the plane K has no transform of its own; that of its samples on the padded mesh, which no pair of nodes of the unpadded one
-    reaches around, convolves exactly.
-    """
-    launcher = convolution.launcher
+    if layout.space.periodic:
+        influence = launcher.zeros(convolution.influence_size, float)
+        waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
+        # The mean potential has no force.
+        launcher.launch(
+            kernels_influence.transform_of_far_part, waves.count_x * waves.count_y, [waves, cutoff], [influence]
+        )
+        return influence
     rows, columns = layout.padded
     quarter = launcher.empty((rows // 2 + 1) * columns, float)
     # A constant potential has no force. Of a kernel whose mean is near 0 little is lost to rounding.
     constant = math.log(0.4 * max(rows, columns) * layout.spacing[0])
+    potential = kernels_influence.Potential(*kernels_influence.POTENTIAL)
     launcher.launch(
-        kernels_influence.sample_smoothed,
+        kernels_influence.sample_far_part,
         len(quarter),
-        [columns, layout.spacing[0], split, constant],
+        [columns, layout.spacing[0], cutoff, constant, potential],
         [quarter],
     )
     influence = convolution.influence_of(quarter)
     waves = _waves_of(convolution, layout, 1.0)
     launcher.launch(kernels_influence.multiply_window, waves.count_x * waves.count_y, [waves], [influence])
+    return influence
+
+
+def rest_influence(convolution: Convolution, layout: MeshLayout, variance: float, cutoff: float) -> wp.array:
+    """Influence function of K blurred by a Gaussian of a ``variance``, less the split's far part.
+
+    For a periodic domain, or a mesh that this kernel does not reach round.
+    """
+    launcher = convolution.launcher
+    waves = _waves_of(convolution, layout, 1.0 / layout.node_area)
+    influence = launcher.zeros(convolution.influence_size, float)
+    launcher.launch(
+        kernels_influence.transform_of_blurred_rest,
+        waves.count_x * waves.count_y,
+        [waves, variance, cutoff, math.pi * (split_variance(cutoff) - variance)],
+        [influence],
+    )
     return influence
 
 

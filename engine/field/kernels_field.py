@@ -2,86 +2,138 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
 from ..space.kernels_cells import CellGrid
 from ..space.kernels_mesh import Mesh
-from ..space.kernels_space import goes_across, number_across, shift_across
+from . import splitting
+from .blur import LARGEST_Q
+from .kernels_blur import level_of
 from .kernels_splines import potential_gradient
 
-__all__ = ["CUTOFF_OVER_SPLIT", "LANES", "evaluate_field"]
+__all__ = ["COLUMNS_PER_CUTOFF", "LANES", "ROWS_PER_CUTOFF", "evaluate_field"]
 
 wp.set_module_options({"enable_backward": False})
 
 # Neighbours that the CPU takes at once. Arrays of neighbours are longer by so many, since the last of them may read beyond.
 LANES = 8
-# Distance over split width beyond which the near part is left out; there it has fallen to 2e-3 of the whole.
-CUTOFF_OVER_SPLIT = 3.5
-# Cells along the cut-off: smaller ones follow its circle better, but are more ranges to go through.
-CELLS_PER_CUTOFF = 2
-# Rows of cells that hold neighbours, from so many below to so many above.
-ROWS = wp.constant(2 * CELLS_PER_CUTOFF + 1)
-BESIDE = wp.constant(CELLS_PER_CUTOFF)
-Ranges = wp.types.vector(ROWS, wp.int32)
-Heights = wp.types.vector(ROWS, wp.float32)
+# Cells along the cut-off, from row to row and along a row: narrow cells follow its circle, high ones keep ranges long.
+ROWS_PER_CUTOFF = 1
+COLUMNS_PER_CUTOFF = 4
+# The blur between two charges is exp(-q), taken as the eighth power of a cubic that is wrong by 1e-4; it has ended
+# where q is LARGEST_Q.
 
 
-def _near_strength() -> str:
-    """C++ for exp(-u) / u, u = r²/2s²: 1/u and a polynomial for the rest, which is smooth; the argument is v = 2 u / u_max - 1."""
-    largest = 0.5 * CUTOFF_OVER_SPLIT**2
-
-    def rest(v: np.ndarray) -> np.ndarray:
-        u = 0.5 * largest * (v + 1.0)
-        return np.expm1(-u) / u
-
-    # Of degree 6 it is wrong by 2e-4 of the force between two charges alone.
-    power = np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebinterpolate(rest, 6))
-    text = f"{power[-1]:.9e}f"
-    for coefficient in power[-2::-1]:
-        text = f"({text} * v + {coefficient:.9e}f)"
+def _text_of(coefficients: Sequence[float], x: str) -> str:
+    """C++ for a polynomial, coefficients lowest first."""
+    text = f"{coefficients[-1]:.9e}f"
+    for coefficient in coefficients[-2::-1]:
+        text = f"({text} * {x} + {coefficient:.9e}f)"
     return text
 
 
+def _eighth_root() -> list[float]:
+    """Coefficients of the cubic whose eighth power is exp(-q), exactly at 0."""
+    q = np.linspace(0.0, LARGEST_Q, 2001)
+    # An error of the root weighs as much as the seventh power of it; a little everywhere keeps the end near 0.
+    weight = np.exp(-0.875 * q) + 2e-3
+    basis = q[:, None] ** np.arange(1, 4)
+    fitted = np.linalg.lstsq(basis * weight[:, None], np.expm1(-q / 8.0) * weight, rcond=None)[0]
+    return [1.0, *fitted.tolist()]
+
+
 # Native code because this loop is most of the near field's time. A charge is at no distance from itself, and so its term vanishes;
-# the tiny summand, far below the square of float32's smallest distance, only keeps it finite.
+# the tiny summand, far below the square of float32's smallest distance, only keeps it finite. Of a charge's unit share, what the
+# split spreads farther out than the distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does, and
+# the core is added.
 _SUM_NEAR = f"""
-    const float tiny = 1e-30f;
-    const float scale = 2.0f / cutoff2;
-    const float per_split = {0.5 * CUTOFF_OVER_SPLIT**2:.9f}f / cutoff2;
+    const float tiny = 1e-30f, narrower = 1.0f / sharper;
     const float* __restrict__ xs = sorted_x.data;
     const float* __restrict__ ys = sorted_y.data;
-    const float* __restrict__ ws = weight.data + row;
+    const float* __restrict__ ws = weight.data + row_start;
+    const float* __restrict__ vs = variance.data;
+    const int* __restrict__ fs = family.data;
 #if defined(__CUDA_ARCH__)
-    float sum_x = 0.0f, sum_y = 0.0f;
+    enum {{ L = 1 }};
+    typedef float V;
+    typedef int I;
 #else
+    enum {{ L = {LANES} }};
     typedef float V __attribute__((ext_vector_type({LANES}), aligned(4)));
-    typedef int I __attribute__((ext_vector_type({LANES})));
+    typedef int I __attribute__((ext_vector_type({LANES}), aligned(4)));
     const I lane = {{{", ".join(map(str, range(LANES)))}}};
-    V sum_x = (V)0.0f, sum_y = (V)0.0f;
 #endif
-    for (int range = 0; range < {2 * CELLS_PER_CUTOFF + 1}; ++range)
+    const float cutoff2 = cutoff * cutoff, per_cutoff = 1.0f / cutoff2;
+    const float per_column = grid.inverse_size[0], per_row = grid.inverse_size[1];
+    const float height = 1.0f / per_row;
+    const int columns = grid.count_x, rows = grid.count_y;
+    const bool periodic = grid.space.periodic != 0;
+    // Cells of a row are neighbours in memory: those within the cut-off are one range, or two where it reaches round the domain.
+    enum {{ MOST = 2 * {2 * ROWS_PER_CUTOFF + 1} }};
+    int begins[MOST], ends[MOST], ranges = 0;
+    float from_x[MOST], from_y[MOST];
+    const int own_row = wp::min((int)(y * per_row), rows - 1);
+    for (int row = own_row - {ROWS_PER_CUTOFF}; row <= own_row + {ROWS_PER_CUTOFF}; ++row)
+    {{
+        const int period = row < 0 ? -1 : row >= rows ? 1 : 0;
+        if (period != 0 && !periodic) continue;
+        const float beyond = wp::max(wp::max(row * height - y, y - (row + 1) * height), 0.0f);
+        const float beside = sqrtf(wp::max(cutoff2 - beyond * beyond, 0.0f));
+        const int* __restrict__ starts = cell_start.data + (size_t)(row - period * rows) * columns;
+        // Rounded down: what is cut off is positive.
+        const int left = (int)((x - beside) * per_column + (float)columns) - columns;
+        const int right = (int)((x + beside) * per_column);
+        begins[ranges] = starts[wp::max(left, 0)];
+        ends[ranges] = starts[wp::min(right, columns - 1) + 1];
+        from_x[ranges] = x;
+        from_y[ranges++] = y - period * grid.space.size[1];
+        if (periodic && (left < 0 || right >= columns))
+        {{
+            begins[ranges] = starts[left < 0 ? left + columns : 0];
+            ends[ranges] = starts[left < 0 ? columns : right - columns + 1];
+            from_x[ranges] = left < 0 ? x + grid.space.size[0] : x - grid.space.size[0];
+            from_y[ranges++] = y - period * grid.space.size[1];
+        }}
+    }}
+    V sum_x = (V)0.0f, sum_y = (V)0.0f;
+    for (int range = 0; range < ranges; ++range)
     {{
         const int begin = begins[range], end = ends[range];
-        const float y = at_y[range];
-#if defined(__CUDA_ARCH__)
-        for (int j = begin; j < end; ++j)
+        const float own_x = from_x[range], own_y = from_y[range];
+        for (int j = begin; j < end; j += L)
         {{
-            const float dx = x - xs[j];
-            const float dy = y - ys[j];
-            const float r2 = dx * dx + dy * dy + tiny;
-            if (r2 >= cutoff2) continue;
-            const float v = r2 * scale - 1.0f;
-            const float strength = ws[j] * (1.0f / r2 + per_split * {_near_strength()});
-#else
-        for (int j = begin; j < end; j += {LANES})
-        {{
+#if !defined(__CUDA_ARCH__)
             #pragma clang fp contract(fast)
-            const V dx = x - *(const V*)(xs + j);
-            const V dy = y - *(const V*)(ys + j);
+#endif
+            const V dx = own_x - *(const V*)(xs + j);
+            const V dy = own_y - *(const V*)(ys + j);
             const V r2 = dx * dx + dy * dy + tiny;
-            const V v = r2 * scale - 1.0f;
-            const V near = *(const V*)(ws + j) * (1.0f / r2 + per_split * {_near_strength()});
+            const V v = 1.0f - r2 * per_cutoff;
+            // The pair's variance, and one division for both its inverse and that of r2.
+            const V both = (own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower);
+            const V inverse = 1.0f / (r2 * both);
+            V q = 0.5f * r2 * r2 * inverse;
+#if defined(__CUDA_ARCH__)
+            q = fminf(q, {LARGEST_Q}f);
+#else
+            q = __builtin_elementwise_min(q, (V){LARGEST_Q}f);
+#endif
+            const V root = {_text_of(_eighth_root(), "q")};
+            const V square = root * root;
+            const V fourth = square * square;
+            const V share = v * {_text_of(splitting.outside_share()[1:], "v")} - fourth * fourth;
+#if defined(__CUDA_ARCH__)
+            const V close = fmaxf(1.0f - q * per_core, 0.0f);
+#else
+            const V close = __builtin_elementwise_max(1.0f - q * per_core, (V)0.0f);
+#endif
+            const V near = *(const V*)(ws + j) * (share + core * close * close) * (both * inverse);
+#if defined(__CUDA_ARCH__)
+            const V strength = r2 < cutoff2 ? near : 0.0f;
+#else
             const V strength = ((r2 < cutoff2) & (lane < end - j)) ? near : (V)0.0f;
 #endif
             sum_x += strength * dx;
@@ -105,11 +157,18 @@ _SUM_NEAR = f"""
 @wp.func_native(_SUM_NEAR)
 def sum_near(
     x: float,
-    at_y: Heights,
-    begins: Ranges,
-    ends: Ranges,
-    row: wp.int64,
-    cutoff2: float,
+    y: float,
+    row_start: wp.int64,
+    cell_start: wp.array(dtype=wp.int32),
+    grid: CellGrid,
+    cutoff: float,
+    own_variance: float,
+    own_family: int,
+    sharper: float,
+    core: float,
+    per_core: float,
+    variance: wp.array(dtype=float),
+    family: wp.array(dtype=wp.int32),
     weight: wp.array(dtype=float),
     sorted_x: wp.array(dtype=float),
     sorted_y: wp.array(dtype=float),
@@ -125,15 +184,21 @@ def evaluate_field(
     sorted_group: wp.array(dtype=wp.int32),
     weight: wp.array(dtype=float),
     weight_stride: int,
+    variance: wp.array(dtype=float),
+    family: wp.array(dtype=wp.int32),
+    sharper: float,
+    core: float,
+    per_core: float,
     cell_start: wp.array(dtype=wp.int32),
     grid: CellGrid,
-    cutoff2: float,
+    cutoff: float,
     mesh: Mesh,
     potential: wp.array(dtype=float),
     fine_mesh: Mesh,
     correction: wp.array(dtype=float),
     correction_row: wp.array(dtype=wp.int32),
     correction_scale: wp.array(dtype=float),
+    levels: wp.array(dtype=float),
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
@@ -146,39 +211,35 @@ def evaluate_field(
     y = sorted_y[i]
     group = sorted_group[i]
     row_start = wp.int64(group) * wp.int64(weight_stride)
-    cx = wp.clamp(int(x * grid.inverse_size[0]), 0, grid.count_x - 1)
-    cy = wp.clamp(int(y * grid.inverse_size[1]), 0, grid.count_y - 1)
-    total = -potential_gradient(wp.vec2(x, y), group * mesh.count_x * mesh.count_y, mesh, potential)
+    at = wp.vec2(x, y)
+    total = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
     # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
-    base = correction_row[group] * fine_mesh.count_x * fine_mesh.count_y
-    total += correction_scale[group] * potential_gradient(wp.vec2(x, y), base, fine_mesh, correction)
-    # Cells of a row are neighbours in memory: those near the charge's are one range.
-    left = cx - BESIDE
-    right = cx + BESIDE
-    at_y = Heights()
-    rows = Ranges()
-    begins = Ranges()
-    ends = Ranges()
-    for b in range(ROWS):
-        beside = cy + b - BESIDE
-        row = number_across(beside, grid.count_y, grid.space)
-        at_y[b] = y + shift_across(beside, grid.count_y, grid.space.size[1], grid.space)
-        rows[b] = row
-        if row >= 0 and row < grid.count_y:
-            begins[b] = cell_start[row * grid.count_x + wp.max(left, 0)]
-            ends[b] = cell_start[row * grid.count_x + wp.min(right, grid.count_x - 1) + 1]
-    total += sum_near(x, at_y, begins, ends, row_start, cutoff2, weight, sorted_x, sorted_y)
-    if goes_across(left, right, grid.count_x, grid.space):
-        # The columns of cells on the other side.
-        low = left + grid.count_x
-        high = grid.count_x - 1
-        if left >= 0:
-            low = 0
-            high = right - grid.count_x
-        beyond = wp.where(left < 0, left, right)
-        shifted = x + shift_across(beyond, grid.count_x, grid.space.size[0], grid.space)
-        for b in range(ROWS):
-            begins[b] = cell_start[rows[b] * grid.count_x + low]
-            ends[b] = cell_start[rows[b] * grid.count_x + high + 1]
-        total += sum_near(shifted, at_y, begins, ends, row_start, cutoff2, weight, sorted_x, sorted_y)
+    fine_nodes = fine_mesh.count_x * fine_mesh.count_y
+    base = correction_row[group] * levels.shape[0] * fine_nodes
+    if levels.shape[0] == 1:
+        total += correction_scale[group] * potential_gradient(at, base, fine_mesh, correction)
+    else:
+        level, place = level_of(variance[i], levels)
+        base += level * fine_nodes
+        below = potential_gradient(at, base, fine_mesh, correction)
+        above = potential_gradient(at, base + fine_nodes, fine_mesh, correction)
+        total += correction_scale[group] * (below + place * (above - below))
+    total += sum_near(
+        x,
+        y,
+        row_start,
+        cell_start,
+        grid,
+        cutoff,
+        variance[i],
+        family[i],
+        sharper,
+        core,
+        per_core,
+        variance,
+        family,
+        weight,
+        sorted_x,
+        sorted_y,
+    )
     field[order[i]] = total

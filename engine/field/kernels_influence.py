@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import warp as wp
 
+from . import splitting
+
 wp.set_module_options({"enable_backward": False})
 
-EULER_GAMMA = wp.constant(wp.float64(0.5772156649015329))
-# E1(z) < 1e-18 beyond: the plain logarithm.
-FARTHEST = wp.constant(wp.float64(38.0))
-# The power series of E1 below, its continued fraction above.
-SERIES_BELOW = wp.constant(wp.float64(2.0))
+BETA = wp.constant(wp.float64(splitting.BETA))
+INVERSE_HEIGHT = wp.constant(wp.float64(1.0 / splitting.height_of_transform()))
+# Bessel's function by its series up to here, by Hankel's expansion above: both are right to 1e-8.
+SERIES_BELOW = wp.constant(wp.float64(12.0))
 SERIES_TERMS = wp.constant(40)
-FRACTION_TERMS = wp.constant(120)
+# S of the split's potential, see :mod:`.splitting`, as a polynomial that kernels evaluate.
+POTENTIAL = splitting.smoothed_potential()
+Potential = wp.types.vector(len(POTENTIAL), wp.float64)
+POTENTIAL_TERMS = wp.constant(len(POTENTIAL))
 
 
 @wp.struct
@@ -41,24 +45,67 @@ def wave_at(i: int, waves: Waves):
     return wp.min(row, waves.period_y - row), column, row * waves.stride_y + column * waves.stride_x
 
 
+@wp.func
+def wave_square(row: int, column: int, waves: Waves):
+    """Squared wave number."""
+    kx = wp.float64(column) * waves.step_x
+    ky = wp.float64(row) * waves.step_y
+    return kx * kx + ky * ky
+
+
+@wp.func
+def transform_of_split(square: wp.float64):
+    """Transform of the split's density at ``square``, the squared wave number in inverse cut-offs: J1(z) / z, z² = square - beta²."""
+    z2 = square - BETA * BETA
+    if z2 > SERIES_BELOW * SERIES_BELOW:
+        z = wp.sqrt(z2)
+        phase = z - wp.float64(0.75) * wp.float64(wp.pi)
+        even = wp.float64(1.0) + (wp.float64(15.0 / 128.0) - wp.float64(4725.0 / 32768.0) / z2) / z2
+        odd = (wp.float64(3.0 / 8.0) - wp.float64(105.0 / 1024.0) / z2) / z
+        wave = even * wp.cos(phase) - odd * wp.sin(phase)
+        return wp.sqrt(wp.float64(2.0) / (wp.float64(wp.pi) * z)) * wave / z * INVERSE_HEIGHT
+    term = wp.float64(0.5)
+    total = wp.float64(0.0)
+    for k in range(1, SERIES_TERMS + 1):
+        total += term
+        term *= wp.float64(-0.25) * z2 / wp.float64(k * (k + 1))
+    return total * INVERSE_HEIGHT
+
+
 @wp.kernel
-def transform_of_smoothed(
+def transform_of_far_part(
     first: int,
     waves: Waves,
-    narrow: wp.float64,
-    wide: wp.float64,
+    cutoff: wp.float64,
+    # outputs
+    influence: wp.array(dtype=float),
+):
+    """Transform of the split's far part, 2 pi / k² times that of its density, times the window; 0 at wave number 0."""
+    row, column, index = wave_at(first + wp.tid(), waves)
+    square = wave_square(row, column, waves)
+    value = wp.float64(0.0)
+    if square > wp.float64(0.0):
+        value = wp.float64(2.0 * wp.pi) / square * transform_of_split(square * cutoff * cutoff)
+    influence[index] = float(value * waves.window_x[column] * waves.window_y[row])
+
+
+@wp.kernel
+def transform_of_blurred_rest(
+    first: int,
+    waves: Waves,
+    variance: wp.float64,
+    cutoff: wp.float64,
     at_zero: wp.float64,
     # outputs
     influence: wp.array(dtype=float),
 ):
-    """Transform of -log r * (gauss(narrow) - gauss(wide)), 2 pi / k² (exp(-narrow² k² / 2) - exp(-wide² k² / 2)), times the window."""
+    """Transform of -log r blurred by a Gaussian, less the split's far part, times the window; ``at_zero`` at wave number 0."""
     row, column, index = wave_at(first + wp.tid(), waves)
-    kx = wp.float64(column) * waves.step_x
-    ky = wp.float64(row) * waves.step_y
-    half = wp.float64(0.5) * (kx * kx + ky * ky)
+    square = wave_square(row, column, waves)
     value = at_zero
-    if half > wp.float64(0.0):
-        value = wp.float64(wp.pi) / half * (wp.exp(-narrow * narrow * half) - wp.exp(-wide * wide * half))
+    if square > wp.float64(0.0):
+        blurred = wp.exp(wp.float64(-0.5) * variance * square)
+        value = wp.float64(2.0 * wp.pi) / square * (blurred - transform_of_split(square * cutoff * cutoff))
     influence[index] = float(value * waves.window_x[column] * waves.window_y[row])
 
 
@@ -73,40 +120,31 @@ def multiply_window(
     influence[index] = float(wp.float64(influence[index]) * waves.window_x[column] * waves.window_y[row])
 
 
-@wp.func
-def log_plus_e1(z: wp.float64):
-    """Return log z + E1(z), finite at 0."""
-    if z < SERIES_BELOW:
-        total = -EULER_GAMMA
-        term = wp.float64(-1.0)
-        for k in range(1, SERIES_TERMS):
-            term *= -z / wp.float64(k)
-            total += term / wp.float64(k)
-        return total
-    if z > FARTHEST:
-        return wp.log(z)
-    fraction = wp.float64(0.0)
-    for k in range(FRACTION_TERMS):
-        term = wp.float64(FRACTION_TERMS - k)
-        fraction = term / (wp.float64(1.0) + term / (z + fraction))
-    return wp.log(z) + wp.exp(-z) / (z + fraction)
-
-
 @wp.kernel
-def sample_smoothed(
+def sample_far_part(
     first: int,
     columns: int,
     step: wp.float64,
-    split: wp.float64,
+    cutoff: wp.float64,
     constant: wp.float64,
+    potential: Potential,
     # outputs
     quarter: wp.array(dtype=float),
 ):
-    """-log r convolved with a Gaussian of deviation ``split``, -(log r² + E1(r² / 2s²)) / 2, plus ``constant``, around node 0."""
+    """The split's far part plus ``constant`` around node 0: -log r beyond the cut-off, -log(cutoff) + S(v) / 2 within."""
     i = first + wp.tid()
     row = i / columns
     column = i - row * columns
     y = wp.float64(row) * step
     x = wp.float64(wp.min(column, columns - column)) * step
-    twice = wp.float64(2.0) * split * split
-    quarter[i] = float(constant - wp.float64(0.5) * (log_plus_e1((x * x + y * y) / twice) + wp.log(twice)))
+    square = (x * x + y * y) / (cutoff * cutoff)
+    value = constant - wp.log(cutoff)
+    if square >= wp.float64(1.0):
+        value -= wp.float64(0.5) * wp.log(square)
+    else:
+        v = wp.float64(1.0) - square
+        total = wp.float64(0.0)
+        for k in range(POTENTIAL_TERMS):
+            total = total * v + potential[POTENTIAL_TERMS - 1 - k]
+        value += wp.float64(0.5) * total
+    quarter[i] = float(value)

@@ -194,10 +194,22 @@ def mix_groups(
     mix_nodes(node_charge, interaction, target, group_count, node_count, start, 1.0 / FIXED_POINT_SCALE, mixed)
 
 
-# Four nodes of a row at once: their sum weighed for the value, and for the slope along x.
+# The four splines and their slopes as polynomials, all at once; then four nodes of a row at once: their sum weighed for the value, and
+# for the slope along x.
 _GRADIENT = """
     const float* __restrict__ p = potential.data + start;
 #if defined(__CUDA_ARCH__)
+    typedef struct { float at[4]; } V;
+    const V cubic = {{-1.0f / 6.0f, 0.5f, -0.5f, 1.0f / 6.0f}}, square = {{0.5f, -1.0f, 0.5f, 0.0f}};
+    const V linear = {{-0.5f, 0.0f, 0.5f, 0.0f}}, constant = {{1.0f / 6.0f, 2.0f / 3.0f, 1.0f / 6.0f, 0.0f}};
+    float wx[4], wy[4], dx[4], dy[4];
+    for (int k = 0; k < 4; ++k)
+    {
+        wx[k] = ((cubic.at[k] * u + square.at[k]) * u + linear.at[k]) * u + constant.at[k];
+        wy[k] = ((cubic.at[k] * v + square.at[k]) * v + linear.at[k]) * v + constant.at[k];
+        dx[k] = (3.0f * cubic.at[k] * u + 2.0f * square.at[k]) * u + linear.at[k];
+        dy[k] = (3.0f * cubic.at[k] * v + 2.0f * square.at[k]) * v + linear.at[k];
+    }
     float along = 0.0f, across = 0.0f;
     for (int b = 0; b < 4; ++b)
     {
@@ -214,6 +226,12 @@ _GRADIENT = """
     return wp::vec2(along, across);
 #else
     typedef float V __attribute__((ext_vector_type(4), aligned(4)));
+    const V cubic = {-1.0f / 6.0f, 0.5f, -0.5f, 1.0f / 6.0f}, square = {0.5f, -1.0f, 0.5f, 0.0f};
+    const V linear = {-0.5f, 0.0f, 0.5f, 0.0f}, constant = {1.0f / 6.0f, 2.0f / 3.0f, 1.0f / 6.0f, 0.0f};
+    const V wx = ((cubic * u + square) * u + linear) * u + constant;
+    const V wy = ((cubic * v + square) * v + linear) * v + constant;
+    const V dx = (3.0f * cubic * u + 2.0f * square) * u + linear;
+    const V dy = (3.0f * cubic * v + 2.0f * square) * v + linear;
     V value = (V)0.0f, slope = (V)0.0f;
     for (int b = 0; b < 4; ++b)
     {
@@ -221,8 +239,8 @@ _GRADIENT = """
         value += dy[b] * row;
         slope += wy[b] * row;
     }
-    const V weighed = value * V{wx[0], wx[1], wx[2], wx[3]};
-    const V sloped = slope * V{dx[0], dx[1], dx[2], dx[3]};
+    const V weighed = value * wx;
+    const V sloped = slope * dx;
     return wp::vec2(
         (sloped[0] + sloped[1]) + (sloped[2] + sloped[3]), (weighed[0] + weighed[1]) + (weighed[2] + weighed[3]));
 #endif
@@ -230,9 +248,7 @@ _GRADIENT = """
 
 
 @wp.func_native(_GRADIENT)
-def gradient_of_rows(
-    potential: wp.array(dtype=float), start: int, stride: int, wx: wp.vec4, dx: wp.vec4, wy: wp.vec4, dy: wp.vec4
-) -> wp.vec2: ...
+def gradient_of_rows(potential: wp.array(dtype=float), start: int, stride: int, u: float, v: float) -> wp.vec2: ...
 
 
 @wp.func
@@ -242,13 +258,15 @@ def potential_gradient(position: wp.vec2, base: int, mesh: Mesh, potential: wp.a
     v = position[1] * mesh.inverse_spacing[1] + float(mesh.margin)
     iu = int(wp.floor(u))
     iv = int(wp.floor(v))
-    wx = spline_weights(u - float(iu))
-    wy = spline_weights(v - float(iv))
-    dx = spline_slopes(u - float(iu))
-    dy = spline_slopes(v - float(iv))
+    fu = u - float(iu)
+    fv = v - float(iv)
     if iu >= 1 and iv >= 1 and iu + 2 < mesh.count_x and iv + 2 < mesh.count_y:
         start = base + (iv - 1) * mesh.count_x + iu - 1
-        return wp.cw_mul(gradient_of_rows(potential, start, mesh.count_x, wx, dx, wy, dy), mesh.inverse_spacing)
+        return wp.cw_mul(gradient_of_rows(potential, start, mesh.count_x, fu, fv), mesh.inverse_spacing)
+    wx = spline_weights(fu)
+    wy = spline_weights(fv)
+    dx = spline_slopes(fu)
+    dy = spline_slopes(fv)
     # Only splines on a periodic mesh reach round it.
     gradient = wp.vec2(0.0, 0.0)
     for b in range(4):

@@ -7,38 +7,47 @@ follow is transformed once.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from .field_meshes import BLUR_OVER_MESH, BLUR_OVER_SPACING, FEWEST_NODES, target_mesh
-from .influence import convolution_of, smoothed_influence
+from . import kernels_blur
+from .blur import Blur
+from .field_meshes import FINEST_BLUR_OVER_MESH, target_mesh, widest_blur
+from .influence import convolution_of, rest_influence
 
-__all__ = ["FEWEST_NODES", "TargetCorrection"]
+__all__ = ["TargetCorrection"]
 
 
 class TargetCorrection:
-    """Potential of K * (gauss(blur) - gauss(split)) * u for every group; the far part on the charges' mesh lacks it.
+    """Potential of K * (blur - split) * u for every group; the far part on the charges' mesh lacks it.
+
+    It is there for every level of the charges' own blur; see :mod:`.blur`.
 
     Args:
         launcher: Where to run.
         space: What the targets lie over.
         images: The distinct target densities.
-        attraction: Charge of each image that attracts each group, shape ``[group_count, image_count]``.
+        attraction: Charge of each image that attracts each group, shape ``[2, group_count, image_count]``: of its own
+            family, and of all others, whose variances are divided by ``sharper``.
+        sharper: See :mod:`.blur`.
+        number: Charges that follow each image.
         spacing: Typical distance of neighbouring bodies where they are dense.
-        charge_count: Number of charges.
-        split: Standard deviation of the Gaussian that the far part is smoothed by.
+        uniform: Whether the density is everywhere the same.
+        charge: All charges.
+        blur_over_spacing: Width of the blur between two charges at that spacing, over it.
+        cutoff: Where the split ends; see :mod:`.splitting`.
         fewest_nodes: Nodes of the fine mesh at least, where charges are few.
 
     Attributes:
         layout: The fine mesh.
-        blur: Standard deviation of the Gaussian by which the targets are smoothed.
-        potential: Potentials, flat, one after the other; groups whose potentials are multiples of each other share one.
-        row: Index of the potential of every group.
+        blur: The blur of charges and targets.
+        potential: Potentials, flat: for every row all levels, one after the other.
+        row: Index of the row of every group; groups whose potentials are multiples of each other share one.
         scale: Its factor.
     """
 
@@ -49,25 +58,71 @@ class TargetCorrection:
         space: Space,
         images: Sequence[np.ndarray],
         attraction: np.ndarray,
+        sharper: float,
+        number: Sequence[float],
         spacing: float,
-        charge_count: int,
-        split: float,
-        fewest_nodes: int = FEWEST_NODES,
+        uniform: bool,
+        charge: np.ndarray,
+        blur_over_spacing: float,
+        cutoff: float,
+        fewest_nodes: int,
     ) -> None:
         self.layout = target_mesh(
             space,
             spacing,
-            charge_count=charge_count,
-            split=split,
+            charge_count=len(charge),
+            cutoff=cutoff,
             on_gpu=launcher.device.is_cuda,
+            blur_over_spacing=blur_over_spacing,
+            uniform=uniform,
             fewest_nodes=fewest_nodes,
         )
-        self.blur = max(BLUR_OVER_SPACING * spacing, BLUR_OVER_MESH * max(self.layout.spacing))
-        row, scale, distinct = _distinct_rows(attraction)
+        deposited = deposit_images(launcher, images, self.layout)
+        self.blur = Blur(
+            launcher,
+            layout=self.layout,
+            deposited=deposited,
+            number=number,
+            spacing=spacing,
+            width=blur_over_spacing * spacing,
+            widest=widest_blur(cutoff),
+            uniform=uniform,
+            charge=charge,
+        )
+        row, scale, distinct = _distinct_rows(np.concatenate(attraction, axis=1))
         device = launcher.device
         self.row = wp.array(row, dtype=wp.int32, device=device)
         self.scale = wp.array(scale, dtype=float, device=device)
-        self.potential = _potentials(launcher, self.layout, self.blur, split, images, distinct)
+        own, others = np.split(distinct, 2, axis=1)
+        self.potential = launcher.zeros(len(distinct) * len(self.blur.levels) * self.layout.node_count, float)
+        self._add_potentials(launcher, deposited, own, 1.0, cutoff)
+        if others.any():
+            self._add_potentials(launcher, deposited, others, sharper, cutoff)
+
+    def _add_potentials(
+        self, launcher: Launcher, deposited: wp.array, rows: np.ndarray, sharper: float, cutoff: float
+    ) -> None:
+        node_count = self.layout.node_count
+        convolution = convolution_of(launcher, self.layout, len(rows))
+        targets = mix_images(launcher, deposited, rows, node_count)
+        levels = self.blur.levels
+        # What the mesh is too coarse for would be aliases.
+        least = (FINEST_BLUR_OVER_MESH * max(self.layout.spacing)) ** 2
+        for of_target, target_variance in enumerate(levels):
+            for of_charge, charge_variance in enumerate(levels):
+                part = self.blur.take_level(of_target, targets)
+                variance = max((charge_variance + target_variance) / sharper, least)
+                influence = launcher.kept(
+                    ("influence", self.layout, variance, cutoff),
+                    partial(rest_influence, convolution, self.layout, variance, cutoff),
+                )
+                convolution.apply(influence, part)
+                launcher.launch(
+                    kernels_blur.add_meshes,
+                    len(part),
+                    [node_count, of_charge, len(levels), part],
+                    [self.potential],
+                )
 
 
 def _distinct_rows(attraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -77,21 +132,3 @@ def _distinct_rows(attraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     unit = attraction / np.where(scale > 0.0, scale, 1.0)[:, None]
     distinct, row = np.unique(np.round(unit, 9), axis=0, return_inverse=True)
     return row.ravel().astype(np.int32), scale, distinct
-
-
-def _potentials(
-    launcher: Launcher,
-    layout: MeshLayout,
-    blur: float,
-    split: float,
-    images: Sequence[np.ndarray],
-    rows: np.ndarray,
-) -> wp.array:
-    convolution = convolution_of(launcher, layout, len(rows))
-    influence = launcher.kept(
-        ("influence", layout, blur, split),
-        lambda: smoothed_influence(convolution, layout, blur, split, np.pi * (split**2 - blur**2)),
-    )
-    result = mix_images(launcher, deposit_images(launcher, images, layout), rows, layout.node_count)
-    convolution.apply(influence, result)
-    return result

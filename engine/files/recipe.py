@@ -3,6 +3,7 @@
     version = 1
     seed = 7                       # default 0
     avoid_overlap = false          # default; true: footprints push each other apart
+    regularity = 0.6               # default; 1: nearly a lattice, 0: organic
     [domain]
     size = [40.0, 30.0]            # metres, x and y
     boundary = "open"              # default; or "mirror", or "periodic"
@@ -10,6 +11,7 @@
     [balance]
     class_separation = 0.5         # default
     size_emphasis = 2.0            # default; or a list, one for each larger size
+    rare_emphasis = 1.0            # default; 0: classes of few bodies are treated as all others
     non_overlap = [[1, 0], [0, 1]] # one row per class: 1 = keep apart, 0 = may overlap; default: all keep apart
     [[class]]
     name = "pine"

@@ -12,6 +12,9 @@ from .settings import Settings, described, setting
 
 __all__ = ["Balance"]
 
+# Times that a class counts as rarer than the largest, at most: few bodies need no more to be even.
+MOST_RARE = 100.0
+
 
 @described
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,16 @@ class Balance(Settings):
             check=validation.check_non_overlap,
         ),
     )
+    rare_emphasis: float = field(
+        default=1.0,
+        metadata=setting(
+            "How evenly classes of few bodies are spread among themselves, beside others of many. 0 treats all classes alike",
+            more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
+            label="Rare Classes",
+            low=0.0,
+            high=2.0,
+        ),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,7 +78,12 @@ class Balance(Settings):
     def _key(self, name: str) -> str:
         return f"`balance.{name}`"
 
-    def class_factors(self, class_count: int) -> np.ndarray:
-        """Factors between classes, shape ``[class_count, class_count]``, float64."""
-        apart = np.ones((class_count, class_count)) if self.non_overlap is None else np.asarray(self.non_overlap)
-        return (1.0 - self.class_separation) * np.eye(class_count) + self.class_separation * apart
+    def class_factors(self, counts: Sequence[int]) -> np.ndarray:
+        """Factors between classes of so many bodies, shape ``[class_count, class_count]``, float64.
+
+        (1 - alpha) identity + alpha non_overlap, where the identity of a class that is rarer than the largest is raised.
+        """
+        count = np.asarray(counts, np.float64)
+        apart = np.ones((len(count), len(count))) if self.non_overlap is None else np.asarray(self.non_overlap)
+        rarity = np.minimum(count.max() / count, MOST_RARE) ** self.rare_emphasis
+        return (1.0 - self.class_separation) * np.diag(rarity) + self.class_separation * apart

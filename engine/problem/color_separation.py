@@ -149,6 +149,7 @@ def halftone_problem(
     domain: Domain | None = None,
     class_separation: float = 0.5,
     size_emphasis: float | Sequence[float] = 2.0,
+    rare_emphasis: float = 1.0,
     density_correction: bool = False,
     seed: int = 0,
 ) -> Problem:
@@ -165,6 +166,7 @@ def halftone_problem(
         domain: Where; None makes a pixel of the image a square metre.
         class_separation: The paper's alpha.
         size_emphasis: Its C.
+        rare_emphasis: How much more evenly inks of few dots are spread among themselves; 0 is the paper's.
         density_correction: Of every channel (section 3).
         seed: Of the problem.
 
@@ -201,7 +203,8 @@ def halftone_problem(
             f"`area` must be smaller: {smallest:g} m² is more than twice what ink {found.inks[most].name} covers, "
             f"{channels[most].mean() * domain.area:.3g} m², and the other inks cover less"
         )
-    balance = Balance(class_separation, size_emphasis, np.asarray(found.non_overlap)[np.ix_(used, used)])
+    apart = np.asarray(found.non_overlap)[np.ix_(used, used)]
+    balance = Balance(class_separation, size_emphasis, apart, rare_emphasis)
     return Problem(domain, classes, balance, seed)
 
 

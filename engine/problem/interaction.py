@@ -14,6 +14,7 @@ emphases are, the second is checked by :class:`~esh.engine.problem.balance.Balan
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,12 +53,13 @@ class Groups:
         return len(self.class_index)
 
 
-def group_bodies(problem: Problem, levels: int = LEVELS) -> Groups:
+def group_bodies(problem: Problem, levels: int = LEVELS, counts: Sequence[int] | None = None) -> Groups:
     """Sort the bodies of ``problem`` into groups.
 
     Args:
         problem: What is to be placed.
         levels: Groups that a range of areas is cut into, at most.
+        counts: Bodies of every class; None for those of the problem, which may have samples only.
     """
     area = problem.body_areas()
     first_body = 0
@@ -80,7 +82,7 @@ def group_bodies(problem: Problem, levels: int = LEVELS) -> Groups:
     index = np.array(class_index)
     for c in range(len(problem.classes)):
         e[index == c] /= e[index == c].min()
-    between = problem.balance.class_factors(len(problem.classes))[np.ix_(index, index)]
+    between = problem.balance.class_factors(counts or [c.body_count for c in problem.classes])[np.ix_(index, index)]
     return Groups(body_group, index, between * np.minimum(e[:, None], e[None, :]))
 
 

@@ -21,7 +21,7 @@ from . import validation
 from .balance import Balance
 from .body_class import BodyClass
 from .domain import Domain
-from .feasibility import check_feasible, check_known_on_surfaces
+from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .packing import packable_share, scale_to_fit
@@ -53,6 +53,16 @@ class SamplingSettings(Settings):
             "Push footprints apart that touch. Counts stay as they are. The report says how many still overlap"
         ),
     )
+    regularity: float = field(
+        default=0.6,
+        metadata=setting(
+            "How regular the pattern is. 1: as near to a lattice as bodies come. 0: organic, with rows in no direction. Counts and "
+            "densities are kept",
+            unit="share",
+            low=0.0,
+            high=1.0,
+        ),
+    )
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -66,6 +76,8 @@ class Problem(SamplingSettings):
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
         avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
+        regularity: How regular the pattern is, 1 to 0: from as near to a lattice as bodies come to organic; counts and densities
+            are kept.
         fixed: Bodies that are there already: they take part in everything, and do not move. The rest of their class makes room:
             where they already are what the density asks for, no more are placed. Kept as a :class:`FixedTable`, in class, then
             size order. A size may have a ``count`` of 0 if there are such bodies of it.
@@ -93,6 +105,7 @@ class Problem(SamplingSettings):
         seed: int = 0,
         avoid_overlap: bool = False,
         *,
+        regularity: float = 0.6,
         fixed: FixedBodies | Sequence[FixedBody | FixedBodies] = (),
         include_fixed: bool = False,
         obstacles: Sequence[Obstacle] = (),
@@ -120,15 +133,13 @@ class Problem(SamplingSettings):
             check_known_on_surfaces(bases, obstacles)
             if obstacles:
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
-        elif obstacles:
-            if any(obstacle.ball is not None for obstacle in obstacles):
-                raise ProblemError(
-                    "`obstacles` in a rectangle must be polygons, discs or images; a ball needs a Surface"
-                )
+        else:
+            check_known_in_rectangles(bases, obstacles)
+        if obstacles and isinstance(domain, Domain):
             prepared = tuple(cut_out(c, domain, obstacles) for c in bases)
         prepared = _sharing_images(prepared)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
-        settle(self, include_fixed=include_fixed, obstacles=obstacles)
+        settle(self, include_fixed=include_fixed, obstacles=obstacles, regularity=regularity)
         super().__post_init__()
         settle(self, fixed=fixed_table(fixed, prepared, domain))
         counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]

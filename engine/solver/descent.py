@@ -37,6 +37,9 @@ STEP_LIMIT = 0.5
 # Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
 # density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
 SMALLEST_DENSITY = 2e-3
+# What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks
+# and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
+BLUR_OF_LONG_ONES_IN_CONTACT = 0.03
 
 
 class Descent:
@@ -112,6 +115,8 @@ class Descent:
         """What evaluates the forces, and the field that it has."""
         model = self.model
         domain = model.problem.rectangle
+        outlined = any(size.footprint is not None for c in model.problem.classes for size in c.sizes)
+        tangled = model.problem.avoid_overlap and (self.rules.kind_count > 0 or outlined)
         described: dict[str, Any] = {
             "space": model.space,
             "interaction": model.interaction,
@@ -120,6 +125,9 @@ class Descent:
             "charge": model.charge.charge,
             "charge_group": model.body.group[model.charge.body],
             "fewest_nodes": fewest_nodes,
+            "family": model.groups.class_index,
+            "regularity": model.problem.regularity,
+            "blur_over_spacing": BLUR_OF_LONG_ONES_IN_CONTACT if tangled else None,
         }
         if domain.mirrored:
             mirrored = MirroredField(self.launcher, **described)

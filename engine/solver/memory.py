@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ProblemError
-from ..field.field_meshes import charge_mesh, split_of, target_mesh
+from ..field.field_meshes import charge_mesh, cutoff_of, target_mesh
 from ..field.mirrored_field import COPIES
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
@@ -89,7 +89,7 @@ def _required_for_meshes(problem: Problem) -> int:
         # The mesh lies over the images beyond the borders as well.
         space, charges = space.with_mirror_images(), COPIES * charges
     coarse = charge_mesh(space, spacing, charge_count=charges, group_count=groups, on_gpu=False)
-    fine = target_mesh(space, spacing, charge_count=charges, split=split_of(coarse), on_gpu=False)
+    fine = target_mesh(space, spacing, charge_count=charges, cutoff=cutoff_of(coarse), on_gpu=False)
     of_coarse = (
         groups * (BYTES_PER_NODE_AND_GROUP * coarse.node_count + _halves(coarse)) + 4 * classes * coarse.node_count
     )

@@ -336,6 +336,7 @@ def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: 
                 balance,
                 seed,
                 avoid_overlap=keep_apart,
+                regularity=plan.problem.regularity,
                 obstacles=kept_off,
             )
             return Model(problem, flags, groups=groups)

@@ -48,7 +48,9 @@ def reference(sums, position, targets):
         targets=targets,
         charge=sums.charge,
         charge_group=sums.group,
+        # Charges are points, as in the paper.
         blur=0.1,
+        variance=lambda at: np.zeros(len(at)),
     )
 
 

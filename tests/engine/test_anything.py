@@ -69,7 +69,7 @@ ANYTHING = st.one_of(
 )
 USUAL = {
     esh.Domain: {"size": (4.0, 3.0), "boundary": "open"},
-    esh.Balance: {"class_separation": 0.5, "size_emphasis": 2.0, "non_overlap": None},
+    esh.Balance: {"class_separation": 0.5, "size_emphasis": 2.0, "non_overlap": None, "rare_emphasis": 1.0},
     esh.Line: {
         "length": 0.5,
         "direction": "none",
@@ -97,6 +97,7 @@ USUAL = {
         "balance": esh.Balance(),
         "seed": 0,
         "avoid_overlap": False,
+        "regularity": 0.6,
     },
 }
 

@@ -5,6 +5,7 @@ import pytest
 import warp as wp
 from esh import BodyClass, Domain, Problem, Size, solve
 from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.field.blur import LEAST_OF_SMALL
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import FieldTarget
 from esh.engine.field.mirrored_field import MirroredField, mirror
@@ -20,7 +21,7 @@ def test_an_image_meets_its_images_at_the_borders():
 
 
 @pytest.fixture(scope="module")
-def forces():
+def forces(variances_of):
     """Of a few hundred charges of two groups, some near the borders: fast, and by a direct sum over all images."""
     launcher = Launcher(resolve_device("cpu"))
     rng = np.random.default_rng(0)
@@ -46,6 +47,9 @@ def forces():
     field.evaluate(at, found)
     x, y = position.T
     everywhere = np.concatenate([np.stack(p, axis=1) for p in ((x, y), (48 - x, y), (x, 32 - y), (48 - x, 32 - y))])
+    of_place = variances_of(field.field)
+    share = np.clip(charge, LEAST_OF_SMALL, 1.0)
+    of_target = (charge * share).sum() / charge.sum()
     direct = direct_field(
         np.mod(everywhere, [48.0, 32.0]),
         space=Space((48.0, 32.0), periodic=True),
@@ -53,7 +57,9 @@ def forces():
         targets=[FieldTarget(mirror(image), 4 * q) for image, q in zip(images, total, strict=True)],
         charge=np.tile(charge, 4),
         charge_group=np.tile(group, 4),
-        blur=field.field.blur,
+        blur=(field.field.blur.variance.numpy().min() * (share.min() + of_target)) ** 0.5,
+        variance=lambda at: of_place(at) * (np.tile(share, 4) if len(at) == 4 * len(charge) else of_target),
+        core=(field.field.core, field.field.core_end),
     )
     launcher.close()
     return position, found.numpy(), direct[:192]
@@ -62,7 +68,8 @@ def forces():
 def test_forces_agree_with_the_direct_sum_over_all_images(forces):
     _, found, direct = forces
     error = np.sqrt(((found - direct) ** 2).sum(axis=1).mean())
-    assert error < 3e-3
+    # As for a domain without mirrors where the blur differs from place to place.
+    assert error < 6e-3
     assert np.sqrt((direct**2).sum(axis=1).mean()) > 0.3
 
 
@@ -104,5 +111,6 @@ def test_bodies_neither_crowd_along_a_mirror_nor_shun_it():
     assert at_edge > 1.5
     assert behind < 0.95
     at_edge, behind = near_border("mirror")
-    assert at_edge < 1.45
+    # The row of bodies next to a border stands where the count's width ends.
+    assert at_edge < 1.6
     assert behind == pytest.approx(1.0, abs=0.05)

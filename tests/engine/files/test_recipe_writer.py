@@ -28,8 +28,13 @@ VECTORS = np.random.default_rng(1).normal(size=(4, 6, 2)).astype(np.float32)
 # Values beside the default of every setting that a recipe has. A new setting without one fails the first test.
 SAMPLES = {
     Domain: {"size": [(7.5, 0.1 + 0.2)], "boundary": ["mirror", "periodic"], "inset": [True]},
-    Balance: {"class_separation": [0.1 + 0.2], "size_emphasis": [1.0, [2.0, 3.5]], "non_overlap": [np.eye(2)]},
-    SamplingSettings: {"seed": [2**62 + 1], "avoid_overlap": [True]},
+    Balance: {
+        "class_separation": [0.1 + 0.2],
+        "size_emphasis": [1.0, [2.0, 3.5]],
+        "non_overlap": [np.eye(2)],
+        "rare_emphasis": [0.0, 0.1 + 0.2],
+    },
+    SamplingSettings: {"seed": [2**62 + 1], "avoid_overlap": [True], "regularity": [0.0, 0.1 + 0.2]},
     BodyClass: {
         "name": ['Bärlauch 木 "\\', "a"],
         "sizes": [[Size("a", 0.01, 3)]],

@@ -48,6 +48,19 @@ def test_is_positive_semidefinite_for_every_allowed_balance(areas, alpha, emphas
     assert values.min() >= -1e-9 * values.max()
 
 
+def test_rare_classes_weigh_more_by_themselves_and_no_more_beside_others():
+    counts = {"many": 4000, "few": 400, "rare": 40, "one": 1}
+    classes = [BodyClass(name, [Size("s", 1e-4, count)]) for name, count in counts.items()]
+    matrix = group_bodies(Problem(Domain((1.0, 1.0)), classes)).matrix
+    np.testing.assert_allclose(np.diag(matrix), [1.0, 0.5 + 5.0, 0.5 + 50.0, 0.5 + 50.0])
+    np.testing.assert_array_equal(matrix[~np.eye(4, dtype=bool)], 0.5)
+    papers = group_bodies(Problem(Domain((1.0, 1.0)), classes, Balance(rare_emphasis=0.0))).matrix
+    np.testing.assert_array_equal(papers, 0.5 + 0.5 * np.eye(4))
+    # Where only the union counts there is nothing of its own to weigh.
+    union = group_bodies(Problem(Domain((1.0, 1.0)), classes, Balance(1.0))).matrix
+    np.testing.assert_array_equal(union, np.ones((4, 4)))
+
+
 def test_a_list_of_emphases_is_taken_as_it_is():
     matrix = group_bodies(problem_of([[4.0, 1.0, 2.0]], emphasis=[5.0, 7.0])).matrix
     np.testing.assert_array_equal(matrix, [[7, 1, 5], [1, 1, 1], [5, 1, 5]])

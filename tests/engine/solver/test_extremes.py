@@ -160,7 +160,7 @@ def test_a_position_that_is_no_number_ends_the_run_in_a_sentence(lines, value):
 def test_forces_that_overflow_end_the_run_in_a_sentence(monkeypatch):
     from esh.engine.solver import model
 
-    monkeypatch.setattr(model, "_within_range", lambda matrix, charge: matrix * 1e36)
+    monkeypatch.setattr(model, "_within_range", lambda matrix, charge: matrix * 1e38)
     with pytest.raises(ProblemError, match="bring them nearer to each other"):
         solve(problem_of(Size("a", 1.0, 200)), device="cpu")
 

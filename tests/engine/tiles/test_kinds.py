@@ -169,6 +169,29 @@ def test_groups_are_those_of_a_whole_problem():
         assert np.array_equal(np.sort(np.concatenate(parts)), np.arange(tiles.first[g], tiles.first[g + 1]))
 
 
+def test_a_class_is_as_rare_as_in_the_whole_problem():
+    """Of a size there are 4,096 samples at most; its rarity is that of all bodies."""
+    classes = [esh.BodyClass(name, [esh.Size("s", area=0.01, count=n)]) for name, n in (("a", 81_920), ("b", 8_192))]
+    matrix = group_tiles(esh.Problem(esh.Domain((40.0, 40.0)), classes)).matrix
+    assert np.allclose(matrix, [[1.0, 0.5], [0.5, 0.5 + 5.0]])
+
+
+def test_tiles_are_as_regular_as_asked(tmp_path):
+    orders = []
+    for regularity in (1.0, 0.0):
+        folder = tmp_path / f"{regularity:g}"
+        folder.mkdir()
+        (folder / "even.toml").write_text(
+            f"version = 1\nregularity = {regularity}\n[domain]\nsize = [64.0, 64.0]\n"
+            '[[class]]\nname = "a"\ndensity = 1.0\n[[class.size]]\nname = "s"\narea = 0.2\ncount = 4096\n'
+        )
+        esh.solve_tiles(folder / "even.toml", folder / "out", device="cpu", ending=".npz", tile=32.0, workers=0)
+        position = np.concatenate([np.load(path)["position"] for path in sorted((folder / "out").glob("tile-*.npz"))])
+        way = position[spatial.cKDTree(position).query(position, 7)[1][:, 1:]] - position[:, None]
+        orders.append(np.abs(np.exp(6j * np.arctan2(way[..., 1], way[..., 0])).mean(axis=1)).mean())
+    assert orders[0] > orders[1] + 0.15
+
+
 def test_groups_of_more_bodies_than_memory():
     size = esh.Size("range", area=(0.5, 2.0), count=3_000_000_000)
     tiles = group_tiles(esh.Problem(esh.Domain((1e6, 1e6)), [esh.BodyClass("a", [size])]))
