@@ -59,7 +59,7 @@ FIRST = [
 ]
 MORE = [Case(100_000, 6), Case(10_000, 6), Case(100_000, 6, contact=True), Case(10_000, 6, contact=True)]
 LAST = [Case(1_000_000, 6)]
-CHUNKS = [Case(100_000, contact=contact, chunks=chunks) for chunks in (8, 16) for contact in (False, True)]
+CHUNKS = [Case(100_000, contact=contact, chunks=chunks) for chunks in (4, 16) for contact in (False, True)]
 FEW = [Case(100_000), Case(100_000, contact=True), Case(10_000), Case(10_000, contact=True)]
 
 

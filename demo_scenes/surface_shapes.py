@@ -141,7 +141,7 @@ def ring(radius: float, thickness: float, seed: int) -> Shape:
     vertex = _on_ring(around, about, radius, thickness)
     outward = _on_ring(around, about, radius, thickness + 1.0) - vertex
     bump = 0.03 * thickness * waves(vertex, 1.6 * radius, seed) + 0.006 * thickness * waves(vertex, 0.1 * radius, seed)
-    return vertex + bump[:, None] * outward, grid_faces(300, 90, round_rows=True, round_columns=True)
+    return vertex + bump[:, None] * outward, grid_faces(300, 90, round_rows=True, round_columns=True)[:, ::-1]
 
 
 def icing(radius: float, thickness: float, depth: float, seed: int) -> tuple[Shape, np.ndarray]:
@@ -161,7 +161,7 @@ def icing(radius: float, thickness: float, depth: float, seed: int) -> tuple[Sha
     edge = np.abs(2.0 * np.tile(share, rows) - 1.0)
     thick = depth * np.sqrt(np.maximum(1.0 - edge**9, 0.0)) - np.where(edge > 0.999, 0.7 * depth, 0.0)
     vertex = _on_ring(around, about, radius, thickness + thick)
-    face = grid_faces(rows, columns, round_rows=True)
+    face = grid_faces(rows, columns, round_rows=True)[:, ::-1]
     return (vertex, face), edge[face].max(axis=1) < 0.86
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -34,6 +34,7 @@ from ..engine.problem.size import Size
 from ..engine.problem.slopes import LEVEL, normal_of_slope, slope_at
 from ..engine.problem.surface_directions import SLOPE
 from ..engine.problem.validation import (
+    as_float,
     check_area_or_range,
     check_class_count,
     check_count,
@@ -120,6 +121,16 @@ EDGE_PIXELS = 256.0
 EDGE_SCALES = (RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS)
 
 
+def _check_weights(value: object, key: str) -> dict[str, float]:
+    if not isinstance(value, Mapping):
+        raise ProblemError(f"{key} must be numbers by the names of objects; got {show(value)}")
+    weights = {str(name): as_float(weight) for name, weight in value.items()}
+    for name, weight in weights.items():
+        if weight is None or not 0.0 <= weight < math.inf:
+            raise ProblemError(f'{key} must be numbers of 0 or more; "{name}" has {show(value[name])}')
+    return {name: weight for name, weight in weights.items() if weight is not None}
+
+
 @described
 @dataclass(frozen=True, eq=False)
 class ScatterSize(Settings):
@@ -160,6 +171,21 @@ class ScatterSize(Settings):
     )
     distribution: str | np.ndarray | Sequence[float] = field(
         default="linear", metadata=same_setting(Size, "distribution")
+    )
+    as_one: bool = field(
+        default=False,
+        metadata=setting(
+            "Whether a collection is placed as one thing, whose objects keep their places",
+            more="A trunk and its leaves, for example; where the collection's offset is, it stands on the ground",
+        ),
+    )
+    weights: Mapping[str, float] | None = field(
+        default=None,
+        metadata=setting(
+            "How often each object of a collection is placed, compared with the others",
+            more="Numbers by the objects' names; what is not named has 1",
+            check=_check_weights,
+        ),
     )
 
     def _key(self, name: str) -> str:
@@ -226,11 +252,13 @@ class _Source(NamedTuple):
         key: How sentences name the size.
         area: Ground that one takes, where it was given [m²].
         meshes: The objects' meshes, or why one has none; None where nothing has to be measured.
+        weights: How often each of them is placed; None where all are alike.
     """
 
     key: str
     area: float | tuple[float, float] | None
     meshes: tuple[TriangleMesh | ProblemError | None, ...]
+    weights: np.ndarray | None
 
 
 class _Reading(NamedTuple):
@@ -264,6 +292,8 @@ class _Shape:
     outlines: tuple[Outline | None, ...]
     area: float | tuple[float, float]
     line: Line | None
+    # How often each variant is placed; None where all are alike.
+    weights: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,7 +422,7 @@ class ScatterJob:
             of_class = []
             for size in scatter_class.sizes:
                 key = f'size "{size.name}" of class "{scatter_class.name}"'
-                members = _source_objects(size.source, targets, key)
+                members = _source_objects(size.source, targets, key, as_one=size.as_one)
                 of_class.append(_read_size(size, members, context, key, meshes))
                 for member in members:
                     if numbers.setdefault(member.session_uid, len(numbers)) == len(self._sources):
@@ -651,7 +681,7 @@ class ScatterJob:
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self.settings.seed)
         variants = _variant_footprints(shape)
-        variant = self._variants_of(identity, len(variants))
+        variant = self._variants_of(identity, len(variants), shape.weights)
         if isinstance(shape.area, tuple):
             # What gives each object its area; its jitter comes on top of that.
             area = size.areas([self.settings.seed, 2, *where])
@@ -668,10 +698,14 @@ class ScatterJob:
             self._slopes[align] = slope if slope is not None and np.abs(slope).max() > LEVEL else None
         return self._slopes[align]
 
-    def _variants_of(self, identity: np.ndarray, number: int) -> np.ndarray:
+    def _variants_of(self, identity: np.ndarray, number: int, weights: np.ndarray | None) -> np.ndarray:
         """Return which of so many variants points have."""
         random = np.random.default_rng([self.settings.seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))
-        return (random[identity, 0] * number).astype(int)
+        if weights is None:
+            return (random[identity, 0] * number).astype(int)
+        ends = np.cumsum(weights) / np.sum(weights)
+        # The last one that is placed at all ends at 1, whatever the rounding.
+        return np.minimum(np.searchsorted(ends, random[identity, 0], side="right"), np.flatnonzero(weights)[-1])
 
     def _place(self, placement: Placement) -> _Placed:
         """Choose every point's variant, and stand it on the surface."""
@@ -697,7 +731,7 @@ class ScatterJob:
         for number, (variants, shape) in enumerate(zip(self.variants, self.shapes, strict=True)):
             own = np.flatnonzero(group == number)
             outlined, identity = outlined_sizes[number], placement.id[own]
-            variant = placement.variant[own] if outlined else self._variants_of(identity, len(variants))
+            variant = placement.variant[own] if outlined else self._variants_of(identity, len(variants), shape.weights)
             source[own] = np.array(variants)[variant]
             outlines = [outline for outline in shape.outlines if outline is not None]
             ground.long[own] = shape.line is not None and bool(outlines)
@@ -874,8 +908,10 @@ def _check_classes(classes: object) -> list[ScatterClass]:
     return list(classes)
 
 
-def _source_objects(source: object, targets: list[bpy.types.Object], key: str) -> list[bpy.types.Object]:
-    """Return the objects that a size instances: the source itself, or the variants in a collection, by name."""
+def _source_objects(
+    source: object, targets: list[bpy.types.Object], key: str, *, as_one: bool
+) -> list[bpy.types.Object] | list[bpy.types.Collection]:
+    """Return what a size instances: the source itself, the variants in a collection, by name, or the collection as one."""
     if isinstance(source, bpy.types.Object | bpy.types.Collection):
         check_exists(source, f"`source` of {key}")
     if isinstance(source, bpy.types.Collection):
@@ -896,12 +932,12 @@ def _source_objects(source: object, targets: list[bpy.types.Object], key: str) -
             )
         if is_result(member):
             raise ProblemError(f'`source` of {key} must not hold the result of a scatter; "{member.name}" is one')
-    return members
+    return [source] if as_one and isinstance(source, bpy.types.Collection) else members
 
 
 def _read_size(
     size: ScatterSize,
-    members: list[bpy.types.Object],
+    members: Sequence[bpy.types.Object | bpy.types.Collection],
     context: bpy.types.Context,
     key: str,
     read_before: dict[int, TriangleMesh | ProblemError],
@@ -910,15 +946,26 @@ def _read_size(
     area = None if size.area is None else check_area_or_range(size.area, f"`area` of {key}")
     if size.line is not None and not isinstance(size.line, (bool, Line)):
         raise ProblemError(f"`line` of {key} must be true, false, a Line or None; got {show(size.line)}")
+    weights = _weights(size, members, key)
     if not (area is None or isinstance(area, tuple) or size.line is not False):
-        return _Source(key, area, (None,) * len(members))
+        return _Source(key, area, (None,) * len(members), weights)
     for member in members:
         if member.session_uid not in read_before:
             try:
                 read_before[member.session_uid] = read_source(member, context, f"`area` of {key}")
             except ProblemError as error:
                 read_before[member.session_uid] = error
-    return _Source(key, area, tuple(read_before[member.session_uid] for member in members))
+    return _Source(key, area, tuple(read_before[member.session_uid] for member in members), weights)
+
+
+def _weights(size: ScatterSize, members: Sequence[bpy.types.ID], key: str) -> np.ndarray | None:
+    """Return how often each of a size's variants is placed, None where all are alike."""
+    if size.weights is None or len(members) < 2:
+        return None
+    weights = np.array([size.weights.get(member.name, 1.0) for member in members])
+    if not weights.any():
+        raise ProblemError(f"`weights` of {key} must be above 0 for one of its objects; they are 0 for all of them")
+    return None if (weights == weights[0]).all() else weights
 
 
 def _shape(size: ScatterSize, source: _Source, direction: str | float | np.ndarray, survey: Survey) -> _Shape:
@@ -933,12 +980,12 @@ def _shape(size: ScatterSize, source: _Source, direction: str | float | np.ndarr
             raise
     measured = [outline for outline in outlines if outline is not None]
     if area is None:
-        area = float(np.mean([outline.area for outline in measured]))
+        area = float(np.average([outline.area for outline in measured], weights=source.weights))
     line = size.line if isinstance(size.line, Line) else None
     if size.line is True or (size.line is None and measured and all(outline.is_long for outline in measured)):
         line = _line_around(measured, direction, area)
     own = size.line is None and (size.area is None or isinstance(area, tuple)) and len(measured) == len(outlines)
-    return _Shape(own, outlines, area, line)
+    return _Shape(own, outlines, area, line, source.weights)
 
 
 def _outline(mesh: TriangleMesh | ProblemError | None, key: str, survey: Survey) -> Outline | None:

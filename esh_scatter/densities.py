@@ -128,7 +128,7 @@ class ImageDensity(DensitySource):
             check=as_given,
         ),
     )
-    invert: bool = field(default=False, metadata=setting("Exchange many and none"))
+    invert: bool = field(default=False, metadata=setting("Let white mean none and black mean many"))
     channel: str = field(
         default="luminance",
         metadata=setting(
@@ -158,7 +158,9 @@ class ImageDensity(DensitySource):
     )
     offset: tuple[float, float] = field(
         default=(0.0, 0.0),
-        metadata=setting("How far the image is moved, in shares of what it is laid over", soft_low=-1.0, soft_high=1.0),
+        metadata=setting(
+            "How far the image is moved; 1 is the whole extent of what it is laid over", soft_low=-1.0, soft_high=1.0
+        ),
     )
     rotation: float = field(
         default=0.0,
@@ -214,7 +216,7 @@ class VertexGroupDensity(DensitySource):
     """The weights of a vertex group of the target, interpolated within each face."""
 
     name: str = field(metadata=setting("Name of the vertex group", check=as_given))
-    invert: bool = field(default=False, metadata=setting("Exchange many and none"))
+    invert: bool = field(default=False, metadata=setting("Let white mean none and black mean many"))
 
     @property
     def label(self) -> str:
@@ -241,7 +243,7 @@ class AttributeDensity(DensitySource):
     """An attribute of the target's mesh, on points, faces or face corners: a number, a truth value or a colour."""
 
     name: str = field(metadata=setting("Name of the attribute", check=as_given))
-    invert: bool = field(default=False, metadata=setting("Exchange many and none"))
+    invert: bool = field(default=False, metadata=setting("Let white mean none and black mean many"))
 
     @property
     def label(self) -> str:

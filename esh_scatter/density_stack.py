@@ -79,9 +79,9 @@ class DensityLayer(DensitySource):
     )
     strength: float = field(
         default=1.0,
-        metadata=setting("How much the layer counts. 0 is as if it were not there", unit="share", low=0.0, high=1.0),
+        metadata=setting("How strongly the layer acts. At 0 it has no effect", unit="share", low=0.0, high=1.0),
     )
-    invert: bool = field(default=False, metadata=setting("Exchange many and none"))
+    invert: bool = field(default=False, metadata=setting("Let white mean none and black mean many"))
     curve: Sequence[Sequence[float]] | None = field(
         default=None,
         metadata=setting(

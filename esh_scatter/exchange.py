@@ -139,7 +139,12 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]
     """Return the points of a result as they stand in the world, and what is instanced on them."""
     group = next(m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group.get(RESULT_TAG))
     placed = placed_objects(group)
-    sources = [source for source in placed if source is not None]
+    whole = next((source for source in placed if isinstance(source, bpy.types.Collection)), None)
+    if whole is not None:
+        raise ProblemError(
+            f'"{item.name}" must place single objects to be exported; it places collection "{whole.name}" as one'
+        )
+    sources = [source for source in placed if isinstance(source, bpy.types.Object)]
     if len(sources) < len(placed):
         raise ProblemError(f'an object that "{item.name}" places was removed from the file; scatter again')
     mesh = item.data

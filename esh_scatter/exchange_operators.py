@@ -73,7 +73,7 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
 
 
 class ESH_OT_import(bpy.types.Operator, ImportHelper):
-    """Make a scatter result of a placement in a file. Objects of the scene that have the names of its classes are placed"""
+    """Make a scatter result from a placement in a file. Objects of the scene that have the names of its classes are placed"""
 
     bl_idname = "esh.import"
     bl_label = "Import Scatter"

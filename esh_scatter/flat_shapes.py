@@ -60,7 +60,7 @@ def shape_objects(source: object, key: str) -> list[bpy.types.Object]:
         ProblemError: One has been removed from the file, or there is none.
     """
     found: dict[int, bpy.types.Object] = {}
-    items: Sequence = source if isinstance(source, tuple) else (source,)  # type: ignore[assignment]
+    items: Sequence = source if isinstance(source, tuple) else (source,)
     for item in items:
         check_exists(item, key)
         for member in item.all_objects if isinstance(item, bpy.types.Collection) else (item,):

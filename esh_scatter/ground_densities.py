@@ -95,7 +95,7 @@ class FacingDensity(DensitySource):
     width: float = field(
         default=math.radians(90.0),
         metadata=setting(
-            "Directions that count as this one: so many degrees, half of them to either side",
+            "How many degrees count as this direction, half of them to either side",
             unit="rad",
             low=0.0,
             high=2.0 * math.pi,
@@ -126,7 +126,11 @@ class NoiseDensity(DensitySource):
     )
     detail: int = field(
         default=3,
-        metadata=setting("How ragged patches are: 1 is smooth, each more adds detail of half the size", low=1, high=12),
+        metadata=setting(
+            "How ragged the patches are: 1 is smooth, and each further level adds detail of half the size",
+            low=1,
+            high=12,
+        ),
     )
     cover: float = field(
         default=0.5, metadata=setting("Share of the ground that lies in patches", unit="share", low=0.0, high=1.0)
@@ -134,7 +138,7 @@ class NoiseDensity(DensitySource):
     softness: float = field(
         default=0.5,
         metadata=setting(
-            "How softly patches end: 0 has sharp edges, 1 goes evenly from none to many",
+            "How soft the edges of the patches are: 0 is sharp, 1 goes evenly from none to many",
             unit="share",
             low=0.0,
             high=1.0,

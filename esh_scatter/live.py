@@ -43,7 +43,7 @@ _PIXELS = {"PAINT_OT_image_paint", "IMAGE_OT_paint"}
 _STROKES = _PIXELS | {"PAINT_OT_weight_paint", "PAINT_OT_vertex_paint", "SCULPT_OT_brush_stroke"}
 
 # What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for.
-_KINDS = ("OBJECT", "MESH", "IMAGE", "CURVE", "COLLECTION", "SCENE")
+_KINDS = ("OBJECT", "MESH", "IMAGE")
 
 # Scatters that are followed, by the scene's number and their own.
 _followed: dict[tuple[int, int], _Live] = {}
@@ -283,7 +283,11 @@ def end(wait: bool = False) -> None:
 
 def _tick() -> float | None:
     """Look at all that lives; Blender calls it again after as many seconds as it returns."""
+    global _last_sign
     _find()
+    if _followed and _stroke() is not None:
+        # The depsgraph is silent during strokes, and about images that no material uses also after them.
+        _last_sign = time.monotonic()
     for key, live in list(_followed.items()):
         if not live.look():
             live.end()
@@ -374,7 +378,7 @@ def _sentence(error: Exception) -> str:
 def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = None) -> None:
     """Have the timer look: the depsgraph has news of what may be ours. It loops over nothing."""
     global _last_sign
-    if depsgraph is None or any(depsgraph.id_type_updated(kind) for kind in _KINDS) or not len(depsgraph.updates):
+    if depsgraph is None or any(depsgraph.id_type_updated(kind) for kind in _KINDS):
         _last_sign = time.monotonic()
 
 

@@ -16,8 +16,10 @@ __all__ = ["MovingBodies"]
 
 # Bodies are drawn so often in a second, and so many of them, at most.
 MOST_PER_SECOND, MOST_DRAWN = 15.0, 50_000
-# Size of a point [pixels], and how far it is lifted off the surface, as a share of its extent.
-POINT_SIZE, LIFT = 5.0, 0.002
+# Size of a point [pixels]: this over the square root of their number, within limits, so that many do not cover the ground.
+POINT_SIZE, SMALLEST_POINT, LARGEST_POINT = 300.0, 2.0, 7.0
+# How far points are lifted off the surface, as a share of its extent.
+LIFT = 0.002
 NO_COLOR = (0.9, 0.9, 0.9, 1.0)
 
 
@@ -81,7 +83,8 @@ class MovingBodies:
             )
             self._drawn = points
         gpu.state.depth_test_set("LESS_EQUAL")
-        gpu.state.point_size_set(POINT_SIZE * bpy.context.preferences.system.pixel_size)
+        size = min(max(POINT_SIZE / len(points) ** 0.5, SMALLEST_POINT), LARGEST_POINT)
+        gpu.state.point_size_set(size * bpy.context.preferences.system.pixel_size)
         self._batch.draw(shader)
         gpu.state.depth_test_set("NONE")
 

@@ -65,13 +65,15 @@ def show_input(class_name: str) -> str:
     return f"Show {class_name}"
 
 
-def placed_objects(group: bpy.types.NodeTree) -> list[bpy.types.Object | None]:
-    """Return the objects that a group places, in the order that ``instance_index`` counts."""
-    return [
-        node.inputs["Object"].default_value
-        for node in group.nodes
-        if node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["As Instance"].default_value
-    ]
+def placed_objects(group: bpy.types.NodeTree) -> list[bpy.types.Object | bpy.types.Collection | None]:
+    """Return the objects that a group places, and collections as one, in the order that ``instance_index`` counts."""
+    found = []
+    for node in group.nodes:
+        if node.bl_idname == "GeometryNodeCollectionInfo":
+            found.append(node.inputs["Collection"].default_value)
+        elif node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["As Instance"].default_value:
+            found.append(node.inputs["Object"].default_value)
+    return found
 
 
 def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
@@ -81,7 +83,7 @@ def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
 
 def build_node_group(
     name: str,
-    sources: Sequence[bpy.types.Object],
+    sources: Sequence[bpy.types.Object | bpy.types.Collection],
     classes: Sequence[str] = (),
     followed: Sequence[Followed] = (),
 ) -> bpy.types.NodeTree:
@@ -131,21 +133,21 @@ def build_node_group(
     for number, source in enumerate(sources):
         tree.column(13)
         chosen = tree.compare("EQUAL", index, number, "INT")
-        info = tree.add("GeometryNodeObjectInfo")
-        info.inputs["Object"].default_value = source
-        info.inputs["As Instance"].default_value = True
+        as_one = isinstance(source, bpy.types.Collection)
+        info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
+        info.inputs["Collection" if as_one else "Object"].default_value = source
+        if not as_one:
+            info.inputs["As Instance"].default_value = True
+        geometry = info.outputs["Instances" if as_one else "Geometry"]
         tree.column(14)
-        bounds = tree.call("GeometryNodeBoundBox", info.outputs["Geometry"])
+        bounds = tree.call("GeometryNodeBoundBox", geometry)
         boxed = tree.call("GeometryNodeGeometryToInstance", bounds)
         tree.column(15)
-        shown = tree.switch("GEOMETRY", as_bounds, info.outputs["Geometry"], boxed)
+        shown = tree.switch("GEOMETRY", as_bounds, geometry, boxed)
         transform = tree.add("GeometryNodeTransform")
-        for socket, value in (
-            ("Geometry", shown),
-            ("Rotation", info.outputs["Rotation"]),
-            ("Scale", info.outputs["Scale"]),
-        ):
-            tree.link(value, transform.inputs[socket])
+        tree.link(shown, transform.inputs["Geometry"])
+        for name in () if as_one else ("Rotation", "Scale"):
+            tree.link(info.outputs[name], transform.inputs[name])
         tree.column(16)
         instance = tree.add("GeometryNodeInstanceOnPoints")
         # Picking the one instance, rather than wrapping it, keeps the instances flat: one level, one object each.

@@ -18,6 +18,7 @@ from .properties.body_class import DERIVED_COUNTS
 from .properties.described import shown_settings
 from .properties.scatter import BY_HAND, ESH_PG_scatter
 from .properties.scene import active_scatter, selected_class, selected_scatter
+from .target import members_of
 
 __all__ = ["CLASSES"]
 
@@ -503,6 +504,21 @@ def _draw_source(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> N
     source = column.row()
     source.alert = size.source is None or size.source_deleted
     source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
+    if size.source_kind == "COLLECTION" and size.source is not None:
+        _draw_variants(column, size)
+
+
+def _draw_variants(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
+    """Draw how often each object of a collection is placed."""
+    members = members_of(size.source)
+    if len(members) < 2:
+        return
+    rows = column.column(align=True)
+    for entry in size.variants:
+        if entry.item in members:
+            rows.prop(entry, "weight", text=entry.item.name)
+    if {entry.item for entry in size.variants} != set(members):
+        rows.operator("esh.variants_list", icon="FILE_REFRESH")
 
 
 def _draw_count(column: bpy.types.UILayout, body_class: bpy.types.PropertyGroup) -> None:
@@ -563,10 +579,11 @@ def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     session = running.session
     assert session is not None
     row = layout.row(align=True)
-    row.scale_y = 1.8
+    row.scale_y = 1.4
     row.progress(factor=session.factor, text=session.text)
-    row.operator("esh.keep", text="Keep")
-    row.operator("esh.stop", text="", icon="CANCEL")
+    buttons = layout.row(align=True)
+    buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
+    buttons.operator("esh.stop", text="Stop", icon="CANCEL")
     _write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 

@@ -59,7 +59,7 @@ def write_result(
     replaced: bpy.types.Object | None,
     target: bpy.types.Object | bpy.types.Collection | None,
     name: str,
-    sources: Sequence[bpy.types.Object],
+    sources: Sequence[bpy.types.Object | bpy.types.Collection],
     position: np.ndarray,
     attributes: Mapping[str, tuple[str, np.ndarray]],
     classes: Sequence[str] = (),

@@ -170,7 +170,7 @@ class CameraDensity(DensitySource):
     margin: float = field(
         default=0.1,
         metadata=setting(
-            "How far outside of the view the density fades out, in shares of the picture",
+            "How far outside of the view the density fades out; 1 is the width of the picture",
             unit="share",
             low=0.0,
             high=10.0,

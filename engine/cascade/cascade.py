@@ -51,6 +51,9 @@ LEAST_COSINE = -0.95
 # The target of the near part is blurred by this share of the spacing, as it is in the plane: bodies cannot resolve more, and
 # would crowd along its edges.
 BLUR = 0.37
+# Corners of tiles are in one place, in units, and look to one side, in lengths of a normal, where they differ by less.
+SAME_PLACE = 1e-3
+SAME_SIDE = 0.125
 # Distance of what the near part of the target's force is summed over where there is far more of it.
 SOURCE_DISTANCE = 0.3
 MANY_SOURCES = 4.0
@@ -283,13 +286,16 @@ class Cascade:
             middle = np.stack([np.bincount(nearest, place[:, axis], len(few)) / number for axis in range(3)], axis=1)
             representatives.position.assign(middle.astype(np.float32))
             sources = representatives
-        self._near_target = launcher.empty(self._column_count * count, wp.vec3)
+        # Corners of neighbouring facets that lie in one place, and look to nearly the same side, have the same force.
+        at, look, of_tile = position.numpy(), tiles.normal.numpy(), tile.numpy()
+        first, which = _alike(at, look[of_tile], tiles.label.numpy()[of_tile])
+        force = launcher.empty(self._column_count * len(first), wp.vec3)
         launcher.launch(
             kernels_cascade.near_target,
-            count,
+            len(first),
             [
-                position,
-                tile,
+                wp.array(at[first], dtype=wp.vec3, device=device),
+                wp.array(of_tile[first], dtype=wp.int32, device=device),
                 tiles,
                 sources,
                 wp.array(charge.ravel(), dtype=float, device=device),
@@ -299,11 +305,13 @@ class Cascade:
                 self._target_cutoff,
                 self._target_table,
                 TABLE_SIZE / self._target_cutoff**2,
-                count,
+                len(first),
             ],
-            [self._near_target],
+            [force],
             grain=GRAIN_OF_NEIGHBOURS,
         )
+        everywhere = force.numpy().reshape(self._column_count, len(first), 3)[:, which]
+        self._near_target = wp.array(everywhere.reshape(-1, 3), dtype=wp.vec3, device=device)
 
     def _shared_out(self, points: Points, home: wp.array, columns: np.ndarray) -> np.ndarray:
         """Share numbers at points out among the nodes, as charges are, column by column."""
@@ -391,3 +399,25 @@ class Cascade:
             )
             result += [Lists(start, entry), value]
         return tuple(result)
+
+
+def _alike(place: np.ndarray, side: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first of all corners that are alike, and which of these each corner is like.
+
+    Args:
+        place: Where they are, in units, shape ``[n, 3]``.
+        side: Normals there.
+        label: Parts of the surface that they are on, shape ``[n]``.
+    """
+    low = place.min(axis=0)
+    # Three numbers fit into one where each has 21 bits.
+    step = max(SAME_PLACE, float((place.max(axis=0) - low).max()) / (1 << 20))
+    x, y, z = np.round((place - low) / step).astype(np.int64).T
+    u, v, w = np.round((side + 1.0) / SAME_SIDE).astype(np.int64).T
+    one, other = (x << 42) | (y << 21) | z, (label.astype(np.int64) << 24) | (u << 16) | (v << 8) | w
+    order = np.lexsort((other, one))
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(one[order]) != 0) | (np.diff(other[order]) != 0)
+    which = np.empty(len(order), np.int64)
+    which[order] = np.cumsum(new) - 1
+    return order[new], which

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..surface.kernels_facets import Facets, interpolated
-from .kernels_points import PointGrid, Points, cell_at, same_cell, slot_of
+from .kernels_points import PointGrid, Points, cell_around, cell_at, same_cell, slot_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -634,19 +634,19 @@ def near_target(
         force[c * corner_count + i] = wp.vec3(0.0, 0.0, 0.0)
     cell = cell_at(own, grid.inverse_size)
     for number in range(27):
-        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        around = cell_around(cell, number)
         slot = slot_of(around, grid.mask)
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
             way = own - sources.position[j]
             square = wp.dot(way, way)
-            if square < cutoff * cutoff and sources.label[j] == label:
-                if same_cell(cell_at(sources.position[j], grid.inverse_size), around):
-                    factor = side_factor(normal, sources.normal[j])
-                    f = near_force(square, table, table_scale) / wp.max(square, 1.0e-12) * factor
-                    for c in range(column_count):
-                        at = c * corner_count + i
-                        force[at] = force[at] + (f * source_charge[c * source_count + j]) * way
+            met = square < cutoff * cutoff and sources.label[j] == label
+            if met and same_cell(cell_at(sources.position[j], grid.inverse_size), around):
+                factor = side_factor(normal, sources.normal[j])
+                f = near_force(square, table, table_scale) / wp.max(square, 1.0e-12) * factor
+                for c in range(column_count):
+                    at = c * corner_count + i
+                    force[at] = force[at] + (f * source_charge[c * source_count + j]) * way
 
 
 @wp.kernel

@@ -64,6 +64,28 @@ def find_slots(
     order[i] = i
 
 
+@wp.func
+def cell_around(cell: wp.vec3i, number: int):
+    """A cell, or one of the 26 that touch it, by a number from 0 to 26."""
+    return wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+
+
+@wp.func
+def is_crowded(i: int, points: Points, grid: PointGrid, radius: float, kept: wp.array(dtype=wp.int32)):
+    """Whether a point that is kept lies nearer than ``radius`` to point ``i``, on its sheet."""
+    own = points.position[i]
+    cell = cell_at(own, grid.inverse_size)
+    for number in range(27):
+        slot = slot_of(cell_around(cell, number), grid.mask)
+        for k in range(grid.start[slot], grid.start[slot + 1]):
+            j = grid.order[k]
+            near = j != i and wp.length_sq(points.position[j] - own) < radius * radius
+            if near and points.label[j] == points.label[i] and wp.dot(points.normal[i], points.normal[j]) > 0.0:
+                if kept[j] != 0:
+                    return True
+    return False
+
+
 @wp.kernel
 def thin_out(
     first: int,
@@ -85,31 +107,11 @@ def thin_out(
     # Neither the order of the points nor the cells may show in what is kept.
     state = wp.rand_init(SEED, slot)
     shift = wp.randi(state, 0, wp.max(length, 1))
-    for k_own in range(length):
-        i = grid.order[begin + (k_own + shift) % length]
-        own = points.position[i]
-        cell = cell_at(own, grid.inverse_size)
+    for k in range(length):
+        i = grid.order[begin + (k + shift) % length]
+        cell = cell_at(points.position[i], grid.inverse_size)
         if (cell[0] & 1) + 2 * (cell[1] & 1) + 4 * (cell[2] & 1) == phase:
-            free = int(1)
-            for number in range(27):
-                if free != 0:
-                    around = wp.vec3i(
-                        cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1
-                    )
-                    other_slot = slot_of(around, grid.mask)
-                    for k in range(grid.start[other_slot], grid.start[other_slot + 1]):
-                        j = grid.order[k]
-                        between = points.position[j] - own
-                        if (
-                            free != 0
-                            and j != i
-                            and wp.length_sq(between) < radius * radius
-                            and points.label[j] == points.label[i]
-                            and wp.dot(points.normal[i], points.normal[j]) > 0.0
-                        ):
-                            if kept[j] != 0:
-                                free = 0
-            kept[i] = free
+            kept[i] = wp.where(is_crowded(i, points, grid, radius, kept), 0, 1)
 
 
 @wp.kernel
@@ -133,7 +135,7 @@ def find_nearest(
     best = int(-1)
     least = float(1.0e30)
     for number in range(27):
-        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        around = cell_around(cell, number)
         slot = slot_of(around, grid.mask)
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
@@ -171,7 +173,7 @@ def count_near(
     cell = cell_at(points.position[i], grid.inverse_size)
     found = int(0)
     for number in range(27):
-        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        around = cell_around(cell, number)
         slot = slot_of(around, grid.mask)
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
@@ -198,7 +200,7 @@ def list_near(
     cell = cell_at(points.position[i], grid.inverse_size)
     at = start[i]
     for number in range(27):
-        around = wp.vec3i(cell[0] + number % 3 - 1, cell[1] + (number / 3) % 3 - 1, cell[2] + number / 9 - 1)
+        around = cell_around(cell, number)
         slot = slot_of(around, grid.mask)
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .progress_bar import progress_bar
+
 if TYPE_CHECKING:
     from ..scenes.batch import BatchState
 
@@ -142,31 +144,10 @@ def _summary(state: BatchState, folder: Path) -> str:
 
 @contextlib.contextmanager
 def _progress_bar() -> Iterator[Any]:
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("scenes"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[failed]}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
-        task = display.add_task("solving", total=None, failed="")
+    with progress_bar("scenes", "solving") as change:
 
         def show(state: BatchState) -> None:
-            failed = f"{len(state.failed):,} failed" if state.failed else ""
-            display.update(task, completed=state.made, total=state.mine, failed=failed)
+            change(completed=state.made, total=state.mine, note=f"{len(state.failed):,} failed" if state.failed else "")
 
         yield show
 

@@ -24,6 +24,7 @@ from ..files.placement_files import WRITERS, check_ending, check_writable, one_o
 from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
 from .batch_command import add_batch, batch
+from .progress_bar import progress_bar
 from .tiles_command import add_tiles, tiles
 
 if TYPE_CHECKING:
@@ -454,35 +455,14 @@ def _ends_in_compiled_code(answered: Callable[[], bool]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _progress_bar(body_count: int) -> Iterator[Any]:
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("steps"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[residual]}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
-        task = display.add_task("preparing (the first run compiles)", total=None, residual="")
+    with progress_bar("steps", "preparing (the first run compiles)") as change:
 
         def show(progress: Any) -> None:
-            display.update(
-                task,
+            change(
                 description=f"placing {body_count:,} bodies",
                 completed=progress.step,
                 total=progress.steps,
-                residual=f"residual {progress.residual:.1e}",
+                note=f"residual {progress.residual:.1e}",
             )
 
         yield show

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .progress_bar import progress_bar
+
 if TYPE_CHECKING:
     from ..tiles.tiles import TileState
 
@@ -117,35 +119,14 @@ def tiles(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _progress_bar() -> Iterator[Any]:
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("windows"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
-        task = display.add_task("tiles", total=None)
+    with progress_bar("windows", "tiles") as change:
         shown = [""]
 
         def show(state: TileState) -> None:
-            if shown[0] != state.name:
-                # Every stage takes another time for a part.
-                display.reset(task, total=state.parts)
-                shown[0] = state.name
             what = NAMES.get(state.name, f"settling, pass {state.name.rpartition('-')[2]}")
-            display.update(task, completed=state.done, total=state.parts, description=what)
+            # Every stage takes another time for a part.
+            change(anew=shown[0] != state.name, completed=state.done, total=state.parts, description=what)
+            shown[0] = state.name
 
         yield show
 

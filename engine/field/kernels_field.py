@@ -9,6 +9,7 @@ import warp as wp
 
 from ..space.kernels_cells import CellGrid
 from ..space.kernels_mesh import Mesh
+from ..space.kernels_space import period
 from . import splitting
 from .blur import LARGEST_Q
 from .kernels_blur import level_of
@@ -70,7 +71,7 @@ _SUM_NEAR = f"""
     const float per_column = grid.inverse_size[0], per_row = grid.inverse_size[1];
     const float height = 1.0f / per_row;
     const int columns = grid.count_x, rows = grid.count_y;
-    const bool periodic = grid.space.periodic != 0;
+    const bool repeats_x = period[0] > 0.0f, repeats_y = period[1] > 0.0f;
     // Cells of a row are neighbours in memory: those within the cut-off are one range, or two where it reaches round the domain.
     enum {{ MOST = 2 * {2 * ROWS_PER_CUTOFF + 1} }};
     int begins[MOST], ends[MOST], ranges = 0;
@@ -78,24 +79,24 @@ _SUM_NEAR = f"""
     const int own_row = wp::min((int)(y * per_row), rows - 1);
     for (int row = own_row - {ROWS_PER_CUTOFF}; row <= own_row + {ROWS_PER_CUTOFF}; ++row)
     {{
-        const int period = row < 0 ? -1 : row >= rows ? 1 : 0;
-        if (period != 0 && !periodic) continue;
+        const int across = row < 0 ? -1 : row >= rows ? 1 : 0;
+        if (across != 0 && !repeats_y) continue;
         const float beyond = wp::max(wp::max(row * height - y, y - (row + 1) * height), 0.0f);
         const float beside = sqrtf(wp::max(cutoff2 - beyond * beyond, 0.0f));
-        const int* __restrict__ starts = cell_start.data + (size_t)(row - period * rows) * columns;
+        const int* __restrict__ starts = cell_start.data + (size_t)(row - across * rows) * columns;
         // Rounded down: what is cut off is positive.
         const int left = (int)((x - beside) * per_column + (float)columns) - columns;
         const int right = (int)((x + beside) * per_column);
         begins[ranges] = starts[wp::max(left, 0)];
         ends[ranges] = starts[wp::min(right, columns - 1) + 1];
         from_x[ranges] = x;
-        from_y[ranges++] = y - period * grid.space.size[1];
-        if (periodic && (left < 0 || right >= columns))
+        from_y[ranges++] = y - across * period[1];
+        if (repeats_x && (left < 0 || right >= columns))
         {{
             begins[ranges] = starts[left < 0 ? left + columns : 0];
             ends[ranges] = starts[left < 0 ? columns : right - columns + 1];
-            from_x[ranges] = left < 0 ? x + grid.space.size[0] : x - grid.space.size[0];
-            from_y[ranges++] = y - period * grid.space.size[1];
+            from_x[ranges] = left < 0 ? x + period[0] : x - period[0];
+            from_y[ranges++] = y - across * period[1];
         }}
     }}
     V sum_x = (V)0.0f, sum_y = (V)0.0f;
@@ -161,6 +162,7 @@ def sum_near(
     row_start: wp.int64,
     cell_start: wp.array(dtype=wp.int32),
     grid: CellGrid,
+    period: wp.vec2,
     cutoff: float,
     own_variance: float,
     own_family: int,
@@ -230,6 +232,7 @@ def evaluate_field(
         row_start,
         cell_start,
         grid,
+        period(grid.space),
         cutoff,
         variance[i],
         family[i],

@@ -391,7 +391,7 @@ def checked_footprints(value: object, where: str, count: int | None, long: bool)
     if isinstance(value, Footprints):
         footprints = value
     elif isinstance(value, Footprint) or (isinstance(value, Sequence) and not isinstance(value, str)):
-        footprints = Footprints(value)  # type: ignore[arg-type]
+        footprints = Footprints(value)
     else:
         raise ProblemError(
             f"`footprint` {where} must be a Footprint, a list of them, Footprints, or None; got {show(value)}"

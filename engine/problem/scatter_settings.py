@@ -112,7 +112,7 @@ class TargetSettings(Settings):
     surface: str = field(
         default="above",
         metadata=setting(
-            "Which part of the target objects stand on",
+            "The part of the target that objects stand on",
             choices=(
                 Choice("above", "From Above", "What is seen from above. Walls get little, undersides nothing", "ABOVE"),
                 Choice("whole", "Whole Surface", "All of it: walls, undersides, closed meshes", "WHOLE"),

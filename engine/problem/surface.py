@@ -6,7 +6,7 @@ the other way than their neighbours are turned round, and neither holes nor edge
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -257,7 +257,11 @@ class PointsOnSurface:
             raise ProblemError(
                 f'{key} must name an attribute of the surface\'s meshes, which have {listed}; got "{name}"'
             )
-        return self._of_meshes(lambda mesh, *at: mesh.attribute_at(name, *at) if name in mesh.attributes else None)
+        return self._of_meshes(
+            lambda mesh, triangle, weights: (
+                mesh.attribute_at(name, triangle, weights) if name in mesh.attributes else None
+            )
+        )
 
     def uv(self, key: str = "`uv`") -> np.ndarray:
         """Coordinates in the meshes' UV maps, shape ``[n, 2]``."""
@@ -266,7 +270,7 @@ class PointsOnSurface:
         for mesh in meshes:
             if mesh.uv is None:
                 raise ProblemError(f'{key} needs a UV map, and mesh "{mesh.name}" has none')
-        return self._of_meshes(lambda mesh, *at: mesh.uv_at(*at))
+        return self._of_meshes(lambda mesh, triangle, weights: mesh.uv_at(triangle, weights))
 
     def source(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mesh, triangle of that mesh, and weights of its corners in its own order, for every point."""
@@ -278,7 +282,8 @@ class PointsOnSurface:
         turned = self.surface.turned[self.triangle][:, None]
         return mesh, triangle - first[mesh], np.where(turned, self.barycentric[:, [0, 2, 1]], self.barycentric)
 
-    def _of_meshes(self, read) -> np.ndarray:  # type: ignore[no-untyped-def]
+    def _of_meshes(self, read: Callable[[SurfaceMesh, np.ndarray, np.ndarray], np.ndarray | None]) -> np.ndarray:
+        """What ``read`` returns of every mesh for its triangles and weights, put together; it may return None of some."""
         meshes = self.surface.meshes
         assert isinstance(meshes, tuple)
         number, triangle, barycentric = self.source()

@@ -74,7 +74,7 @@ def check_boundary(value: object, key: str = "`domain.boundary`") -> Boundary:
     """Return the boundary; raise ProblemError unless it is one of ``BOUNDARIES``."""
     if not isinstance(value, str) or value not in BOUNDARIES:
         raise ProblemError(f"{key} must be {_either(BOUNDARIES)}; got {show(value)}")
-    return BOUNDARIES[BOUNDARIES.index(value)]  # type: ignore[arg-type]
+    return BOUNDARIES[BOUNDARIES.index(value)]
 
 
 def check_period(size: tuple[float, float], boundary: Boundary, key: str = "`domain.size`") -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.body_footprints import footprints_of
+from ..problem.body_footprints import footprints_of_placement
 from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.problem import Problem
@@ -47,10 +47,11 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     errors = [coverage.error([target], one) for one, target in enumerate(targets)]
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
     # Of what leans with the ground, as it is seen from above.
-    seen = area * footprints_of(problem).seen
+    footprints = footprints_of_placement(placement)
+    seen = area * footprints.seen
     covered = float(seen.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
-    overlaps = overlaps_of(placement, launcher)
+    overlaps = overlaps_of(placement, launcher, footprints)
     # Why bodies still overlap is looked into where they do.
     warning = cover_of(problem).warning if problem.avoid_overlap and overlaps.count else None
     if problem.avoid_overlap and overlaps.count:

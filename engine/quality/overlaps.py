@@ -52,12 +52,13 @@ class Overlaps:
     bodies: tuple[int, ...] = ()
 
 
-def overlaps_of(placement: Placement, launcher: Launcher) -> Overlaps:
+def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootprints | None = None) -> Overlaps:
     """Return what overlaps in a placement: the outlines themselves, without the room that they keep from others.
 
-    Where that room is below 1 they may overlap as far as it lets them, which does not count.
+    Where that room is below 1 they may overlap as far as it lets them, which does not count. ``footprints`` are the placement's, where
+    somebody has them already.
     """
-    footprints = footprints_of_placement(placement)
+    footprints = footprints or footprints_of_placement(placement)
     smaller = np.minimum(footprints.room, 1.0)
     return find_overlaps(
         footprints,

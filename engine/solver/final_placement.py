@@ -37,20 +37,25 @@ def placement_of(model: Model, state: State) -> Placement:
     position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
     length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
     bends = _bends(model, state, position)
-    shown = (body.flags & BodyFlags.GHOST) == 0
+    ghosts = (body.flags & BodyFlags.GHOST) != 0
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        # A copy in any case: the model goes on.
+        return values[~ghosts] if ghosts.any() else values.copy()
+
     return Placement(
         model.problem,
-        position[shown],
-        body.class_index[shown],
-        body.size_index[shown],
-        angle[shown],
-        length[shown],
-        width[shown],
-        bends=None if bends is None else bends[shown],
-        id=body.identity[shown].astype(np.int64),
-        fixed=model.fixed[shown],
-        variant=model.footprints.variant[shown],
-        scale=model.footprints.scale[shown],
+        shown(position),
+        shown(body.class_index),
+        shown(body.size_index),
+        shown(angle),
+        shown(length),
+        shown(width),
+        bends=None if bends is None else shown(bends),
+        id=shown(body.identity).astype(np.int64),
+        fixed=shown(model.fixed),
+        variant=shown(model.footprints.variant),
+        scale=shown(model.footprints.scale),
     )
 
 

@@ -11,12 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
 from ..problem.body_footprints import CAPSULE, BodyFootprints
+from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
@@ -133,15 +135,19 @@ def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.n
         width: Thickness of every line [m].
     """
     is_line = footprints.shape == CAPSULE
-    kinds, kind = np.unique(np.stack([footprints.shape, footprints.room])[:, ~is_line], axis=1, return_inverse=True)
-    outlines = [footprints.shapes[int(number)].with_room(float(room)) for number, room in kinds.T]
+    own_shape, own_room = footprints.shape[~is_line], footprints.room[~is_line]
+    kind = _numbered(own_shape, _ranked(own_room))
+    # One body of each kind.
+    example = np.zeros(int(kind.max(initial=-1)) + 1, np.int64)
+    example[kind] = np.arange(len(kind))
+    outlines = [footprints.shapes[int(own_shape[body])].with_room(float(own_room[body])) for body in example]
     cores = [outline.corners for outline in outlines]
     # The axis of a line, of half length 1.
     cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
     capsule = len(cores) - 1
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
     shape = np.full(len(is_line), capsule, np.int32)
-    shape[~is_line] = kind.ravel()
+    shape[~is_line] = kind
     room, around = footprints.room, 0.5 * footprints.gap
     half = 0.5 * length * room
     factor = np.where(is_line, half, footprints.factor)
@@ -171,10 +177,18 @@ def _normals(core: np.ndarray) -> np.ndarray:
     return np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(*edge.T)[:, None]
 
 
+def _ranked(values: np.ndarray) -> np.ndarray:
+    """Which of the different values that there are, from the smallest one on, every one is, shape ``[n]``."""
+    if not len(values) or (values == values[0]).all():
+        # As a rule: there is nothing to sort.
+        return np.zeros(len(values), np.int64)
+    return np.unique(values, return_inverse=True)[1].ravel()
+
+
 def _numbered(*keys: np.ndarray) -> np.ndarray:
     """Number of every combination of whole numbers among the different ones that there are, in their order, shape ``[n]``."""
     number = np.zeros(len(keys[0]), np.int64)
-    for key in keys:
+    for key in keys if len(number) else ():
         low, high = int(key.min()), int(key.max())
         number = number * (high - low + 1) + (key - low)
         # After every key only as many as there are, so that the numbers stay small.
@@ -361,7 +375,7 @@ class Separation:
         """
         self._again = again
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._covered <= TOO_CROWDED and self._swappable:
+        if parted is False and self._fixed and self._swappable and not self._too_crowded:
             self._place.assign(self._start)
             self._home.assign(self._start)
             parted = self._try(go_on, hot=True)
@@ -384,7 +398,12 @@ class Separation:
     def _most_rounds(self) -> int:
         if self._covered > 1.0:
             return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
-        return MOST_ROUNDS if self._covered <= TOO_CROWDED else ROUNDS_OF_THE_TOO_CROWDED
+        return MOST_ROUNDS
+
+    @cached_property
+    def _too_crowded(self) -> bool:
+        # Of the ground where bodies may be.
+        return cover_of(self._model.problem).covered > TOO_CROWDED
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
@@ -430,6 +449,8 @@ class Separation:
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
                 if number == most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
+                    break
+                if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self._too_crowded:
                     break
                 if go_on is not None and not go_on():
                     break

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import warp as wp
+
+from .state_arrays import StateArrays
 
 __all__ = ["State"]
 
 
 @dataclass(eq=False)
-class State:
+class State(StateArrays):
     """The state of a run: everything that a step reads and changes. Lengths in the solver's unit (:class:`~.model.Model`).
 
     Attributes:
@@ -33,35 +35,11 @@ class State:
     length_factor: wp.array
     steps: np.ndarray
 
-    def copy(self) -> State:
-        """A state of its own with the same values, on the same device."""
-        copies = {name: wp.clone(array) for name, array in self._arrays().items()}
-        return State(**copies, steps=self.steps.copy())
-
-    def assign(self, other: State) -> None:
-        """Take over the values of another state, of the same shapes; it may be on another device."""
-        for name, array in self._arrays().items():
-            given = getattr(other, name)
-            if given.shape != array.shape:
-                raise ValueError(f"`{name}` must have shape {array.shape}; got {given.shape}")
-            wp.copy(array, given)
-        self.steps[:] = other.steps
-
-    def save(self, path: str | Path) -> None:
-        """Write the state as `.npz`."""
-        np.savez(path, steps=self.steps, **{name: array.numpy() for name, array in self._arrays().items()})
-
-    @classmethod
-    def load(cls, path: str | Path) -> State:
-        """Read what :meth:`save` has written, onto the CPU."""
-        kinds = {"pose": wp.vec4, "displacement": wp.vec4, "move": wp.vec4}
-        with np.load(path) as stored:
-            arrays = {
-                name: wp.array(stored[name], dtype=kinds.get(name, float), device="cpu")
-                for name in (field.name for field in fields(cls))
-                if name != "steps"
-            }
-            return cls(**arrays, steps=stored["steps"].astype(np.int32))
-
-    def _arrays(self) -> dict[str, wp.array]:
-        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "steps"}
+    KINDS: ClassVar[dict[str, type]] = {
+        "pose": wp.vec4,
+        "turn": float,
+        "bend": float,
+        "displacement": wp.vec4,
+        "move": wp.vec4,
+        "length_factor": float,
+    }

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import warp as wp
 
+from .state_arrays import StateArrays
+
 __all__ = ["SurfaceState"]
 
 
 @dataclass(eq=False)
-class SurfaceState:
+class SurfaceState(StateArrays):
     """The state of a run on a surface. Lengths in the solver's unit (:class:`~.model.Model`).
 
     Attributes:
@@ -48,31 +49,3 @@ class SurfaceState:
         "turn": wp.vec2,
         "length_factor": float,
     }
-
-    def copy(self) -> SurfaceState:
-        """A state of its own with the same values, on the same device."""
-        copies = {name: wp.clone(array) for name, array in self._arrays().items()}
-        return SurfaceState(**copies, steps=self.steps.copy())
-
-    def assign(self, other: SurfaceState) -> None:
-        """Take over the values of another state, of the same shapes; it may be on another device."""
-        for name, array in self._arrays().items():
-            given = getattr(other, name)
-            if given.shape != array.shape:
-                raise ValueError(f"`{name}` must have shape {array.shape}; got {given.shape}")
-            wp.copy(array, given)
-        self.steps[:] = other.steps
-
-    def save(self, path: str | Path) -> None:
-        """Write the state as `.npz`."""
-        np.savez(path, steps=self.steps, **{name: array.numpy() for name, array in self._arrays().items()})
-
-    @classmethod
-    def load(cls, path: str | Path) -> SurfaceState:
-        """Read what :meth:`save` has written, onto the CPU."""
-        with np.load(path) as stored:
-            arrays = {name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()}
-            return cls(**arrays, steps=stored["steps"].astype(np.int32))
-
-    def _arrays(self) -> dict[str, wp.array]:
-        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "steps"}

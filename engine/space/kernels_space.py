@@ -101,20 +101,11 @@ def number_across(i: int, count: int, space: Space):
 
 
 @wp.func
-def shift_across(i: int, count: int, length: float, space: Space):
-    """What is added to a place along an axis so that the cell that :func:`number_across` finds is beside it."""
+def period(space: Space):
+    """After which distance along x and along y the space repeats itself; 0 where it does not."""
     if space.periodic != 0:
-        if i < 0:
-            return length
-        if i >= count:
-            return -length
-    return 0.0
-
-
-@wp.func
-def goes_across(low: int, high: int, count: int, space: Space):
-    """Whether cells ``low`` to ``high`` along an axis, of ``count``, are continued on the other side."""
-    return space.periodic != 0 and (low < 0 or high >= count)
+        return space.size
+    return wp.vec2(0.0, 0.0)
 
 
 @wp.func

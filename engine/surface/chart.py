@@ -26,6 +26,9 @@ __all__ = ["Chart"]
 
 # Cells along the longer side of the rectangle.
 RESOLUTION = 1024
+# Corners of cells are looked at a little inside them; and at most this share of the cells is given up because the border cuts them.
+INSIDE = 1.0 - 1e-4
+MOST_CUT = 0.2
 # Smallest z of a normal that slopes are accounted for with (84 degrees): a cliff is not worth a forest.
 SMALLEST_COSINE = 0.1
 # Share of the bounding rectangle that must be covered by faces seen from above for the target to have an upper side.
@@ -72,6 +75,7 @@ class Chart:
         self._filled = np.flatnonzero(spots[0] >= 0)
         if not len(self._filled):
             raise ProblemError(f"{mesh.name} must be seen from above; it is too narrow to be met by any ray")
+        self._cut = self._cut_cells(xy)
         if len(self._filled) < rows * columns:
             spots = tuple(values[self._filled] for values in spots)
         self.points = SurfacePoints(self.view, *spots)
@@ -89,8 +93,28 @@ class Chart:
 
     @property
     def stretch(self) -> np.ndarray:
-        """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface."""
-        return self.area / self.cell.prod()
+        """Area of the surface over the area of its cell, shape ``shape``; 0 where there is no surface, or not in the whole cell."""
+        stretch = self.area / self.cell.prod()
+        stretch.ravel()[self._cut] = 0.0
+        return stretch
+
+    def _cut_cells(self, xy: np.ndarray) -> np.ndarray:
+        """Cells that the mesh's border cuts, whose middles are at ``xy`` [m]: what lies beyond it is drawn onto the surface.
+
+        There are none where hardly anything would be left.
+        """
+        rows, columns = self.shape
+        there = np.zeros((rows + 2, columns + 2), bool)
+        there[1:-1, 1:-1].flat[self._filled] = True
+        inner = np.all([there[i : rows + i, j : columns + j] for i in range(3) for j in range(3)], axis=0)
+        edge = self._filled[~inner.ravel()[self._filled]]
+        if not len(edge):
+            return edge
+        corner = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (0.5 * INSIDE * self.cell)
+        around = (xy.reshape(-1, 2)[edge, None] + corner).reshape(-1, 2)
+        whole = (self.view.cast(around)[0] >= 0).reshape(-1, 4).all(axis=1)
+        cut = edge[~whole]
+        return cut if len(cut) <= MOST_CUT * len(self._filled) else cut[:0]
 
     def slope(self, align: float) -> np.ndarray:
         """Return the slopes of planes that lean so far, from 0 to 1, from level towards the surface, shape ``[rows, columns, 2]``."""

@@ -69,7 +69,7 @@ def write_part(path: Path, bodies: PartBodies, patch: Patch) -> None:
     if bodies.length.any():
         arrays |= {"angle": bodies.angle, "length": bodies.length}
     file = io.BytesIO()
-    np.savez(file, **arrays, patch=patch.values, corner=np.array([patch.row, patch.column]))  # type: ignore[arg-type]
+    np.savez(file, **arrays, patch=patch.values, corner=np.array([patch.row, patch.column]))
     write_atomically(path, file.getvalue())
 
 

@@ -128,7 +128,7 @@ class ESH_OT_class_copy(ClassEdit):
 
 
 class ESH_OT_classes_sort(ClassEdit):
-    """Sort the classes. The result is out of date then, because their order has an influence on it"""
+    """Sort the classes. The result is then out of date, because the order of the classes affects it"""
 
     bl_idname = "esh.classes_sort"
     bl_label = "Sort Classes"
@@ -154,7 +154,7 @@ class ESH_OT_classes_sort(ClassEdit):
 
 
 class ESH_OT_class_overlap(ClassEdit):
-    """Let this class and the selected one lie on each other, or keep them apart"""
+    """Let this class and the selected one overlap, or keep them apart"""
 
     bl_idname = "esh.class_overlap"
     bl_label = "May Overlap"

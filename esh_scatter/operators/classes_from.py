@@ -97,10 +97,10 @@ class _ClassesFromObjects(Edit):
         measured, flat = measure(items, context)
         add_classes(scatter, measured, [self.count] * len(measured))
         if not measured:
-            self.report({"ERROR"}, "None of the objects takes ground seen from above. Nothing was changed")
+            self.report({"ERROR"}, "None of the objects covers ground when seen from above. Nothing was changed")
             return {"CANCELLED"}
         if flat:
-            self.report({"WARNING"}, f"Left out, because they take no ground seen from above: {', '.join(flat)}")
+            self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
         return {"FINISHED"}
 
 

@@ -95,7 +95,7 @@ class ESH_OT_layer_move(_LayerEdit):
 
 
 class ESH_OT_layer_paint(ClassEdit):
-    """Paint where the selected class stands: make an image or a vertex group, as far as there is none, and go into the paint mode"""
+    """Paint where the selected class stands. An image or a vertex group is created if there is none"""
 
     bl_idname = "esh.layer_paint"
     bl_label = "Paint Density"

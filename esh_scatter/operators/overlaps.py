@@ -75,7 +75,7 @@ class ESH_OT_select_overlapping(_OfResult):
 
 
 class ESH_OT_frame_overlap(_OfResult):
-    """Put the 3D cursor where two objects overlap most, and look there"""
+    """Move the 3D cursor and the view to where two objects overlap most"""
 
     bl_idname = "esh.frame_overlap"
     bl_label = "Frame Worst Overlap"

@@ -216,7 +216,7 @@ class ESH_OT_scatter(_Run):
 
 
 class ESH_OT_scatter_selection(_Run):
-    """Scatter the selected objects on the active one: select what to place, then the ground, then click. With only the ground selected, the objects of the active collection are placed"""  # noqa: E501
+    """Scatter the selected objects on the active one: select what to place, then the ground, then click. If only the ground is selected, the objects of the active collection are placed"""  # noqa: E501
 
     bl_idname = "esh.scatter_selection"
     bl_label = "Scatter Selection"
@@ -286,9 +286,11 @@ class ESH_OT_scatter_selection(_Run):
         self._found = None
         measured, flat = found.measured()
         if flat:
-            self.report({"WARNING"}, f"Left out, because they take no ground seen from above: {', '.join(flat)}")
+            self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
         if not measured:
-            self.report({"ERROR"}, "None of the selected objects takes ground seen from above. Nothing was changed")
+            self.report(
+                {"ERROR"}, "None of the selected objects covers ground when seen from above. Nothing was changed"
+            )
             return None
         counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(context.view_layer.objects.active)

@@ -10,6 +10,7 @@ import bpy
 from bpy.props import EnumProperty
 
 from ..properties.scene import active_scatter, selected_class
+from ..properties.size import list_variants
 from .edit import DIRECTIONS, ClassEdit, Edit, move_by, remove_at
 
 __all__ = ["CLASSES"]
@@ -64,8 +65,23 @@ class ESH_OT_size_move(_SizeEdit):
         return {"FINISHED"}
 
 
+class ESH_OT_variants_list(_SizeEdit):
+    """List the objects of the collection, which were changed since it was chosen, to give them weights"""
+
+    bl_idname = "esh.variants_list"
+    bl_label = "List Objects"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """List them."""
+        size = selected_class(context).active_size
+        assert size is not None
+        list_variants(size, context)
+        return {"FINISHED"}
+
+
 CLASSES = (
     ESH_OT_size_add,
     ESH_OT_size_remove,
     ESH_OT_size_move,
+    ESH_OT_variants_list,
 )

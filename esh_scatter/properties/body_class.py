@@ -129,35 +129,35 @@ class ESH_PG_class(PropertyGroup):
     )
     count_kind: EnumProperty(
         name="How Many",
-        description="How the number of objects is said",
+        description="How the number of objects is given",
         items=(
             ("SIZES", "Count", "A number; where there are several sizes, one for each", "LINENUMBERS_ON", 0),
-            ("TOTAL", "Total Count", "A number for all sizes together, of which each size gets a share", "FUND", 1),
+            ("TOTAL", "Total Count", "One number for all sizes together; each size gets a share of it", "FUND", 1),
             (
                 "PER_AREA",
                 "Per Square Meter",
-                "So many on each square meter of ground, where the density is white",
+                "This many on each square meter of ground where the density is white",
                 "MESH_GRID",
                 3,
             ),
             (
                 "DISTANCE",
                 "Distance",
-                "As many as leaves this distance between neighbors, where the density is white",
+                "As many as keep this distance between neighbors where the density is white",
                 "DRIVER_DISTANCE",
                 4,
             ),
             (
                 "SHARE",
                 "Share of Ground",
-                "As many as it takes to cover this share of the ground, where the density is white",
+                "As many as it takes to cover this share of the ground where the density is white",
                 "MOD_MASK",
                 5,
             ),
             (
                 "COVER",
                 "From Density",
-                "As many as it takes to cover the share of the ground that the density says",
+                "As many as it takes to cover the share of the ground that the density gives",
                 "TEXTURE",
                 2,
             ),
@@ -285,7 +285,7 @@ class ESH_PG_class(PropertyGroup):
                 return f"{self._where(size)}: choose {what} to place"
             if size.source_deleted:
                 return f'{self._where(size)}: "{size.source.name}" was deleted; choose another object to place'
-            if size.source_kind == "COLLECTION" and not size.source.all_objects:
+            if size.source_kind != "OBJECT" and not size.source.all_objects:
                 return f'{self._where(size)}: collection "{size.source.name}" is empty; put objects to place into it'
             if size.area_kind == "RANGE" and size.area_largest < size.area:
                 return f"{self._where(size)}: the largest area is smaller than the smallest"

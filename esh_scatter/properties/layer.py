@@ -147,7 +147,7 @@ class ESH_PG_layer(PropertyGroup):
     )
     use_curve: BoolProperty(
         name="Curve",
-        description="Bend the values of this layer by a curve: what they are along x becomes what the curve is along y",
+        description="Change the values of this layer by a curve, from left to right what they are, upwards what they become",
         default=False,
         update=_curve_switched,
     )

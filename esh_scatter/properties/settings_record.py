@@ -47,7 +47,10 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
                     _layer(layer, target, names, f"{c.uid}.layer {number}")
                     for number, layer in enumerate(layer for layer in c.layers if layer.use)
                 ],
-                "sizes": [_values(size, names, f"{c.uid}.{number}") for number, size in enumerate(c.sizes)],
+                "sizes": [
+                    _values(size, names, f"{c.uid}.{number}") | {"variants": sorted(size.weights.items())}
+                    for number, size in enumerate(c.sizes)
+                ],
             }
             for c in classes
         },

@@ -6,11 +6,12 @@
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ...engine.problem.size import Size
+from ..target import members_of
 from .described import property_of, values_from
 from .names import keep_name_unused
 
@@ -30,6 +31,28 @@ def remember_source(size: "ESH_PG_size", _context: object) -> None:
 def in_a_scene(item: bpy.types.Object) -> bool:
     """Tell whether an object is in any scene."""
     return any(scene.objects.get(item.name) == item for scene in bpy.data.scenes)
+
+
+def list_variants(size: "ESH_PG_size", _context: object) -> None:
+    """Have an entry for each object of the collection; those that were there before keep their weights."""
+    weights = {entry.item: entry.weight for entry in size.variants if entry.item is not None}
+    size.variants.clear()
+    for item in members_of(size.source_collection):
+        entry = size.variants.add()
+        entry.item, entry.weight = item, weights.get(item, 1.0)
+
+
+class ESH_PG_variant(PropertyGroup):
+    """An object of a collection that is placed, and how often."""
+
+    item: PointerProperty(type=bpy.types.Object)
+    weight: FloatProperty(
+        name="Weight",
+        description="How often this object is placed, compared with the others of the collection. 0 leaves it out",
+        default=1.0,
+        min=0.0,
+        soft_max=10.0,
+    )
 
 
 class ESH_PG_size(PropertyGroup):
@@ -54,6 +77,13 @@ class ESH_PG_size(PropertyGroup):
                 "OUTLINER_COLLECTION",
                 1,
             ),
+            (
+                "ASSET",
+                "Collection as One",
+                "Place a whole collection at each point. Its objects keep their places: a trunk with leaves stays a tree",
+                "ASSET_MANAGER",
+                2,
+            ),
         ),
         default="OBJECT",
     )
@@ -68,7 +98,9 @@ class ESH_PG_size(PropertyGroup):
         type=bpy.types.Collection,
         name="Collection",
         description="The collection whose objects are placed. Each point gets one of them, chosen at random",
+        update=list_variants,
     )
+    variants: CollectionProperty(type=ESH_PG_variant, name="Weights")
     count: property_of(_SIZE["count"], default=100, min=1)
     share: property_of(
         _SIZE["share"],
@@ -130,6 +162,13 @@ class ESH_PG_size(PropertyGroup):
         return self.source_object if self.source_kind == "OBJECT" else self.source_collection
 
     @property
+    def weights(self) -> dict[str, float]:
+        """How often each object of the collection is placed, by its name; those with the usual weight are left out."""
+        if self.source_kind != "COLLECTION":
+            return {}
+        return {entry.item.name: entry.weight for entry in self.variants if entry.item and entry.weight != 1.0}
+
+    @property
     def source_deleted(self) -> bool:
         """Whether the object to place was deleted from its scene; as long as it is chosen here, it stays in the file."""
         chosen = self.source_kind == "OBJECT" and self.source_object is not None and self.source_was_in_scene
@@ -143,7 +182,17 @@ class ESH_PG_size(PropertyGroup):
         line = {"DOT": False, "LINE": True}.get(self.shape)
         count = self.count if share is None else None
         spread = values_from(self, Size, set(_SIZE) - {"distribution"})
-        return ScatterSize(self.name, count, self.source, area=area, share=share, line=line, **spread)
+        return ScatterSize(
+            self.name,
+            count,
+            self.source,
+            area=area,
+            share=share,
+            line=line,
+            as_one=self.source_kind == "ASSET",
+            weights=self.weights or None,
+            **spread,
+        )
 
 
-CLASSES = (ESH_PG_size,)
+CLASSES = (ESH_PG_variant, ESH_PG_size)

@@ -14,6 +14,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
+from esh.engine.solver.separation import _numbered, _ranked
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -335,3 +336,29 @@ def test_room_lies_around_outlines_wherever_their_origin_is(contact, room):
     assert common.max() < 1e-3
     assert placement.report.overlaps == 0
     assert distance.min() > 0.01 if room > 1.0 else distance.min() == 0.0
+
+
+def test_what_is_too_crowded_where_it_may_be_ends_after_one_try(monkeypatch):
+    """Half of the domain is left, which the bodies cover to 95 %: they do not part, however long it is tried."""
+    from esh.engine.solver import separation
+
+    rounds = []
+    move = separation.Separation._move
+    monkeypatch.setattr(separation.Separation, "_move", lambda self: (rounds.append(1), move(self)))
+    left = np.zeros((1, 2))
+    left[0, 0] = 1.0
+    side = math.sqrt(2.0 * 60 * PLANK.area / 0.95)
+    placement = solve(problem_of(Footprints(PLANK, turn="random"), 60, side, left), device="cpu", max_steps=10)
+    assert placement.report.overlaps > 0 and not placement.report.converged
+    assert 0 < len(rounds) <= separation.ROUNDS_OF_THE_TOO_CROWDED
+
+
+@pytest.mark.parametrize("different", [1, 3, 40])
+def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(different):
+    rng = np.random.default_rng(different)
+    number, room = rng.integers(-2, different, 500), rng.choice(rng.random(different), 500)
+    other = rng.integers(-100_000, 100_000, different)[rng.integers(0, different, 500)]
+    rows = np.stack([number, room, other], axis=1)
+    expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+    np.testing.assert_array_equal(_numbered(number, _ranked(room), other), expected)
+    assert len(_numbered(number[:0], _ranked(room[:0]))) == 0

@@ -23,27 +23,26 @@ def ask(
     space: kernels_space.Space,
     way: wp.array(dtype=wp.vec2),
     inside: wp.array(dtype=wp.vec2),
+    period: wp.array(dtype=wp.vec2),
 ):
     i = first + wp.tid()
     way[i] = kernels_space.difference(start[i], end[i], space)
     inside[i] = kernels_space.wrapped(end[i], space)
+    period[i] = kernels_space.period(space)
 
 
 @wp.kernel
 def number(
     first: int,
     count: int,
-    length: float,
     space: kernels_space.Space,
     inside: wp.array(dtype=wp.int32),
     across: wp.array(dtype=wp.int32),
-    shift: wp.array(dtype=float),
     beside: wp.array(dtype=wp.vec2i),
 ):
     i = first + wp.tid()
     inside[i] = kernels_space.number_inside(i - count, count, space)
     across[i] = kernels_space.number_across(i - count, count, space)
-    shift[i] = kernels_space.shift_across(i - count, count, length, space)
     beside[i] = kernels_space.numbers_beside(i - count, count, space)
 
 
@@ -60,11 +59,12 @@ def test_kernels_and_host_know_the_same_ways(launcher, periodic):
     rng = np.random.default_rng(0)
     start = (rng.random((500, 2)) * SIZE).astype(np.float32)
     end = ((rng.random((500, 2)) * 2.0 - 0.5) * SIZE).astype(np.float32)
-    way, inside = launcher.empty(500, wp.vec2), launcher.empty(500, wp.vec2)
+    way, inside, period = (launcher.empty(500, wp.vec2) for _ in range(3))
     given = [wp.array(values, dtype=wp.vec2, device="cpu") for values in (start, end)]
-    launcher.launch(ask, 500, [*given, space.for_kernels()], [way, inside])
+    launcher.launch(ask, 500, [*given, space.for_kernels()], [way, inside, period])
     np.testing.assert_allclose(way.numpy(), space.shortest(end - start), atol=1e-5)
     np.testing.assert_allclose(inside.numpy(), space.wrapped(end), atol=1e-5)
+    np.testing.assert_array_equal(period.numpy(), np.broadcast_to(np.float32(SIZE) if periodic else 0.0, (500, 2)))
     if periodic:
         assert (np.abs(way.numpy()) <= np.array(SIZE) / 2.0 + 1e-5).all()
         assert ((inside.numpy() >= 0.0) & (inside.numpy() < SIZE)).all()
@@ -78,14 +78,12 @@ def test_kernels_and_host_know_the_same_ways(launcher, periodic):
 def test_cells_beyond_an_end_are_those_of_the_other_side_or_none(launcher, periodic, count):
     n = 3 * count
     inside, across = launcher.empty(n, wp.int32), launcher.empty(n, wp.int32)
-    shift, beside = launcher.empty(n, float), launcher.empty(n, wp.vec2i)
+    beside = launcher.empty(n, wp.vec2i)
     space = Space(SIZE, periodic)
-    launcher.launch(number, n, [count, SIZE[0], space.for_kernels()], [inside, across, shift, beside])
+    launcher.launch(number, n, [count, space.for_kernels()], [inside, across, beside])
     i = np.arange(-count, 2 * count)
     np.testing.assert_array_equal(inside.numpy(), i % count if periodic else np.clip(i, 0, count - 1))
     np.testing.assert_array_equal(across.numpy(), i % count if periodic else i)
-    # A place in the cell that lies across is beside this one once it is shifted.
-    np.testing.assert_array_equal(shift.numpy(), SIZE[0] * (across.numpy() - i) / count)
     for own, (low, high) in zip(i[count : 2 * count], beside.numpy()[count : 2 * count], strict=True):
         met = [j % count if periodic else j for j in range(low, high + 1)]
         met = [j for j in met if 0 <= j < count]
@@ -116,7 +114,7 @@ def test_only_the_room_space_looks_into_a_space():
         for line in path.read_text(encoding="utf-8").splitlines()
         if re.search(r"\bspace\.periodic\b", line)
     ]
-    assert not [line for line in read if "kernels_separation" not in line], read
+    assert not read
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/how-it-works.md"])

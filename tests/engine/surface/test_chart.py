@@ -132,3 +132,20 @@ def test_beside_the_surface_values_go_on_without_an_edge():
 def test_what_is_not_seen_from_above_is_said(corners, words):
     with pytest.raises(ProblemError, match=words):
         Chart(triangles(corners, [(0, 1, 2)]))
+
+
+def test_whoever_lies_in_a_cell_with_surface_stays_where_it_is():
+    """Of cells that the border cuts a part is beside the surface: what lay there was drawn to the border, into others."""
+    chart = Chart(triangles([(0.0, 0.0, 0.0), (7.0, 1.0, 0.0), (2.0, 6.0, 2.0)], [(0, 1, 2)]), resolution=64)
+    row, column = np.nonzero(chart.stretch)
+    assert len(row) > 0.9 * (chart.area > 0.0).sum()
+    rng = np.random.default_rng(0)
+    chosen = np.tile(np.arange(len(row)), 20)
+    x, y = rng.random((2, len(chosen)))
+    position = np.column_stack([column[chosen] + x, chart.shape[0] - 1 - row[chosen] + y]) * chart.cell
+    np.testing.assert_allclose(chart.lift(position).position[:, :2] - chart.origin, position, atol=1e-6)
+
+
+def test_a_surface_as_narrow_as_its_cells_keeps_them():
+    chart = Chart(triangles([(0.0, 0.0, 0.0), (7.0, 6.9, 0.0), (6.9, 7.0, 0.0)], [(0, 1, 2)]), resolution=64)
+    np.testing.assert_array_equal(chart.stretch > 0.0, chart.area > 0.0)

@@ -1,0 +1,49 @@
+"""What the states of all spaces have in common: their arrays are copied, handed over, saved and read."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import warp as wp
+
+__all__ = ["StateArrays"]
+
+
+class StateArrays:
+    """Base of a dataclass whose fields are arrays of Warp, of the ``KINDS`` that it says, and ``steps``."""
+
+    KINDS: ClassVar[dict[str, type]] = {}
+    steps: np.ndarray
+
+    def copy(self) -> Self:
+        """A state of its own with the same values, on the same device."""
+        copies: dict[str, Any] = {name: wp.clone(array) for name, array in self._arrays().items()}
+        return type(self)(**copies | {"steps": self.steps.copy()})
+
+    def assign(self, other: Self) -> None:
+        """Take over the values of another state, of the same shapes; it may be on another device."""
+        for name, array in self._arrays().items():
+            given = getattr(other, name)
+            if given.shape != array.shape:
+                raise ValueError(f"`{name}` must have shape {array.shape}; got {given.shape}")
+            wp.copy(array, given)
+        self.steps[:] = other.steps
+
+    def save(self, path: str | Path) -> None:
+        """Write the state as `.npz`."""
+        np.savez(path, steps=self.steps, **{name: array.numpy() for name, array in self._arrays().items()})
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read what :meth:`save` has written, onto the CPU."""
+        with np.load(path) as stored:
+            arrays: dict[str, Any] = {
+                name: wp.array(stored[name], dtype=kind, device="cpu") for name, kind in cls.KINDS.items()
+            }
+            return cls(**arrays | {"steps": stored["steps"].astype(np.int32)})
+
+    def _arrays(self) -> dict[str, wp.array]:
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "steps"}  # type: ignore[arg-type]
