@@ -320,7 +320,7 @@ def build(
         raise SystemExit(f"asked for {asked}, and got {counted}")
     pixel = 360.0 / columns
     # On the pixels that they were placed on.
-    snapped = (np.floor((longitude + 180.0) / pixel) + 0.5) * pixel - 180.0
+    snapped = (np.floor((longitude + 180.0) / pixel).clip(0, columns - 1) + 0.5) * pixel - 180.0
     wet = float((~land(latitude, snapped)).mean())
     print(f"{wet:.2%} of the trees stand in water, by half a pixel of latitude")
     draw(output / "planet.jpg", folder / "tiles", trees, land)

@@ -52,7 +52,7 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
         if not isinstance(name, str) or ending not in WINDOWED:
             changed.append(table)
             continue
-        whole = [key for key in WHOLE if table.get(key)]
+        whole = [key for key in WHOLE if table.get(key) not in (None, False)]
         whole += ["count"] if table.get("count") == "cover" else []
         whole += ["size"] if any(_follows_edges(size) for size in _tables(table.get("size"))) else []
         if whole and ending in GEOTIFF:

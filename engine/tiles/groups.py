@@ -54,6 +54,11 @@ class TileGroups:
         return np.diff(self.first)
 
     @property
+    def layer(self) -> np.ndarray:
+        """Which size every group belongs to, counted over all classes, shape ``[g]``: levels of a range are of one."""
+        return np.unique(self.first_of_size, return_inverse=True)[1].ravel()
+
+    @property
     def body_count(self) -> int:
         """Number of bodies."""
         return int(self.first[-1])

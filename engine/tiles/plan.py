@@ -79,7 +79,7 @@ class Pass:
     Attributes:
         shift: Of its windows, in tiles.
         steps: Of the descent.
-        warp: What is warped before it: ``"groups"`` each by itself, ``"all"`` together, or nothing.
+        warp: What is warped before it: ``"sizes"`` each by itself, ``"all"`` together, or nothing.
         part: Whether footprints are parted at its end.
     """
 
@@ -172,16 +172,16 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
     return max(1, int(size[0] / length + 1e-9)), max(1, int(size[1] / length + 1e-9))
 
 
-def passes_of(problem: Problem, groups: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:
+def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:
     """Return the passes of a run."""
     if tiles == (1, 1):
         return (Pass((0.0, 0.0), sum(steps), "", problem.avoid_overlap),)
     warps: tuple[str, ...]
     if problem.avoid_overlap:
-        warps = ("groups" if groups > 1 else "", "groups", "", "")
+        warps = ("sizes" if layers > 1 else "", "sizes", "", "")
         many = (*steps[:2], steps[2], steps[2])
         return tuple(Pass(shift, many[k], warps[k], k > 0) for k, shift in enumerate(SHIFTS_OF_CONTACT))
-    warps = ("groups", "groups", "all") if groups > 1 else ("", "groups", "groups")
+    warps = ("sizes", "sizes", "all") if layers > 1 else ("", "sizes", "sizes")
     return tuple(Pass(shift, steps[k], warps[k], False) for k, shift in enumerate(SHIFTS))
 
 
@@ -211,7 +211,7 @@ def make_plan(run: TileRun) -> Plan:
         CoarseGrid(size, (shape[0], shape[1])),
         spacing,
         fine,
-        passes_of(problem, groups.number, run.tiles, run.steps),
+        passes_of(problem, int(groups.layer.max()) + 1, run.tiles, run.steps),
         _directions(problem, lines),
         scene.georeference,
         max((line.longest for line in lines.values()), default=0.0),

@@ -21,6 +21,8 @@ COUNTS = "counts.npy"
 TARGET = "target.npy"
 TOTALS = "totals.npy"
 RARE = "rare.npz"
+# Farthest that a body is warped, in spacings of all bodies.
+FARTHEST, FARTHEST_LATER = 0.9, 0.1
 
 
 def stage_names(passes: int) -> list[str]:
@@ -121,11 +123,13 @@ def _warped(run: TileRun, plan: Plan, stage: str, what: str, box: Box, bodies: P
     if not what or not len(bodies):
         return bodies
     moved = np.zeros((len(bodies), 2))
+    # Before the first pass everything is free; later ones leave some places as they are, and sizes must not meet there.
+    most = FARTHEST if stage == "pass-1" else FARTHEST_LATER
     group = plan.groups.group_of(bodies.identity)
     for g in np.unique(group).tolist():
         own = group == g
-        folder = flow_folder(run, stage, g if what == "groups" else 0)
-        moved[own] = displacement(folder, plan.grid, bodies.position[own], 0.9 * plan.spacing)
+        folder = flow_folder(run, stage, int(plan.groups.layer[g]) if what == "sizes" else 0)
+        moved[own] = displacement(folder, plan.grid, bodies.position[own], most * plan.spacing)
     # The last warp, a small fraction of a spacing, leaves all bodies in their tiles.
     last = stage == stage_names(len(plan.passes))[-1]
     target = box.confine(bodies.position + moved) if last else np.clip(bodies.position + moved, 0.0, plan.layout.size)

@@ -380,26 +380,21 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
         return
     groups, grid = plan.groups, plan.grid
     target = np.load(run.work / TARGET, mmap_mode="r")
-    layers = groups.number if what == "groups" else 1
+    # Bodies of a size count alike; of all sizes, as large as they are.
+    layer_of = groups.layer if what == "sizes" else np.zeros(groups.number, np.int64)
     weight = groups.mean_area / float((groups.mean_area * groups.count).sum() / groups.body_count)
+    weight = np.ones(groups.number) if what == "sizes" else weight
     there = np.zeros((groups.number, *grid.shape), np.int64)
     for number in range(parts):
         read_patch(part_path(run, before, number)).add_to(there)
-
-    def asked(group: int) -> np.ndarray:
-        density = np.array(target[groups.class_index[group]])
-        return density * (int(groups.count[group]) / density.sum())
-
-    for layer in range(layers):
-        if what == "groups":
-            count, wanted = there[layer] / SCALE, asked(layer)
-            spacing = math.sqrt(math.prod(grid.size) / int(groups.count[layer]))
-        else:
-            count, wanted = np.zeros(grid.shape), np.zeros(grid.shape)
-            for g in range(groups.number):
-                count += (weight[g] / SCALE) * there[g]
-                wanted += weight[g] * asked(g)
-            spacing = plan.spacing
+    for layer in range(int(layer_of.max()) + 1):
+        own = np.flatnonzero(layer_of == layer)
+        count, wanted = np.zeros(grid.shape), np.zeros(grid.shape)
+        for g in own.tolist():
+            density = np.array(target[groups.class_index[g]])
+            wanted += weight[g] * int(groups.count[g]) / density.sum() * density
+            count += (weight[g] / SCALE) * there[g]
+        spacing = math.sqrt(math.prod(grid.size) / int(groups.count[own].sum()))
         folder = flow_folder(run, stage, layer)
         folder.mkdir(parents=True, exist_ok=True)
         for name, values in zip(("x", "y", "density"), solve_flow(grid, count, wanted, BLUR * spacing), strict=True):

@@ -43,6 +43,8 @@ PIXELS_PER_SPACING = 4.0
 MARGIN, TAPER = 5.0, 4.0
 # Where bodies are sparse, the margins leave so much of a window free at least.
 MOST_MARGIN = 0.25
+# Free bodies that come nearer to a cut than so much of the margin have strayed.
+STRAYED = 0.5
 # Faded densities stay above zero where they were.
 LEAST_FADED = 1e-4
 # Steps in which rare bodies are spread.
@@ -190,6 +192,18 @@ def relax(
                 "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
             )
         state = descent.state
+        # Where everything fades nothing holds a free body: those that have strayed there, along an edge of the domain say, go back.
+        values = state.pose.numpy().copy()
+        came = box.depth(pose[:, :2] * model.unit + box.low)
+        depth = box.depth(values[:, :2] * model.unit + box.low)
+        strayed = ~pinned & (depth < STRAYED * margin)
+        if strayed.any():
+            # On their way, so that no two of them meet.
+            share = (came[strayed] - STRAYED * margin) / (came[strayed] - depth[strayed])
+            way = values[strayed, :2] - pose[strayed, :2]
+            values[strayed, :2] = pose[strayed, :2] + np.clip(share, 0.0, 1.0)[:, None] * way
+            state.pose.assign(values)
+            descent.place_charges()
         if part and descent.contact is not None:
             descent.contact.separate(state.pose, state.turn, state.bend)
         moved = state.pose.numpy().astype(np.float64)

@@ -330,3 +330,34 @@ def test_the_command_says_what_it_did(recipe, tmp_path, capsys):
     shutil.rmtree(out)
     assert command_line.main(["tiles", str(recipe), "-o", str(recipe), "--as", ".npz"]) == 2
     assert "cannot be used" in capsys.readouterr().err
+
+
+def test_a_geotiff_is_read_by_window_and_keeps_its_place(recipe, tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    values = (np.load(recipe.parent / "pine.npy") * 1000.0).astype(np.uint16)
+    place = rasterio.transform.from_origin(400_000.0, 5_300_000.0, 10.0, 10.0)
+    described = {"driver": "GTiff", "height": 96, "width": 128, "count": 1, "dtype": "uint16", "nodata": 0}
+    with rasterio.open(
+        recipe.parent / "pine.tif", "w", **described, crs="EPSG:32632", transform=place, tiled=True
+    ) as file:
+        file.write(values, 1)
+    # The same numbers as an array, for comparison.
+    np.save(recipe.parent / "pine.npy", values)
+    plain = solved(recipe, tmp_path / "plain")
+    recipe.write_text(RECIPE.replace("pine.npy", "pine.tif"))
+    options = {"tile": 24.0, "steps": (6, 4, 4), "device": "cpu"}
+    esh.solve_tiles(recipe, tmp_path / "geo", **options, workers=1)
+    tables = [parquet.read_table(path) for path in sorted((tmp_path / "geo").glob("tile-*.parquet"))]
+    identity = np.concatenate([table["id"].to_numpy() for table in tables])
+    where = np.concatenate([np.array([[p["x"], p["y"]] for p in table["geometry"].to_pylist()]) for table in tables])
+    # 10 m in the world are half a metre in the domain; the upper left corner is the origin.
+    expected = np.array([400_000.0, 5_300_000.0 - 960.0]) + plain["position"] * 20.0
+    assert np.allclose(where[np.argsort(identity)], expected, atol=1e-6)
+    crs = json.loads(tables[0].schema.metadata[b"geo"])["columns"]["geometry"]["crs"]
+    assert crs["id"]["code"] == 32632
+    recipe.write_text(
+        RECIPE.replace("pine.npy", "pine.tif").replace('density = "pine.tif"', 'density = "pine.tif"\nunsharp = {}')
+    )
+    with pytest.raises(EshError, match="must not be given for a GeoTIFF"):
+        solved(recipe, tmp_path / "unsharp")
