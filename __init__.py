@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .engine.problem.size import Size
     from .engine.problem.surface import PointsOnSurface, Surface, SurfaceMesh
     from .engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
+    from .engine.problem.surface_directions import SurfaceVectors
     from .engine.scenes.solve_many import solve_many
     from .engine.solve import solve
     from .engine.solver.body_flags import BodyFlags
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     )
     from .esh_scatter.exchange import export_result, import_placement
     from .esh_scatter.footprint import measure_footprint
+    from .esh_scatter.obstacles import ScatterObstacle
 
 __all__ = [
     "__version__",
@@ -119,6 +121,7 @@ __all__ = [
     "Report",
     "ScatterClass",
     "ScatterJob",
+    "ScatterObstacle",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
@@ -134,6 +137,7 @@ __all__ = [
     "SurfaceMesh",
     "SurfaceState",
     "SurfaceTriplanar",
+    "SurfaceVectors",
     "TileState",
     "Unsharp",
     "VertexGroupDensity",
@@ -211,6 +215,7 @@ _MODULES = {
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
+    "ScatterObstacle": ".esh_scatter.obstacles",
     "ScatterResult": ".esh_scatter.api",
     "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
@@ -226,6 +231,7 @@ _MODULES = {
     "SurfaceMesh": ".engine.problem.surface",
     "SurfaceState": ".engine.solver.surface_state",
     "SurfaceTriplanar": ".engine.problem.surface_density",
+    "SurfaceVectors": ".engine.problem.surface_directions",
     "TileState": ".engine.tiles.tiles",
     "Unsharp": ".engine.problem.body_class",
     "VertexGroupDensity": ".esh_scatter.densities",

@@ -317,7 +317,7 @@ def boat(device: str) -> list[Scattered]:
             [
                 esh.ScatterSize(
                     "any",
-                    1600,
+                    1500,
                     _sources("Barnacle", [shapes.barnacle(0.02, n) for n in range(5)], lime),
                     area=(0.0002, 0.0024),
                     distribution="linear",
@@ -330,7 +330,7 @@ def boat(device: str) -> list[Scattered]:
             [
                 esh.ScatterSize(
                     "any",
-                    200,
+                    110,
                     _sources("Mussel", [shapes.mussel(0.06, n) for n in range(4)], shell),
                     area=0.0016,
                     line=False,

@@ -10,7 +10,7 @@ import numpy as np
 
 from .properties.body_class import DERIVED_COUNTS
 
-__all__ = ["bodies_ahead", "question"]
+__all__ = ["area_of", "bodies_ahead", "question"]
 
 # Seconds for each body and step on two cores, and bytes for each body: measured at 100,000 to 1,000,000 discs; and what a run takes
 # at least.
@@ -22,7 +22,9 @@ SHORTEST = 0.5
 def bodies_ahead(scatter: Any) -> int:
     """Return how many bodies the next run will place; what the ground decides is estimated, as if densities were white."""
     ready = scatter.ready_classes()
-    ground = sum(map(_area, scatter.targets)) if any(c.count_kind not in ("SIZES", "TOTAL") for c in ready) else 0.0
+    ground = 0.0
+    if any(c.count_kind not in ("SIZES", "TOTAL") for c in ready):
+        ground = sum(area_of(item) for item in scatter.targets)
     return sum(_of_class(body_class, ground) for body_class in ready)
 
 
@@ -66,7 +68,7 @@ def _footprint(body_class: Any) -> float:
     return max(float(np.mean(areas)) if areas else 1.0, 1e-9)
 
 
-def _area(target: bpy.types.Object) -> float:
+def area_of(target: bpy.types.Object) -> float:
     """Return the area of a mesh's faces in the world, as they are stored [m²]."""
     mesh = target.data
     mesh.calc_loop_triangles()

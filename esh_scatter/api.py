@@ -20,6 +20,7 @@ from ..engine.errors import EshError, ProblemError
 from ..engine.problem.balance import Balance
 from ..engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from ..engine.problem.direction_field import density_directions, direction_from_rg
+from ..engine.problem.fixed_bodies import FixedBodies
 from ..engine.problem.footprint import Footprint, Footprints
 from ..engine.problem.line import Line
 from ..engine.problem.packing import packable_share, scale_to_fit
@@ -31,6 +32,7 @@ from ..engine.problem.scatter_settings import RunSettings, ScatterSettings, Stan
 from ..engine.problem.settings import Settings, as_given, described, same_setting, setting, takes, values_of
 from ..engine.problem.size import Size
 from ..engine.problem.slopes import LEVEL, normal_of_slope, slope_at
+from ..engine.problem.surface_directions import SLOPE
 from ..engine.problem.validation import (
     check_area_or_range,
     check_class_count,
@@ -75,7 +77,9 @@ from .following import follow_attributes, followed
 from .footprint import read_source
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, SEED, ground_attributes
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE
-from .on_whole_surface import class_on_surface, mean_footprint
+from .obstacles import ObstacleSource, ScatterObstacle, StoredObstacle, covered, obstacle_image, read_obstacles
+from .on_whole_surface import class_on_surface, headings, mean_footprint
+from .pins import Pins, add_pins, read_pins
 from .references import Reference
 from .result import CLASS_NAMES, OVERLAPPING, find_result, write_result
 from .standing import Ground, draw, stand
@@ -100,6 +104,7 @@ __all__ = [
     "NoiseDensity",
     "ScatterClass",
     "ScatterJob",
+    "ScatterObstacle",
     "ScatterResult",
     "ScatterSettings",
     "ScatterSize",
@@ -203,9 +208,9 @@ class ScatterClass(ClassSettings):
         default="density",
         metadata=setting(
             "Where long objects of this class point, seen from above",
-            more='``"density"`` (along its edges, of which the target\'s border is none), ``"none"``, an angle [rad], an array of '
-            "angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x and y; images are stretched "
-            "over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
+            more='``"density"`` (along its edges, of which the target\'s border is none), ``"none"``, ``"slope"`` (where water runs), '
+            "an angle [rad], an array of angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x "
+            "and y; images are stretched over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
             check=as_given,
         ),
     )
@@ -236,12 +241,16 @@ class _Reading(NamedTuple):
         sources: By class and size.
         densities: By class.
         directions: By class, as a :class:`Line` takes them.
+        obstacles: What objects keep off.
+        pins: What stays of the result that is replaced, and which of its size's objects each is.
     """
 
     target: TriangleMesh
     sources: list[list[_Source]]
     densities: list[Density]
     directions: list[str | float | np.ndarray]
+    obstacles: list[StoredObstacle]
+    pins: tuple[Pins, np.ndarray] | None
 
 
 @dataclass(frozen=True)
@@ -338,6 +347,8 @@ class ScatterJob:
         *,
         name: str = "ESH Scatter",
         result: bpy.types.Object | None = None,
+        obstacles: Sequence[ObstacleSource] = (),
+        pinned: bool | Sequence[int | None] = True,
         prepare: bool = True,
         survey: Survey | None = None,
         **changes: Any,
@@ -359,6 +370,7 @@ class ScatterJob:
         self.variants: list[list[int]] = []
         self.shapes: list[_Shape] = []
         self.survey = survey
+        self._given_obstacles, self._given_pinned = obstacles, pinned
         self._reading: _Reading | None = self._read(context)
         # Bodies of the sizes before, which number the points.
         self._counted = 0
@@ -390,7 +402,33 @@ class ScatterJob:
         densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [_direction(c) for c in self.classes]
-        return _Reading(read_targets(targets, context, names, self.settings), sources, densities, directions)
+        own = self.result or find_result(context.scene, self.target, self.name)
+        obstacles = read_obstacles(self._given_obstacles, known, [*targets, *([own] if own else [])])
+        pins = None if own is None else self._pins(own)
+        del self._given_obstacles
+        ground = read_targets(targets, context, names, self.settings)
+        return _Reading(ground, sources, densities, directions, obstacles, pins)
+
+    def _pins(self, own: bpy.types.Object) -> tuple[Pins, np.ndarray] | None:
+        """Return what stays of the result that is replaced, and which of its size's objects each of these is."""
+        names, pinned = str(own.get(CLASS_NAMES, "")), self._given_pinned
+        if pinned is False or not names:
+            return None
+        now = [c.name for c in self.classes]
+        by_name = [now.index(name) if name in now else None for name in json.loads(names)[0]]
+        numbers = by_name if isinstance(pinned, bool) else list(pinned)
+        pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers)
+        if pins is None:
+            return None
+        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        uids = [source.uid for source in self._sources]
+        variant = np.zeros(len(pins.identity), np.int64)
+        for row, (group, uid) in enumerate(
+            zip((first[pins.class_index] + pins.size_index).tolist(), pins.source.tolist(), strict=True)
+        ):
+            of_size = [uids[number] for number in self.variants[group]]
+            variant[row] = of_size.index(uid) if uid in of_size else 0
+        return pins, variant
 
     def prepare(self) -> None:
         """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
@@ -412,23 +450,33 @@ class ScatterJob:
                 _shape(size, source, reading.directions[number], survey)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
-            if isinstance(self.chart, WholeSurface):
-                # What is long by its outline counts as a disc of its area there.
-                shapes = [
-                    shape if size.line else replace(shape, line=None)
-                    for shape, size in zip(shapes, scatter_class.sizes, strict=True)
-                ]
             self.shapes += shapes
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
+        obstacle = None
+        if reading.obstacles and isinstance(self.chart, Chart):
+            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
+        elif reading.obstacles:
+            free = ~covered(reading.obstacles, self.chart.points.position, survey)
+            values_of_classes = [values * free for values in values_of_classes]
         self.problem = Problem(
             domain,
             self._prepare_classes(shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
+            obstacles=() if obstacle is None else (obstacle,),
+            fixed=self._fixed(reading),
+            include_fixed=True,
         )
         # Pixels and meshes may be large.
         self._reading = None
+
+    def _fixed(self, reading: _Reading) -> Sequence[FixedBodies]:
+        """Return the bodies that stay; on a whole surface there are none yet."""
+        if reading.pins is None or not isinstance(self.chart, Chart):
+            return ()
+        pins, variant = reading.pins
+        return (pins.fixed_in(self.chart, variant),)
 
     @property
     def target(self) -> bpy.types.Object | bpy.types.Collection:
@@ -575,8 +623,9 @@ class ScatterJob:
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
-        if lines and isinstance(c.direction, str) and c.direction == "density":
-            direction = _edge_directions(chart, one.surface.image)
+        if lines and isinstance(c.direction, str) and c.direction in ("density", SLOPE):
+            edges = c.direction == "density"
+            direction = _edge_directions(chart, one.surface.image) if edges else _slope_directions(chart)
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         density = check_density(one.density, f'`density` of class "{c.name}"')
@@ -645,11 +694,12 @@ class ScatterJob:
         ground = Ground(
             placement.id.astype(np.int32),
             surface.normal,
-            placement.angle.astype(np.float32),
+            _headings(surface, placement),
             np.zeros(count, bool),
             np.ones(count, np.float32),
             np.zeros((count, 2), np.float32),
             np.zeros(count, np.float32),
+            np.full(count, isinstance(self.chart, WholeSurface)),
         )
         source = np.empty(count, np.int32)
         chart = self.chart
@@ -709,6 +759,7 @@ class ScatterJob:
             "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
             **ground_attributes(ground, placed.lift),
             **follow_attributes(placed.surface, align[placement.class_index]),
+            **add_pins(placement.fixed, placed.instances.position),
             **_overlapping(placement),
             **placed.stuck,
         }
@@ -722,6 +773,8 @@ def scatter(
     *,
     name: str = "ESH Scatter",
     result: bpy.types.Object | None = None,
+    obstacles: Sequence[ObstacleSource] = (),
+    pinned: bool | Sequence[int | None] = True,
     progress: Callable[[Progress], bool | None] | None = None,
     **changes: Any,
 ) -> ScatterResult:
@@ -734,6 +787,10 @@ def scatter(
         settings: How; None has all of the following settings at their defaults.
         name: Of the result object. A result that this name left on this target in this scene is replaced.
         result: Result to replace instead; None looks for one as said above, and makes a new object if there is none.
+        obstacles: What objects keep off, seen from above: objects, collections, results of other scatters, or a
+            :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
+        pinned: Whether objects of the replaced result stay where they are that were pinned, or moved by hand; they count. Or, by
+            class of that result, the index of the class that it is now, or None. On a whole surface none stays.
         progress: Called after every step; returning False stops the run, and what is there is written.
         changes: Any of the following, by name, in place of that in ``settings``.
 
@@ -745,9 +802,23 @@ def scatter(
     """
     if progress is not None and not callable(progress):
         raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
-    job = ScatterJob(target, classes, settings, name=name, result=result, **changes)
+    job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, pinned=pinned, **changes)
     job.solve(progress)
     return job.write()
+
+
+def _headings(surface: SurfacePoints, placement: Placement) -> np.ndarray:
+    """Return how objects are turned about their own axes [rad], shape ``[n]``, float32."""
+    if placement.tangent is None:
+        return placement.angle.astype(np.float32)
+    return headings(surface.normal.astype(np.float64), placement.tangent).astype(np.float32)
+
+
+def _slope_directions(chart: Chart) -> str | np.ndarray:
+    """Return where water runs on the surface as a :class:`Line` takes it; what is steep weighs more."""
+    normal = chart.points.normal
+    downhill = np.stack([chart.continued(normal[:, k]) for k in (0, 1)], axis=-1)
+    return downhill if downhill.any() else "none"
 
 
 def _edge_directions(chart: Chart, density: np.ndarray) -> str | np.ndarray:
@@ -908,6 +979,8 @@ def _direction(scatter_class: ScatterClass) -> str | float | np.ndarray:
     """Return where long bodies point as a :class:`Line` takes it; raise ProblemError for what has no meaning."""
     key = f'`direction` of class "{scatter_class.name}"'
     direction = scatter_class.direction
+    if isinstance(direction, str) and direction == SLOPE:
+        return direction
     if isinstance(direction, bpy.types.Image):
         pixels = image_pixels(direction, key)
         if pixels.shape[2] < 2:

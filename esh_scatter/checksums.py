@@ -25,6 +25,7 @@ __all__ = [
     "of_image",
     "of_members",
     "of_object",
+    "of_points",
     "of_shape",
     "of_weights",
     "place_of",
@@ -130,6 +131,11 @@ def of_weights(item: bpy.types.Object, name: str) -> int:
 def of_attribute(item: bpy.types.Object, name: str) -> int:
     """Return the number of an attribute's or a UV map's values; the active UV map where the name is empty."""
     return _worked_out(("attribute", item.session_uid, name), lambda: _attribute_number(item, name))
+
+
+def of_points(result: bpy.types.Object) -> int:
+    """Return the number of what stands on a result's points: where, how turned and how large."""
+    return _worked_out(("points", result.session_uid), lambda: _points_number(result))
 
 
 def place_of(item: bpy.types.Object) -> list[list[float]]:
@@ -257,3 +263,8 @@ def _values_number(mesh: bpy.types.Mesh, name: str) -> int:
     values = np.empty(width * len(attribute.data), dtype)
     attribute.data.foreach_get(field, values)
     return zlib.crc32(f"{attribute.domain} {attribute.data_type}".encode(), _crc(values))
+
+
+def _points_number(result: bpy.types.Object) -> int:
+    names = ("position", "rotation", "scale", "instance_index")
+    return zlib.crc32(repr([place_of(result), *(_values_number(result.data, name) for name in names)]).encode())

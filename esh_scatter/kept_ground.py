@@ -15,13 +15,16 @@ __all__ = [
     "BODY_ANGLE",
     "BODY_LENGTH",
     "CLASSES_OF_POINTS",
+    "PLACED_AT",
     "SEED",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
     "kept_places",
     "paint_points",
+    "read_attribute",
     "stand_anew",
+    "write_attribute",
 ]
 
 # Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
@@ -29,8 +32,11 @@ SEED = "esh_scatter_seed"
 CLASSES_OF_POINTS = "esh_scatter_classes"
 # How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
+# Where the last run has put every point [m]: one that is elsewhere was moved by hand.
+PLACED_AT = "placed_at"
 
 _NORMAL, _HEADING, _LONG, _FIT, _MIDDLE, _LIFT = "ground_normal", "heading", "long", "fit", "middle", "lift"
+_LAID = "laid"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
@@ -51,6 +57,8 @@ def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, 
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
         kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
+        if ground.laid.any():
+            kept[_LAID] = ("BOOLEAN", ground.laid)
     if (ground.fit != 1.0).any():
         kept[_FIT] = ("FLOAT", ground.fit)
     return kept
@@ -70,28 +78,33 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
     mesh = result.data
     own = _points_of(mesh, class_number)
     count = len(mesh.vertices)
-    middle = _read(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
+    middle = read_attribute(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
     ground = Ground(
-        _read(mesh, "id"),
-        _read(mesh, _NORMAL),
-        _read(mesh, _HEADING),
-        _read(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
-        _read(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
+        read_attribute(mesh, "id"),
+        read_attribute(mesh, _NORMAL),
+        read_attribute(mesh, _HEADING),
+        read_attribute(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
+        read_attribute(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
         middle[:, :2],
         middle[:, 2],
+        read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
-    lift, position = _read(mesh, _LIFT), _read(mesh, "position")
+    lift, position = read_attribute(mesh, _LIFT), read_attribute(mesh, "position")
     position[own] += new.lift - lift[own]
+    if PLACED_AT in mesh.attributes:
+        placed = read_attribute(mesh, PLACED_AT)
+        placed[own] += new.lift - lift[own]
+        write_attribute(mesh, PLACED_AT, placed)
     lift[own] = new.lift
-    rotation, scale = _read(mesh, ROTATION), _read(mesh, SCALE)
+    rotation, scale = read_attribute(mesh, ROTATION), read_attribute(mesh, SCALE)
     rotation[own], scale[own] = new.rotation, new.scale[:, None]
     for name, values in (("position", position), (_LIFT, lift), (ROTATION, rotation), (SCALE, scale)):
-        _write(mesh, name, values)
+        write_attribute(mesh, name, values)
     if ALIGN in mesh.attributes:
-        align = _read(mesh, ALIGN)
+        align = read_attribute(mesh, ALIGN)
         align[own] = standing.align_to_normal
-        _write(mesh, ALIGN, align)
+        write_attribute(mesh, ALIGN, align)
     mesh.update()
 
 
@@ -99,9 +112,9 @@ def paint_points(result: bpy.types.Object, class_number: int, color: tuple[float
     """Give the points of one class another colour (red, green, blue)."""
     mesh = result.data
     if "class_color" in mesh.attributes:
-        values = _read(mesh, "class_color")
+        values = read_attribute(mesh, "class_color")
         values[_points_of(mesh, class_number), :3] = color
-        _write(mesh, "class_color", values)
+        write_attribute(mesh, "class_color", values)
         mesh.update()
 
 
@@ -114,9 +127,9 @@ def hide_points(result: bpy.types.Object, class_number: int, *, viewport: bool, 
             if not hidden:
                 continue
             mesh.attributes.new(name, "BOOLEAN", "POINT")
-        values = _read(mesh, name)
+        values = read_attribute(mesh, name)
         values[own] = hidden
-        _write(mesh, name, values)
+        write_attribute(mesh, name, values)
     mesh.update()
 
 
@@ -146,20 +159,21 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
         return None
     mesh = result.data
     world = np.array(result.matrix_world)
-    position = (_read(mesh, "position") - _read(mesh, _LIFT)) @ world[:3, :3].T + world[:3, 3]
+    position = (read_attribute(mesh, "position") - read_attribute(mesh, _LIFT)) @ world[:3, :3].T + world[:3, 3]
     return KeptPlaces(
         position,
-        _read(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,
-        _read(mesh, BODY_LENGTH) if BODY_LENGTH in mesh.attributes else None,
-        *(_read(mesh, name) for name in ("id", "class_index", "size_index")),
+        read_attribute(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,
+        read_attribute(mesh, BODY_LENGTH) if BODY_LENGTH in mesh.attributes else None,
+        *(read_attribute(mesh, name) for name in ("id", "class_index", "size_index")),
     )
 
 
 def _points_of(mesh: bpy.types.Mesh, class_number: int) -> np.ndarray:
-    return np.flatnonzero(_read(mesh, "class_index") == class_number)
+    return np.flatnonzero(read_attribute(mesh, "class_index") == class_number)
 
 
-def _read(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+def read_attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    """Return the values of an attribute of points, shape ``[n]`` or ``[n, k]``."""
     attribute = mesh.attributes[name]
     field, width, dtype = _FIELDS[attribute.data_type]
     values = np.empty(width * len(attribute.data), dtype)
@@ -167,6 +181,7 @@ def _read(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     return values.reshape(-1, width) if width > 1 else values
 
 
-def _write(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+def write_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    """Set the values of an attribute that :func:`read_attribute` has read."""
     attribute = mesh.attributes[name]
     attribute.data.foreach_set(_FIELDS[attribute.data_type][0], np.ascontiguousarray(values).ravel())

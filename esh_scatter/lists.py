@@ -4,6 +4,7 @@ import bpy
 
 from .properties.body_class import ESH_PG_class
 from .properties.layer import ESH_PG_layer
+from .properties.obstacle import ESH_PG_obstacle
 from .properties.scatter import ESH_PG_scatter
 from .properties.size import ESH_PG_size
 
@@ -123,4 +124,28 @@ class ESH_UL_layers(bpy.types.UIList):
         strength.prop(item, "strength", text="", emboss=False)
 
 
-CLASSES = (ESH_UL_classes, ESH_UL_sizes, ESH_UL_layers)
+class ESH_UL_obstacles(bpy.types.UIList):
+    """What the objects of a scatter keep off: its name, and whether they do."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: ESH_PG_scatter,
+        item: ESH_PG_obstacle,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw one obstacle."""
+        row = layout.row(align=True)
+        text = row.row(align=True)
+        text.active = item.use
+        source = item.item if item.kind == "OBJECT" else item.collection
+        icon = "OUTLINER_COLLECTION" if item.kind == "COLLECTION" else "OBJECT_DATA"
+        text.label(text=source.name if source else "nothing yet", icon=icon if source else "ERROR")
+        row.prop(item, "use", text="")
+
+
+CLASSES = (ESH_UL_classes, ESH_UL_sizes, ESH_UL_layers, ESH_UL_obstacles)

@@ -3,6 +3,7 @@
 import bpy
 
 from . import operators
+from .preset_files import built_in_presets
 from .properties.layer import KINDS
 from .properties.scene import active_scatter
 
@@ -15,6 +16,7 @@ _ONLY_BUTTONS = {
     "esh.class_move",
     "esh.size_move",
     "esh.layer_move",
+    "esh.preset_apply",
 }
 # Where groups of layers begin in the menu.
 _GROUPS = tuple(list(KINDS).index(name) for name in ("SLOPE", "DISTANCE"))
@@ -55,6 +57,22 @@ class ESH_MT_layer_add(bpy.types.Menu):
             layout.operator("esh.layer_add", text=kind.label, icon=kind.icon).kind = name
 
 
+class ESH_MT_presets(bpy.types.Menu):
+    """Scatters to begin with."""
+
+    bl_label = "Presets"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        layout = self.layout
+        for path, name in built_in_presets().items():
+            layout.operator("esh.preset_apply", text=name).filepath = path
+        layout.separator()
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("esh.preset_import", icon="IMPORT")
+        layout.operator("esh.preset_export", icon="EXPORT")
+
+
 class ESH_MT_scatters(bpy.types.Menu):
     """The scene's scatters, to choose one."""
 
@@ -71,6 +89,7 @@ class ESH_MT_scatters(bpy.types.Menu):
         layout.separator()
         layout.operator("esh.scatter_selection", icon="PLAY")
         layout.operator("esh.scatter_add", icon="ADD")
+        layout.menu("ESH_MT_presets", icon="PRESET")
 
 
 class ESH_MT_object(bpy.types.Menu):
@@ -102,4 +121,4 @@ def detach() -> None:
     bpy.types.VIEW3D_MT_object.remove(_draw_entry)
 
 
-CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_scatters, ESH_MT_object)
+CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object)

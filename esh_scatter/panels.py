@@ -283,6 +283,67 @@ class ESH_PT_balance(_SubPanel, bpy.types.Panel):
         _draw_settings(column, scatter, SamplingSettings, ("seed",))
 
 
+class ESH_PT_obstacles(_SubPanel, bpy.types.Panel):
+    """What objects keep off."""
+
+    bl_label = "Obstacles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list of obstacles, the selected one, and whether other scatters are some."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        if scatter.obstacles:
+            _draw_list(column, "ESH_UL_obstacles", scatter, "obstacles", "obstacle_index", "obstacle", rows=3)
+        else:
+            column.operator("esh.obstacle_add", text="Add Obstacle", icon="ADD")
+        chosen = scatter.active_obstacle
+        if chosen is not None:
+            column.separator()
+            column.prop(chosen, "kind")
+            column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
+            column.prop(chosen, "width")
+            column.prop(chosen, "margin")
+        column.separator()
+        column.prop(scatter, "keep_off_others")
+
+
+class ESH_PT_instances(_SubPanel, bpy.types.Panel):
+    """Instances that are put where they are by hand."""
+
+    bl_label = "Instances"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only where there is a result."""
+        scatter = active_scatter(context)
+        return scatter is not None and scatter.result_in(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons to pick, pin, turn and remove instances."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        assert result is not None
+        editing = result.mode == "EDIT"
+        row = column.row()
+        row.scale_y = 1.3
+        text, icon = ("Done", "CHECKMARK") if editing else ("Edit Instances", "EDITMODE_HLT")
+        row.operator("esh.instances_edit", text=text, icon=icon)
+        if editing:
+            _write_text(context, column, "Select points and move them (G). What you move stays there in the next run")
+        buttons = column.column(align=True)
+        row = buttons.row(align=True)
+        row.operator("esh.instances_pin", icon="PINNED")
+        row.operator("esh.instances_unpin", icon="UNPINNED")
+        row = buttons.row(align=True)
+        row.operator("esh.instances_turn", icon="FILE_REFRESH")
+        row.operator("esh.instances_remove", icon="X")
+        if len(scatter.free_places):
+            column.operator("esh.instances_refill")
+
+
 class ESH_PT_report(_SubPanel, bpy.types.Panel):
     """What the last run reached."""
 
@@ -377,6 +438,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     column.separator()
     _write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
@@ -568,6 +630,8 @@ CLASSES = (
     ESH_PT_density_more,
     ESH_PT_overlap,
     ESH_PT_balance,
+    ESH_PT_obstacles,
+    ESH_PT_instances,
     ESH_PT_report,
     ESH_PT_display,
     ESH_PT_advanced,

@@ -28,6 +28,11 @@ class Reference:
         self._name = item.name_full
         self._key = key
 
+    @property
+    def uid(self) -> int:
+        """Its number."""
+        return self._uid
+
     def find(self) -> bpy.types.ID | None:
         """Return it, or None where it is no longer in the file."""
         candidates = getattr(bpy.data, self._list)

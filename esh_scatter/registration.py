@@ -17,11 +17,24 @@ from . import (
     running,
     versions,
 )
-from .properties import body_class, layer, placed, scatter, scene, size
+from .properties import body_class, layer, obstacle, placed, scatter, scene, size
 
 __all__ = ["register", "unregister"]
 
-_MODULES = (size, layer, body_class, placed, scatter, scene, lists, operators, menus, panels, exchange_operators)
+_MODULES = (
+    size,
+    layer,
+    body_class,
+    placed,
+    obstacle,
+    scatter,
+    scene,
+    lists,
+    operators,
+    menus,
+    panels,
+    exchange_operators,
+)
 
 
 def register() -> None:

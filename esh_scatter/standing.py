@@ -31,6 +31,8 @@ class Ground:
         fit: Scale that fits the object to its footprint, shape ``[n]``, float32.
         middle: What of an object at scale 1 lies on the point, seen from its origin [m], shape ``[n, 2]``, float32.
         axis: Of a long object, where its longer side points before it is turned [rad], shape ``[n]``, float32.
+        laid: Whether the heading of a long object is the turn about its own axis all the same, as on a whole surface, which is not
+            seen from above, shape ``[n]``, bool.
     """
 
     identity: np.ndarray
@@ -40,6 +42,7 @@ class Ground:
     fit: np.ndarray
     middle: np.ndarray
     axis: np.ndarray
+    laid: np.ndarray
 
     def part(self, chosen: np.ndarray) -> Ground:
         """Return some of the points."""
@@ -79,7 +82,7 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     factor, turn = draw(standing, ground.identity, ground.long, seed)
     scale = (ground.fit * factor).astype(np.float32)
     turn = ground.heading + turn
-    long = np.flatnonzero(ground.long)
+    long = np.flatnonzero(ground.long & ~ground.laid)
     if len(long) and standing.align_to_normal > 0.0:
         slope = slope_of_normal(ground.normal[long], standing.align_to_normal)
         turn[long] = _turn_seen_so(turn[long] + ground.axis[long], slope) - ground.axis[long]

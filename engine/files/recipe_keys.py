@@ -30,7 +30,7 @@ from .recipe_table import RecipeTable
 __all__ = ["WORDS", "NameArray", "keys_of", "plain_value", "read_group", "read_settings", "written_settings"]
 
 # Directions that are no names of images.
-WORDS = ("density", "none")
+WORDS = ("density", "none", "slope")
 # Gets what an array is, "density" for example, and the array; returns the name of its file beside the recipe.
 NameArray = Callable[[str, np.ndarray], str]
 

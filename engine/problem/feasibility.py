@@ -6,18 +6,22 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..errors import ProblemError
 from . import validation
 from .domain import Domain
+from .line import Line
 from .obstacles import Obstacle
 from .prepared_class import PreparedClass
 from .size import Size
+from .surface_directions import SLOPE
 from .validation import show
 
 if TYPE_CHECKING:
     from .problem import Problem
 
-__all__ = ["check_feasible", "check_known_on_surfaces"]
+__all__ = ["check_feasible", "check_known_in_rectangles", "check_known_on_surfaces"]
 
 
 def check_feasible(problem: Problem) -> None:
@@ -42,14 +46,38 @@ def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequenc
             raise ProblemError(f'`clustering` of class "{c.name}" must be 0 on a surface; got {c.clustering:g}')
         for size in c.sizes:
             if size.line is not None:
-                raise ProblemError(
-                    f'`line` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface bodies are dots'
-                )
+                _check_line_on_surface(size.line, f'size "{size.name}" of class "{c.name}"')
             if size.footprint is not None:
                 raise ProblemError(
                     f'`footprint` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface footprints are '
                     "discs"
                 )
+
+
+def check_known_in_rectangles(classes: Sequence[PreparedClass], obstacles: Sequence[Obstacle]) -> None:
+    """Raise ProblemError for what there is on surfaces only."""
+    if any(obstacle.ball is not None for obstacle in obstacles):
+        raise ProblemError("`obstacles` in a rectangle must be polygons, discs or images; a ball needs a Surface")
+    for c in classes:
+        for size in c.sizes:
+            direction = None if size.line is None else size.line.direction
+            if callable(direction) or (isinstance(direction, str) and direction == SLOPE):
+                raise ProblemError(
+                    f'`line.direction` of size "{size.name}" of class "{c.name}" must be another in a rectangle; {show(direction)} '
+                    "needs a Surface"
+                )
+
+
+def _check_line_on_surface(line: Line, where: str) -> None:
+    if isinstance(line.length, np.ndarray):
+        raise ProblemError(f"`line.length` of {where} must be one number on a surface; got an image")
+    if line.straightness is not None:
+        raise ProblemError(f"`line.straightness` of {where} must be None on a surface, where lines do not bend")
+    if not (isinstance(line.direction, str) or callable(line.direction)):
+        raise ProblemError(
+            f'`line.direction` of {where} must be "density", "none", "slope" or a function of points on a surface; got '
+            f"{show(line.direction)}"
+        )
 
 
 def _check_balance(problem: Problem) -> None:

@@ -154,6 +154,22 @@ class Footprint:
         squares = x * x + x * next_x + next_x**2 + y * y + y * next_y + next_y**2
         return float((cross * squares).sum()) / 12.0
 
+    @property
+    def middle(self) -> np.ndarray:
+        """Middle of the core [m], shape ``[2]``: of a polygon its centre of mass."""
+        if len(self.corners) < 3:
+            return self.corners.mean(axis=0)
+        corners = self.corners - self.corners[0]
+        following = np.roll(corners, -1, axis=0)
+        cross = corners[:, 0] * following[:, 1] - following[:, 0] * corners[:, 1]
+        return self.corners[0] + ((corners + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+
+    def with_room(self, room: float) -> Footprint:
+        """The outline so many times as large about its middle, wherever its origin is: above 1 it holds the outline itself."""
+        if room == 1.0:
+            return self
+        return Footprint(self.middle + room * (self.corners - self.middle), self.rounding * room)
+
     def same_as(self, other: Footprint) -> bool:
         """Whether another footprint is the same outline."""
         same = self.corners.shape == other.corners.shape and self.rounding == other.rounding

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,13 @@ from . import validation
 from .settings import Settings, described, setting
 
 __all__ = ["Line"]
+
+
+def _check_direction(value: object, key: str) -> str | float | np.ndarray | Callable[..., Any]:
+    """Return a preferred direction; those that there are on surfaces only are told from the others where the domain is known."""
+    if callable(value) or (isinstance(value, str) and value == "slope"):
+        return value
+    return validation.check_direction(value, key)
 
 
 @described
@@ -32,14 +41,16 @@ class Line(Settings):
             check=validation.check_line_length,
         )
     )
-    direction: str | float | np.ndarray = field(
+    direction: str | float | np.ndarray | Callable[..., Any] = field(
         default="density",
         metadata=setting(
             "Preferred direction",
             more='``"density"`` (along the edges of the class\'s density, by its structure tensor, equation 8 of the paper), '
             '``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the right, y up) '
-            "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi",
-            check=validation.check_direction,
+            "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi. On a surface: "
+            '``"density"``, ``"none"``, ``"slope"`` (where water runs), or a function of points, such as '
+            ":class:`~esh.SurfaceVectors`, that returns a vector for each",
+            check=_check_direction,
         ),
     )
     width: float | None = field(

@@ -22,7 +22,7 @@ from .balance import Balance
 from .body_class import BodyClass
 from .clumps import with_clumps
 from .domain import Domain
-from .feasibility import check_feasible, check_known_on_surfaces
+from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .packing import packable_share, scale_to_fit
@@ -136,11 +136,8 @@ class Problem(SamplingSettings):
             if obstacles:
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
         else:
+            check_known_in_rectangles(bases, obstacles)
             prepared = tuple(with_clumps(c, index, domain, seed) for index, c in enumerate(bases))
-            if any(obstacle.ball is not None for obstacle in obstacles):
-                raise ProblemError(
-                    "`obstacles` in a rectangle must be polygons, discs or images; a ball needs a Surface"
-                )
             if obstacles:
                 prepared = tuple(cut_out(c, domain, obstacles) for c in prepared)
         prepared = _sharing_images(prepared)

@@ -46,8 +46,8 @@ class Given:
     """What outlines bodies have: shape, factor on it, how it is turned, and of lines the length of the axis and the thickness.
 
     Corners of the shapes, one shape after the other from ``start`` on, and their roundings, reaches and widths without roundings. The
-    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on all of it. ``slope`` is that of the plane
-    that it lies in; there is none where all planes are horizontal.
+    last shape is the axis of a line, of half length 1; a body's ``smaller`` is a factor on it about the ``middle`` of the shape.
+    ``slope`` is that of the plane that it lies in; there is none where all planes are horizontal.
     """
 
     shape: wp.array(dtype=wp.int32)
@@ -58,6 +58,7 @@ class Given:
     smaller: wp.array(dtype=wp.float64)
     start: wp.array(dtype=wp.int32)
     corner: wp.array(dtype=wp.vec2d)
+    middle: wp.array(dtype=wp.vec2d)
     shape_rounding: wp.array(dtype=wp.float64)
     shape_reach: wp.array(dtype=wp.float64)
     shape_width: wp.array(dtype=wp.float64)
@@ -88,8 +89,10 @@ def lay_out(
     shape = given.shape[i]
     scale = given.factor[i] * given.smaller[i]
     rounding = given.shape_rounding[shape] * scale
-    reach = given.shape_reach[shape] * scale
+    stays = given.middle[shape] * (given.factor[i] - scale)
+    reach = given.shape_reach[shape] * given.factor[i]
     if shape == given.capsule:
+        stays = wp.vec2d(ZERO, ZERO)
         scale = HALF * given.length[i] * given.smaller[i]
         rounding = HALF * given.width[i] * given.smaller[i]
         reach = HALF * (given.length[i] + given.width[i]) * given.smaller[i]
@@ -112,8 +115,8 @@ def lay_out(
     count = given.start[shape + 1] - begin
     to = shapes.first_corner[i]
     for k in range(count):
-        p = given.corner[begin + k] * scale
-        q = given.corner[begin + (k + 1) % count] * scale
+        p = given.corner[begin + k] * scale + stays
+        q = given.corner[begin + (k + 1) % count] * scale + stays
         at = seen_from_above(p, c, s, slope)
         edge = seen_from_above(q, c, s, slope) - at
         size = wp.length(edge)

@@ -201,6 +201,8 @@ def _laid_out(
     given.width, given.smaller = numbers(width), numbers(smaller)
     given.start = wp.array(start, dtype=wp.int32, device=device)
     given.corner = wp.array(np.concatenate(cores), dtype=wp.vec2d, device=device)
+    middles = np.array([*(outline.middle for outline in outlines), np.zeros(2)])
+    given.middle = wp.array(middles, dtype=wp.vec2d, device=device)
     given.shape_rounding = numbers(np.array([*(outline.rounding for outline in outlines), 0.0]))
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))

@@ -32,7 +32,7 @@ BODIES_AT_ONCE = 32
 # many as that has of all bodies.
 LONG = 2.0
 CROWDED = 0.4
-MOST_SETTLING = 5
+MOST_SETTLING = 10
 BODIES_TO_SETTLE = 50_000
 
 

@@ -20,7 +20,7 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from . import kernels_descent, kernels_separation
+from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
 from .model import Model
 from .spatial_order import spatial_order
@@ -52,6 +52,9 @@ MOST_ROUNDS = 2500
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
+# Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
+TOO_CROWDED = 0.86
+ROUNDS_OF_THE_TOO_CROWDED = 500
 # Where footprints cover more than the ground, none of this helps: so many rounds, of many bodies as many as this has of all bodies.
 ROUNDS_OF_THE_HOPELESS = 150
 FEWEST_ROUNDS = 15
@@ -129,17 +132,20 @@ def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.n
         length: Length of every line's axis [m].
         width: Thickness of every line [m].
     """
-    cores = [outline.corners for outline in footprints.shapes]
+    is_line = footprints.shape == CAPSULE
+    kinds, kind = np.unique(np.stack([footprints.shape, footprints.room])[:, ~is_line], axis=1, return_inverse=True)
+    outlines = [footprints.shapes[int(number)].with_room(float(room)) for number, room in kinds.T]
+    cores = [outline.corners for outline in outlines]
     # The axis of a line, of half length 1.
     cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
     capsule = len(cores) - 1
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    is_line = footprints.shape == CAPSULE
-    shape = np.where(is_line, capsule, footprints.shape).astype(np.int32)
+    shape = np.full(len(is_line), capsule, np.int32)
+    shape[~is_line] = kind.ravel()
     room, around = footprints.room, 0.5 * footprints.gap
     half = 0.5 * length * room
-    factor = np.where(is_line, half, footprints.factor * room)
-    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in footprints.shapes]
+    factor = np.where(is_line, half, footprints.factor)
+    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in outlines]
     rounding, narrow, reach, square = np.array([*own, (0.0, 0.0, 1.0, 0.0)]).T[:, shape]
     rounding = np.where(is_line, 0.5 * width * room, rounding * factor) + around
     area = footprints.areas(length, width, apart=True)
@@ -250,7 +256,7 @@ class Separation:
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
-    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_separation.Slopes | None:
+    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_outlines.Slopes | None:
         """Slopes of the planes that outlines lie in; None where all are horizontal."""
         footprints, device = self._model.footprints, self.launcher.device
         if not footprints.slopes:
@@ -260,7 +266,7 @@ class Separation:
             return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
 
         pixels = [image.reshape(-1, 2) for image in footprints.slopes]
-        slopes = kernels_separation.Slopes()
+        slopes = kernels_outlines.Slopes()
         slopes.image = whole(footprints.slope[order])
         slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
         slopes.rows = whole([image.shape[0] for image in footprints.slopes])
@@ -270,7 +276,7 @@ class Separation:
 
     def _outlines_for_kernels(
         self, tables: FootprintTables, order: np.ndarray, **others: np.ndarray
-    ) -> kernels_separation.Outlines:
+    ) -> kernels_outlines.Outlines:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
@@ -281,7 +287,7 @@ class Separation:
 
         corners = np.diff(tables.start)[tables.shape][order]
         first = np.concatenate([[0], np.cumsum(corners)])
-        outlines = kernels_separation.Outlines()
+        outlines = kernels_outlines.Outlines()
         outlines.body = whole(order)
         outlines.first_corner = whole(first)
         outlines.shape = whole(tables.shape[order])
@@ -341,7 +347,7 @@ class Separation:
         self._settings = wp.zeros(5, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
-        pairs = kernels_separation.Pairs()
+        pairs = kernels_pairs.Pairs()
         pairs.start = launcher.zeros(n + 1, wp.int32)
         pairs.count = launcher.zeros(n, wp.int32)
         self._pairs = pairs
@@ -355,7 +361,7 @@ class Separation:
         """
         self._again = again
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._covered <= 1.0 and self._swappable:
+        if parted is False and self._fixed and self._covered <= TOO_CROWDED and self._swappable:
             self._place.assign(self._start)
             self._home.assign(self._start)
             parted = self._try(go_on, hot=True)
@@ -378,7 +384,7 @@ class Separation:
     def _most_rounds(self) -> int:
         if self._covered > 1.0:
             return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
-        return MOST_ROUNDS
+        return MOST_ROUNDS if self._covered <= TOO_CROWDED else ROUNDS_OF_THE_TOO_CROWDED
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
@@ -440,7 +446,7 @@ class Separation:
     def _rebuild(self) -> None:
         """List the pairs that are near."""
         launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
-        launcher.launch(kernels_separation.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
+        launcher.launch(kernels_pairs.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
         self._turn_corners()
         near.sort(self._place)
         search = [
@@ -453,7 +459,7 @@ class Separation:
             self._image_range,
             max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n)),
         ]
-        launcher.launch(kernels_separation.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
         start = np.zeros(n + 1, np.int64)
         np.cumsum(pairs.count.numpy(), out=start[1:])
         slots = max(int(start[-1]), 1)
@@ -465,21 +471,21 @@ class Separation:
             self._seconds = CellSort(launcher, self._slots, n + 1)
             self._forget()
         pairs.start.assign(start.astype(np.int32))
-        launcher.launch(kernels_separation.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
-        self._seconds.sort(kernels_separation.second_keys, [pairs.start, pairs, n])
+        launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        self._seconds.sort(kernels_pairs.second_keys, [pairs.start, pairs, n])
         if self._one_round is None:
             self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
 
     def _turn_corners(self) -> None:
         if self._slopes is not None:
             self.launcher.launch(
-                kernels_separation.find_slopes,
+                kernels_outlines.find_slopes,
                 self._count,
                 [self._place, self._slopes, self._space],
                 [self._outlines.slope],
             )
         self.launcher.launch(
-            kernels_separation.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
+            kernels_outlines.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
         )
 
     def _launch_find(self) -> None:
@@ -569,7 +575,7 @@ class Separation:
         near.sort(self._place)
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
         self.launcher.launch(
-            kernels_separation.propose_swaps,
+            kernels_trials.propose_swaps,
             len(stuck),
             [
                 wp.array(stuck.astype(np.int32), dtype=wp.int32, device=device),
@@ -618,14 +624,14 @@ class Separation:
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
             launcher.launch(
-                kernels_separation.find_costs,
+                kernels_trials.find_costs,
                 n,
                 [self._place, *search, self._image_range, self._inset],
                 [cost],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             launcher.launch(
-                kernels_separation.propose_turns,
+                kernels_trials.propose_turns,
                 n,
                 [
                     TRIALS,
@@ -643,7 +649,7 @@ class Separation:
                 grain=8,
             )
             launcher.launch(
-                kernels_separation.accept_turns,
+                kernels_trials.accept_turns,
                 n,
                 [angle, gain, *search, self._place],
                 [self._place, turned],

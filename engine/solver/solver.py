@@ -343,7 +343,7 @@ class Solver:
             again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
         """
         if isinstance(self.descent, SurfaceDescent):
-            if self.descent.contact is None:
+            if self.descent.contact is None or not self.model.problem.avoid_overlap:
                 return True
             with self.launcher.phase("contact"):
                 return self.descent.separate(go_on)

@@ -21,12 +21,13 @@ from ..problem.surface import Surface
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
-from . import kernels_direction, kernels_on_surface
+from . import kernels_direction, kernels_on_surface, kernels_surface_lines
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
-from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed
+from .surface_line_rules import SurfaceLineRules
+from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_state import SurfaceState
 
 __all__ = ["SurfaceDescent"]
@@ -57,6 +58,7 @@ class SurfaceDescent:
         facets: The surface, cut.
         cascade: The forces.
         ground: What kernels know of the surface.
+        rules: What lines are to do.
         charges: Where the charges are.
         step: A whole step, recorded.
     """
@@ -99,21 +101,25 @@ class SurfaceDescent:
         self.charges.weight = launcher.empty(charge_count, wp.vec2)
         self.charges.home = launcher.empty(charge_count, wp.int32)
         self.field_at_charge = launcher.zeros(charge_count, wp.vec3)
-        self._change = launcher.zeros(n, wp.vec3)
+        self._change, self._turn_change = launcher.zeros(n, wp.vec3), launcher.zeros(n, wp.vec2)
+        self.rules = SurfaceLineRules(model, launcher, self.facets)
+        self._has_dots = bool((model.body.kind < 0).any())
         slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
-        kinds = kernels_direction.LENGTHS
+        kinds = kernels_direction.LENGTHS + self.rules.kind_count
         room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
         self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
         self._totals = launcher.zeros(kinds, wp.int64)
-        self._no_lines = launcher.zeros(1, float)
         self.direction = launcher.zeros(4, float)
         self.state = self._first_state(started)
         if start is not None:
             start(self)
         if fixed is not None:
-            self._put(np.flatnonzero(model.fixed), fixed)
+            rows = np.flatnonzero(model.fixed)
+            self._put(rows, fixed)
+            self._lay(rows, self.rules.fixed_axes(self.facets.normal[fixed[0]]))
+        self.rules.lines.length_factor = self.state.length_factor
         self.contact: SurfaceContact | None = None
-        if model.problem.avoid_overlap:
+        if model.problem.avoid_overlap or self.rules.kind_count:
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground)
         self.place_charges()
         self.step = launcher.record(self.take_step)
@@ -149,28 +155,51 @@ class SurfaceDescent:
 
     def place_charges(self) -> None:
         """Put the charges of all bodies where these are."""
-        self.launcher.launch(
-            kernels_on_surface.place_dots,
-            self.model.body_count,
-            [self.state.facet, self.state.weight, self.bodies, self.ground],
-            [self.charges],
-        )
+        n, state = self.model.body_count, self.state
+        if self._has_dots:
+            self.launcher.launch(
+                kernels_on_surface.place_dots, n, [state.facet, state.weight, self.bodies, self.ground], [self.charges]
+            )
+        if self.rules.kind_count:
+            self.launcher.launch(
+                kernels_surface_lines.place_lines,
+                n,
+                [state.facet, state.weight, state.axis, self.bodies, self.ground],
+                [self.charges],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
 
     def _propose(self) -> None:
-        self.launcher.launch(
-            kernels_on_surface.propose_dots,
-            self.model.body_count,
-            [
-                self.charges,
-                self.field_at_charge,
-                self.bodies,
-                self.ground,
-                int(self.contact is not None),
-                self.state.displacement,
-            ],
-            [self.state.move, self._change, self._sums],
-            per_thread=True,
-        )
+        n, state, in_contact = self.model.body_count, self.state, int(self.contact is not None)
+        if self._has_dots:
+            self.launcher.launch(
+                kernels_on_surface.propose_dots,
+                n,
+                [self.charges, self.field_at_charge, self.bodies, self.ground, in_contact, state.displacement],
+                [state.move, self._change, self._sums],
+                per_thread=True,
+            )
+        if self.rules.kind_count:
+            self.launcher.launch(
+                kernels_surface_lines.propose_lines,
+                n,
+                [
+                    state.facet,
+                    state.weight,
+                    state.axis,
+                    self.charges,
+                    self.field_at_charge,
+                    self.bodies,
+                    self.rules.lines,
+                    self.rules.preferred,
+                    self.ground,
+                    in_contact,
+                    state.displacement,
+                    state.turned,
+                ],
+                [state.move, state.turn, self._change, self._turn_change, self._sums],
+                per_thread=True,
+            )
 
     def _decide(self) -> None:
         kinds, slots = self._totals.shape[0], self._sums.shape[2]
@@ -179,18 +208,38 @@ class SurfaceDescent:
         self.launcher.launch(
             kernels_direction.decide_direction,
             1,
-            [0, self._no_lines, self._no_lines],
+            [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
             [self._totals, self.direction, self.state.length_factor],
         )
 
     def _move(self) -> None:
-        self.launcher.launch(
-            kernels_on_surface.move_dots,
-            self.model.body_count,
-            [self.direction, self.bodies, self.ground, self._change],
-            [self.state.move, self.state.facet, self.state.weight, self.state.displacement, self.charges],
-            grain=GRAIN_OF_NEIGHBOURS,
-        )
+        n, state = self.model.body_count, self.state
+        if self._has_dots:
+            self.launcher.launch(
+                kernels_on_surface.move_dots,
+                n,
+                [self.direction, self.bodies, self.ground, self._change],
+                [state.move, state.facet, state.weight, state.displacement, self.charges],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+        if self.rules.kind_count:
+            self.launcher.launch(
+                kernels_surface_lines.move_lines,
+                n,
+                [
+                    self.direction,
+                    self.bodies,
+                    self.rules.lines,
+                    self.ground,
+                    self._change,
+                    self._turn_change,
+                    state.turn,
+                ],
+                [state.move, state.facet, state.weight, state.axis, state.displacement, state.turned],
+                grain=GRAIN_OF_NEIGHBOURS,
+            )
+            if self.contact is None:
+                self.place_charges()
 
     def _cut_by_detail(self) -> np.ndarray:
         """Cut facets finer where densities change fast; return the share of every class's density on every tile."""
@@ -260,9 +309,13 @@ class SurfaceDescent:
         self._put(np.arange(len(source)), spots)
         came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
         if len(came):
-            axis = self.state.axis.numpy().copy()
-            axis[came] = before.axis.numpy()[source[came]]
-            self.state.axis.assign(axis)
+            self._lay(came, before.axis.numpy()[source[came]])
+
+    def _lay(self, rows: np.ndarray, axis: np.ndarray) -> None:
+        """Give some bodies an axis."""
+        axes = self.state.axis.numpy().copy()
+        axes[rows] = axis
+        self.state.axis.assign(axes)
 
     def _put(self, rows: np.ndarray, spots: tuple[np.ndarray, np.ndarray]) -> None:
         """Put some bodies somewhere."""
@@ -295,14 +348,17 @@ class SurfaceDescent:
             ],
             [facet, weight],
         )
+        axis = np.zeros((n, 3))
+        if self.rules.kind_count:
+            axis = self.rules.first_axes(facet.numpy(), tiles_of(self.facets, facet.numpy(), weight.numpy()))
         return SurfaceState(
             facet=facet,
             weight=weight,
             displacement=launcher.zeros(n, wp.vec3),
             move=launcher.zeros(n, wp.vec3),
-            axis=launcher.zeros(n, wp.vec3),
+            axis=wp.array(axis.astype(np.float32), dtype=wp.vec3, device=device),
             turned=launcher.zeros(n, wp.vec2),
             turn=launcher.zeros(n, wp.vec2),
-            length_factor=launcher.zeros(1, float),
+            length_factor=wp.array(np.ones(max(self.rules.kind_count, 1), np.float32), dtype=float, device=device),
             steps=np.zeros(1, np.int32),
         )

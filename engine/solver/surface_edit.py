@@ -13,7 +13,7 @@ from ..surface.facets import Facets
 from .body_flags import BodyFlags
 from .edit import UNCHANGED, CarriedOver
 from .model import Model
-from .surface_places import Spots, TilePlaces, spots_of_points
+from .surface_places import Spots, TilePlaces, spots_of_points, tiles_of
 
 __all__ = ["carry_over_on_surface"]
 
@@ -55,7 +55,7 @@ def carry_over_on_surface(
 
     tile_area, places = facets.tile_area, TilePlaces(facets, rng)
     middles = facets.surface.points(*facets.in_triangle(*facets.tiles(np.arange(facets.count))))
-    tile_of_old = _tiles_of(facets, old_facet, old_weight)
+    tile_of_old = tiles_of(facets, old_facet, old_weight)
     rank_on_curve = np.argsort(np.argsort(tile_of_old, kind="stable"), kind="stable")
     old_classes = {c.name: index for index, c in enumerate(old.problem.classes)}
     for c, body_class in enumerate(model.problem.classes):
@@ -96,7 +96,7 @@ def carry_over_on_surface(
     new = (source < 0) & ~model.fixed
     identity[new] = first_identity + np.arange(int(new.sum()))
     # Where the density is 0 now nobody stays.
-    own_share = share[body.class_index, _tiles_of(facets, facet, weight)]
+    own_share = share[body.class_index, tiles_of(facets, facet, weight)]
     for row in np.flatnonzero((own_share <= 0.0) & ~model.fixed).tolist():
         (facet[row],), (weight[row],) = places.draw(share[body.class_index[row]], 1)
     position = points.position
@@ -124,13 +124,3 @@ def _staying(
     if len(staying) > most:
         staying = np.delete(staying, np.linspace(0, len(staying) - 1, len(staying) - most).astype(int))
     return np.sort(staying)
-
-
-def _tiles_of(facets: Facets, facet: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return the number of the tile that each place is on, as kernels count them."""
-    cuts = facets.cuts[facet]
-    x, y = weight[:, 0].astype(np.float64) * cuts, weight[:, 1].astype(np.float64) * cuts
-    j = np.clip(np.floor(y).astype(np.int64), 0, cuts - 1)
-    i = np.clip(np.floor(x).astype(np.int64), 0, cuts - 1 - j)
-    upper = (i < cuts - 1 - j) & ((x - i) + (y - j) > 1.0)
-    return facets.first_tile[facet] + j * (2 * cuts - j) + 2 * i + upper

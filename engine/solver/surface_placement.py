@@ -9,6 +9,7 @@ from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
 from .model import Model
+from .surface_line_rules import tangent_frame
 from .surface_state import SurfaceState
 
 __all__ = ["placement_on_surface", "points_of"]
@@ -32,10 +33,14 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
     normal = points.normal
     axis = state.axis.numpy().astype(np.float64)
     half = np.linalg.norm(axis, axis=1)
-    tangent = _tangents(normal)
+    first, second = tangent_frame(normal)
+    tangent = first.copy()
     tangent[half > 0.0] = axis[half > 0.0] / half[half > 0.0, None]
     tangent -= (tangent * normal).sum(axis=1, keepdims=True) * normal
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    angle = np.where(half > 0.0, np.arctan2((tangent * second).sum(axis=1), (tangent * first).sum(axis=1)), 0.0)
+    # A line has no front.
+    angle = angle - np.pi * np.round(angle / np.pi)
     length = 2.0 * half * model.unit
     width = model.widths(length) if model.kinds else np.zeros(len(length))
     mesh, triangle, barycentric = points.source()
@@ -44,7 +49,7 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
         points.position[shown],
         body.class_index[shown],
         body.size_index[shown],
-        np.zeros(int(shown.sum())),
+        angle[shown],
         length[shown],
         width[shown],
         id=body.identity[shown].astype(np.int64),
@@ -55,10 +60,3 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
         triangle=triangle[shown].astype(np.int32),
         barycentric=barycentric[shown],
     )
-
-
-def _tangents(normal: np.ndarray) -> np.ndarray:
-    """Directions along the surface nearest to x, or to y where it looks along x; not yet of length 1."""
-    along_x = np.abs(normal[:, :1]) > 0.9
-    wanted = np.where(along_x, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    return wanted - (wanted * normal).sum(axis=1, keepdims=True) * normal

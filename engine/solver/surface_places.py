@@ -18,11 +18,13 @@ from .model import Model
 __all__ = [
     "TilePlaces",
     "balls_of",
+    "cells_of",
     "clear_of_balls",
     "clearances",
     "left_by_fixed",
     "spots_of_fixed",
     "spots_of_points",
+    "tiles_of",
 ]
 
 # Bodies that are fixed take the place of others in cells of about so many spacings of their class.
@@ -109,7 +111,7 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
         total = float(charge[of_class].sum())
         cell = CELL_OF_FIXED * math.sqrt(facets.area.sum() / int(of_class.sum()))
         own = class_of_fixed == k
-        keys = _cells(
+        keys = cells_of(
             np.concatenate([middle, place[own]]),
             np.concatenate([facets.normal[facet_of_tile], facets.normal[spots[0][own]]]),
             cell,
@@ -208,7 +210,7 @@ def _positions(facets: Facets, spots: Spots) -> tuple[np.ndarray, np.ndarray]:
     return np.einsum("nk,nkd->nd", full, facets.corner[facet]), full
 
 
-def _cells(place: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
+def cells_of(place: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
     """Number of the cell that each place is in, another one for each of six directions that the surface looks to."""
     cell = np.floor(place / size).astype(np.int64)
     cell -= cell.min(axis=0)
@@ -223,3 +225,13 @@ def _inside(weight: np.ndarray) -> np.ndarray:
     weight = np.maximum(weight, 0.0)
     weight /= weight.sum(axis=1, keepdims=True)
     return weight[:, 1:].astype(np.float32)
+
+
+def tiles_of(facets: Facets, facet: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return the number of the tile that each place is on, as kernels count them."""
+    cuts = facets.cuts[facet]
+    x, y = weight[:, 0].astype(np.float64) * cuts, weight[:, 1].astype(np.float64) * cuts
+    j = np.clip(np.floor(y).astype(np.int64), 0, cuts - 1)
+    i = np.clip(np.floor(x).astype(np.int64), 0, cuts - 1 - j)
+    upper = (i < cuts - 1 - j) & ((x - i) + (y - j) > 1.0)
+    return facets.first_tile[facet] + j * (2 * cuts - j) + 2 * i + upper

@@ -35,9 +35,11 @@ FEWEST_SPACINGS = {True: 60.0, False: 30.0}
 # themselves. Where contact parts footprints, one more pass comes after the last warp.
 SHIFTS = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (0.0, 0.0))
 SHIFTS_OF_CONTACT = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (1.0 / 6.0, 5.0 / 6.0), (0.0, 0.0))
-# Cells of the coarse grid over the spacing of all bodies, and how many there are at most.
+# Cells of the coarse grid over the spacing of all bodies, and how many there are at most of all groups.
 CELL = 2.0
-MOST_CELLS = 8_000_000
+MOST_CELLS = 24_000_000
+# Groups of fewer bodies to a tile are spread over the whole domain before all others start, if they are no more than so many.
+RARE_PER_TILE, MOST_RARE = 100, 50_000
 # Pixels along either side that densities are looked at with before anything is known.
 SURVEY = 512
 
@@ -103,6 +105,7 @@ class Plan:
         directions: Of every line with directions that are an image: double-angle vectors, shape ``[height, width, 2]``.
         georeference: Where the domain lies.
         longest: Longest axis of a line [m].
+        rare: Groups that are spread as a whole, because tiles have too few of them to be even.
     """
 
     problem: Problem
@@ -116,6 +119,7 @@ class Plan:
     directions: dict[tuple[int, int], np.ndarray]
     georeference: tuple[Georeference, tuple[int, int]] | None
     longest: float
+    rare: tuple[int, ...]
 
 
 def read_scene(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
@@ -193,7 +197,7 @@ def make_plan(run: TileRun) -> Plan:
     units = tuple(units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1))
     spacing = math.sqrt(problem.rectangle.area / groups.body_count)
     fine = _typical_spacing(problem, sources)
-    cell = max(CELL * spacing, math.sqrt(problem.rectangle.area / MOST_CELLS))
+    cell = max(CELL * spacing, math.sqrt(problem.rectangle.area * groups.number / MOST_CELLS))
     shape = tuple(max(4, round(length / cell)) for length in size[::-1])
     lines = {
         (c, s): member.line
@@ -213,7 +217,16 @@ def make_plan(run: TileRun) -> Plan:
         _directions(problem, lines),
         scene.georeference,
         max((line.longest for line in lines.values()), default=0.0),
+        _rare(groups, run.tiles),
     )
+
+
+def _rare(groups: TileGroups, tiles: tuple[int, int]) -> tuple[int, ...]:
+    """Groups that are too few for tiles; levels of a range are even together."""
+    most = min(RARE_PER_TILE * tiles[0] * tiles[1], MOST_RARE)
+    if tiles == (1, 1):
+        return ()
+    return tuple(g for g, count in enumerate(groups.count.tolist()) if count < most and not groups.sizes[g].is_range)
 
 
 def uncut(body_class: PreparedClass) -> PreparedClass:

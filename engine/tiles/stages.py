@@ -14,12 +14,13 @@ from .plan import Plan, TileRun, make_plan
 from .tile_files import TILE_WRITERS, tile_name
 from .window import density_of_class, onto_densities, relax, start_bodies
 
-__all__ = ["COUNTS", "TARGET", "TOTALS", "flow_folder", "make_part", "part_path", "stage_names"]
+__all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "flow_folder", "make_part", "part_path", "stage_names"]
 
 # Files of the work folder.
 COUNTS = "counts.npy"
 TARGET = "target.npy"
 TOTALS = "totals.npy"
+RARE = "rare.npz"
 
 
 def stage_names(passes: int) -> list[str]:
@@ -71,9 +72,11 @@ def _start(run: TileRun, plan: Plan, number: int) -> int:
     """Put the bodies of a tile where they start."""
     begin, end = np.load(run.work / COUNTS, mmap_mode="r")[:, :, number]
     parts = [plan.groups.identities(g, int(a), int(b)) for g, (a, b) in enumerate(zip(begin, end, strict=True))]
-    identity = np.sort(np.concatenate(parts))
     box = plan.layout.box((0.0, 0.0), number)
-    bodies = start_bodies(plan, box, identity, number, run.device)
+    with np.load(run.work / RARE, allow_pickle=False) as stored:
+        here = box.holds(stored["position"])
+        rare, place = stored["identity"][here], stored["position"][here]
+    bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
     _write(run, plan, "start", number, bodies)
     return len(bodies)
 

@@ -8,6 +8,7 @@ there as a whole or not at all; so a run that is killed goes on where it was, an
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 import os
@@ -32,8 +33,9 @@ from .bodies import read_patch, write_atomically
 from .coarse import SCALE, solve_flow
 from .layout import hilbert_order
 from .plan import Plan, TileRun, choose_tiles, make_plan, read_scene
-from .stages import COUNTS, TARGET, TOTALS, flow_folder, make_part, part_path, stage_names
+from .stages import COUNTS, RARE, TARGET, TOTALS, flow_folder, make_part, part_path, stage_names
 from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
+from .window import spread_rare
 
 __all__ = ["STEPS", "TileState", "solve_tiles"]
 
@@ -355,6 +357,8 @@ def _count_bodies(run: TileRun, plan: Plan) -> None:
     for g, c in enumerate(plan.groups.class_index.tolist()):
         share = np.cumsum(integral[c, order])
         share /= share[-1]
+        if g in plan.rare:
+            continue
         phase = (0.5 + GOLDEN * g) % 1.0
         count = int(plan.groups.count[g])
         # The curve ends with all of them, whatever rounding says.
@@ -362,6 +366,10 @@ def _count_bodies(run: TileRun, plan: Plan) -> None:
         end[share >= share[-1]] = count
         result[0, g, order] = np.concatenate([[0], end[:-1]])
         result[1, g, order] = end
+    identity, position = spread_rare(plan, np.load(run.work / TARGET), run.device)
+    file = io.BytesIO()
+    np.savez(file, identity=identity, position=position)
+    write_atomically(run.work / RARE, file.getvalue())
     _save(run.work / COUNTS, result)
 
 
@@ -377,16 +385,20 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
     there = np.zeros((groups.number, *grid.shape), np.int64)
     for number in range(parts):
         read_patch(part_path(run, before, number)).add_to(there)
-    asked = [
-        target[c] * (int(n) / target[c].sum()) for c, n in zip(groups.class_index.tolist(), groups.count, strict=True)
-    ]
+
+    def asked(group: int) -> np.ndarray:
+        density = np.array(target[groups.class_index[group]])
+        return density * (int(groups.count[group]) / density.sum())
+
     for layer in range(layers):
         if what == "groups":
-            count, wanted = there[layer] / SCALE, asked[layer]
+            count, wanted = there[layer] / SCALE, asked(layer)
             spacing = math.sqrt(math.prod(grid.size) / int(groups.count[layer]))
         else:
-            count = np.tensordot(weight, there / SCALE, axes=1)
-            wanted = np.tensordot(weight, np.array(asked), axes=1)
+            count, wanted = np.zeros(grid.shape), np.zeros(grid.shape)
+            for g in range(groups.number):
+                count += (weight[g] / SCALE) * there[g]
+                wanted += weight[g] * asked(g)
             spacing = plan.spacing
         folder = flow_folder(run, stage, layer)
         folder.mkdir(parents=True, exist_ok=True)
@@ -396,8 +408,6 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
 
 
 def _save(path: Path, values: np.ndarray) -> None:
-    import io
-
     file = io.BytesIO()
     np.save(file, values, allow_pickle=False)
     write_atomically(path, file.getvalue())
@@ -406,6 +416,8 @@ def _save(path: Path, values: np.ndarray) -> None:
 def _write_index(run: TileRun, plan: Plan) -> None:
     """List the tiles."""
     counts = np.diff(np.load(run.work / COUNTS), axis=0)[0]
+    with np.load(run.work / RARE, allow_pickle=False) as stored:
+        rare = len(stored["identity"])
     columns, rows = plan.layout.tiles
     tiles = []
     for number in range(columns * rows):
@@ -421,7 +433,7 @@ def _write_index(run: TileRun, plan: Plan) -> None:
         )
     listed = {
         "bodies": plan.groups.body_count,
-        "counted": int(counts.sum()),
+        "counted": int(counts.sum()) + rare,
         "size": list(plan.layout.size),
         "classes": [
             {"name": c.name, "sizes": [{"name": s.name, "count": s.count} for s in c.sizes]}

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import warp as wp
 
 from ..device.launcher import Launcher, resolve_device
 from ..errors import ProblemError
@@ -33,7 +34,7 @@ from .density_windows import into_pixels, sample_source
 from .layout import Box
 from .plan import Plan
 
-__all__ = ["density_of_class", "launcher_on", "onto_densities", "relax", "start_bodies"]
+__all__ = ["density_of_class", "launcher_on", "onto_densities", "relax", "spread_rare", "start_bodies"]
 
 # Pixels of a window's densities over the typical spacing.
 PIXELS_PER_SPACING = 4.0
@@ -44,6 +45,8 @@ MARGIN, TAPER = 5.0, 4.0
 MOST_MARGIN = 0.25
 # Faded densities stay above zero where they were.
 LEAST_FADED = 1e-4
+# Steps in which rare bodies are spread.
+STEPS_OF_RARE = 100
 # Positions are rounded to this share of a spacing, less than float32 holds of them in a window: files are smaller.
 ROUNDING = 2.0**-18
 
@@ -69,23 +72,73 @@ def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
         return np.zeros((1, 1), np.float32)
 
 
-def start_bodies(plan: Plan, box: Box, identity: np.ndarray, tile: int, device: str) -> PartBodies:
+def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray, np.ndarray]:
+    """Spread the rare groups over the whole domain, as if there were no others.
+
+    Args:
+        plan: The plan.
+        target: Share of every class's density in the cells of the coarse grid, shape ``[classes, rows, columns]``,
+            row 0 at the bottom.
+        device: Where to run.
+
+    Returns:
+        Their numbers, ascending, and their positions [m], shape ``[n, 2]``.
+    """
+    tiles, whole = plan.groups, plan.problem.rectangle
+    rare = np.array(plan.rare, np.int64)
+    identity = np.concatenate([np.zeros(0, np.int64), *(np.arange(tiles.first[g], tiles.first[g + 1]) for g in rare)])
+    if not len(identity):
+        return identity, np.zeros((0, 2))
+    classes = []
+    for c in np.unique(tiles.class_index[rare]).tolist():
+        own = rare[tiles.class_index[rare] == c]
+        # Where they stand is all that is asked here, so lines are dots.
+        sizes = tuple(replace(with_count(tiles.sizes[g], int(tiles.count[g])), line=None) for g in own.tolist())
+        classes.append(PreparedClass(plan.problem.classes[c].name, sizes, target[c][::-1].astype(np.float32)))
+    domain = Domain(whole.size, whole.boundary)
+    problem = Problem(domain, classes, Balance(size_emphasis=1.0), plan.problem.seed)
+    group = np.repeat(np.arange(len(rare)), tiles.count[rare]).astype(np.int32)
+    class_index = np.unique(tiles.class_index[rare], return_inverse=True)[1].ravel()
+    model = Model(problem, groups=Groups(group, class_index, tiles.matrix[np.ix_(rare, rare)]))
+    launcher = launcher_on(device, os.getpid())
+    descent = Descent(model, launcher)
+    try:
+        for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
+            descent.step.play()
+        return identity, position_in_metres(model, descent.state)
+    finally:
+        launcher.release(descent.step)
+
+
+def start_bodies(
+    plan: Plan, box: Box, identity: np.ndarray, tile: int, device: str, rare: tuple[np.ndarray, np.ndarray]
+) -> PartBodies:
     """Put bodies of a tile where its density asks for them.
 
     Args:
         plan: The plan.
         box: The tile.
-        identity: Their numbers, ascending.
+        identity: Their numbers, without rare ones.
         tile: Number of the tile, from which what is random about it follows.
         device: Where to run.
+        rare: Numbers and positions [m] of rare bodies, which are there already.
     """
+    identity = np.concatenate([identity, rare[0]])
+    order = np.argsort(identity, kind="stable")
+    identity = identity[order]
     if not len(identity):
         return PartBodies.none()
     launcher = launcher_on(device, os.getpid())
     seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
     model = _model(plan, box, identity, np.zeros(len(identity), np.int32), seed)
-    images = images_for_kernels(launcher, model.supports, model.size)
+    # The ways out of empty pixels take long to find; whoever would need one is brought to the next full pixel below.
+    images = images_for_kernels(launcher, model.supports, model.size, to_support=False)
+    images.to_support = launcher.zeros(int(images.pixel.shape[0]), wp.vec2)
     pose = first_pose(launcher, model, images).numpy().astype(np.float64)
+    place = np.full((len(identity), 2), np.nan)
+    place[len(identity) - len(rare[0]) :] = (rare[1] - box.low) / model.unit
+    place = place[order]
+    pose[:, :2] = np.where(np.isnan(place), pose[:, :2], place)
     if model.kinds:
         pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
     everybody = np.ones(len(identity), bool)

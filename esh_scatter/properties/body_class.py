@@ -109,6 +109,7 @@ class ESH_PG_class(PropertyGroup):
                 0,
             ),
             ("NONE", "Free", "No preferred direction", "ORIENTATION_GIMBAL", 1),
+            ("SLOPE", "Down the Slope", "Where water runs, the more the steeper it is", "IPO_EASE_IN", 4),
             ("ANGLE", "Angle", "All along one angle", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
             ("IMAGE", "Flow Image", "Along an image: red is x, green is y, and 0.5 means none", "FORCE_WIND", 3),
         ),
@@ -306,7 +307,7 @@ class ESH_PG_class(PropertyGroup):
         if self.count_kind in DERIVED_COUNTS:
             name = DERIVED_COUNTS[self.count_kind]
             count = Amount(**{{"cover_share": "cover"}.get(name, name): getattr(self, name)})
-        direction = {"NONE": "none", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
+        direction = {"NONE": "none", "SLOPE": "slope", "ANGLE": self.direction_angle, "IMAGE": self.direction_image}
         return ScatterClass(
             self.name,
             sizes,

@@ -12,6 +12,7 @@ AT_ONCE = {*settings_of(Standing), "color", "show_viewport", "show_render"}
 WITHOUT_INFLUENCE = AT_ONCE | {
     "name",
     "class_index",
+    "obstacle_index",
     "size_index",
     "result",
     "target",

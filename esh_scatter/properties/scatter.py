@@ -18,6 +18,7 @@ from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
 from .names import scatter_renamed, unused_name
+from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
 from .shown_at_once import show_class_anew
 from .size import in_a_scene
@@ -58,6 +59,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     )
     classes: CollectionProperty(type=ESH_PG_class)
     class_index: IntProperty(name="Selected Class", description="The class that is shown below the list")
+    obstacles: CollectionProperty(type=ESH_PG_obstacle, name="Obstacles")
+    free_places: CollectionProperty(type=ESH_PG_free_place, name="Instances set by hand", options={"HIDDEN"})
+    obstacle_index: IntProperty(name="Selected Obstacle", description="The obstacle that is shown below the list")
+    keep_off_others: BoolProperty(
+        name="Other Scatters",
+        description="Keep off what the scatters that were added before this one have placed on the same target",
+        default=True,
+    )
     result: PointerProperty(
         type=bpy.types.Object, name="Result", description="The object that the last run made. The next run replaces it"
     )
@@ -91,6 +100,22 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     def active_class(self) -> ESH_PG_class | None:
         """The selected class, or None."""
         return self.classes[self.class_index] if 0 <= self.class_index < len(self.classes) else None
+
+    @property
+    def active_obstacle(self) -> ESH_PG_obstacle | None:
+        """The selected obstacle, or None."""
+        return self.obstacles[self.obstacle_index] if 0 <= self.obstacle_index < len(self.obstacles) else None
+
+    def other_results(self) -> list[bpy.types.Object]:
+        """Return what the scatters before this one have placed on the same target: those after it make room themselves."""
+        found: list[bpy.types.Object] = []
+        for other in self.id_data.esh_scatter.scatters if self.keep_off_others else ():
+            if other == self:
+                break
+            result = other.result_in(self.id_data)
+            if result is not None and set(other.targets) & set(self.targets):
+                found.append(result)
+        return found
 
     @property
     def report(self) -> dict | None:
@@ -211,7 +236,21 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             "non_overlap": self.non_overlap(),
             "name": self.name,
             "result": self.result_in(scene),
+            "obstacles": [
+                *(one.as_argument() for one in self.obstacles if one.ready),
+                *(one.as_argument() for one in self.free_places),
+                *self.other_results(),
+            ],
+            "pinned": self.classes_of_result(scene),
         }
+
+    def classes_of_result(self, scene: bpy.types.Scene) -> list[int | None]:
+        """Return, by class of the result, which of the classes that are ready it is now; None where it is none of them."""
+        from ..kept_ground import CLASSES_OF_POINTS
+
+        result = self.result_in(scene)
+        now = {body_class.uid: number for number, body_class in enumerate(self.ready_classes())}
+        return [now.get(uid) for uid in result.data.get(CLASSES_OF_POINTS, ())] if result is not None else []
 
     def non_overlap(self) -> list[list[float]] | None:
         """Return which classes must keep apart as :func:`~esh.scatter` takes it; None where all must."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from .. import checksums
+from .. import checksums, pins
 from ..target import members_of
 from .influence import WITHOUT_INFLUENCE
 
@@ -39,7 +39,7 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     names: dict[str, str] = {}
     return {
         "target": target and _state_of(scatter),
-        "scatter": _values(scatter, names, "scatter"),
+        "scatter": _values(scatter, names, "scatter") | _kept_off(scatter),
         "classes": {
             str(c.uid): {
                 "values": _values(c, names, str(c.uid), more),
@@ -67,7 +67,9 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
         return before
     kind: Any = type(scatter)
     names = _influential(kind)
-    return {**before, "scatter": {**{name: _default(scatter, name) for name in names}, **before["scatter"]}}
+    defaults = {name: _default(scatter, name) for name in names}
+    defaults |= {"obstacles": [], "free_places": [[], []], "keep_off_others": []}
+    return {**before, "scatter": {**defaults, **before["scatter"]}}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
@@ -188,6 +190,32 @@ def _contents(item: bpy.types.ID) -> int:
     if isinstance(item, bpy.types.Object | bpy.types.Collection):
         return checksums.of_members(members_of(item))
     return 0
+
+
+def _kept_off(scatter: Any) -> dict[str, Any]:
+    """Return what the objects of a scatter keep off, and where that stands."""
+    return {
+        "obstacles": [
+            [
+                round(one.width, 6),
+                round(one.margin, 6),
+                *([checksums.of_shape(i), checksums.place_of(i)] for i in one.items),
+            ]
+            for one in scatter.obstacles
+            if one.ready
+        ],
+        "free_places": [
+            [[*(round(x, 4) for x in one.place), round(one.radius, 4)] for one in scatter.free_places],
+            _pinned(scatter),
+        ],
+        "keep_off_others": [checksums.of_points(result) for result in scatter.other_results()],
+    }
+
+
+def _pinned(scatter: Any) -> list[int]:
+    """Return what stays of the result by hand."""
+    result = scatter.result_in(scatter.id_data)
+    return [] if result is None else pins.checksum_of(result)
 
 
 def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], key: str) -> dict[str, Any]:

@@ -297,7 +297,14 @@ def test_classes_have_their_current_names_in_the_report():
 def test_every_operator_is_in_the_object_menu():
     drawn: list[str] = []
     Layout(drawn).menu("ESH_MT_object")
-    by_hand = {"esh.class_overlap", "esh.scatter_choose", "esh.class_move", "esh.size_move", "esh.layer_move"}
+    by_hand = {
+        "esh.class_overlap",
+        "esh.scatter_choose",
+        "esh.class_move",
+        "esh.size_move",
+        "esh.layer_move",
+        "esh.preset_apply",
+    }
     assert {cls.bl_idname for cls in operators.CLASSES} - by_hand == set(drawn)
     assert all("INTERNAL" not in getattr(cls, "bl_options", ()) for cls in operators.CLASSES), "F3 would not find them"
 
@@ -340,6 +347,7 @@ def test_every_setting_of_the_sidebar_is_drawn():
     body_class.size_index = 0
     scatter.add_class()
     scatter.class_index = 0
+    scatter.obstacles.add()
     drawn = set()
     names = {
         shown.name

@@ -8,11 +8,11 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import exchange_operators, lists, menus, operators, panels, registration  # noqa: E402
-from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, run, scatters, sizes  # noqa: E402
+from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
 
 PROPERTIES = (size, layer, body_class, scatter, scene)
-OPERATORS = (run, overlaps, scatters, classes_from, classes, sizes, layers)
+OPERATORS = (run, overlaps, scatters, presets, classes_from, classes, sizes, layers)
 MODULES = (*PROPERTIES, lists, *OPERATORS, menus, panels, exchange_operators)
 # What the names of Blender's classes have in them.
 INFIXES = (*["_PG_"] * len(PROPERTIES), "_UL_", *["_OT_"] * len(OPERATORS), "_MT_", "_PT_", "_OT_")

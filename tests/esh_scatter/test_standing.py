@@ -33,6 +33,7 @@ def points(count, normal=(0.0, 0.0, 1.0), long=False):
         np.ones(count, np.float32),
         np.zeros((count, 2), np.float32),
         np.zeros(count, np.float32),
+        np.zeros(count, bool),
     )
 
 

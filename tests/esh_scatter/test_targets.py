@@ -383,3 +383,41 @@ def test_the_sidebar_scatters_on_a_whole_surface_and_shows_its_report():
         assert settings.changes() == ["both sides"]
     finally:
         registration.unregister()
+
+
+def stick():
+    """Long along x."""
+    return mesh_object("Stick", [(-0.1, -0.01, 0), (0.1, -0.01, 0), (0.1, 0.01, 0), (-0.1, 0.01, 0)], [(0, 1, 2, 3)])
+
+
+@pytest.mark.parametrize("surface", ["whole", "above"])
+def test_long_objects_run_down_the_slope(surface):
+    ball, long = added("ico_sphere", subdivisions=4), stick()
+    ball.location = (2, 0, 0)
+    result = scatter(ball, classes(120, long, direction="slope"), surface=surface, device="cpu", max_steps=60)
+    assert result.report.overlaps == 0
+    place = points(result.object) - (2, 0, 0)
+    along = np.array([Quaternion(q) @ Vector((1, 0, 0)) for q in values(result.object, "rotation")])
+    assert np.abs((along * place).sum(axis=1)).max() < 0.12  # along the surface
+    down = np.array([0, 0, -1.0]) + place * place[:, 2:]
+    steep = np.linalg.norm(down, axis=1)
+    turned = np.abs((along * down).sum(axis=1)) / np.maximum(steep, 1e-9)
+    assert np.median(turned[steep > 0.5]) > 0.97
+    if surface == "whole":
+        assert (place[:, 2] < -0.5).sum() > 20
+        # Standing anew, as a change of the sidebar does, leaves them as they lie.
+        from esh.esh_scatter.kept_ground import stand_anew
+
+        before = values(result.object, "rotation").copy()
+        stand_anew(result.object, 0, esh.Standing())
+        np.testing.assert_allclose(values(result.object, "rotation"), before, atol=1e-5)
+
+
+def test_an_angle_is_laid_onto_a_whole_surface():
+    ball, long = added("ico_sphere", subdivisions=4), stick()
+    result = scatter(ball, classes(120, long, direction=0.0), surface="whole", device="cpu", max_steps=60)
+    along = np.array([Quaternion(q) @ Vector((1, 0, 0)) for q in values(result.object, "rotation")])
+    place = points(result.object)
+    wanted = np.array([1.0, 0, 0]) - place * place[:, :1]
+    length = np.linalg.norm(wanted, axis=1)
+    assert np.median((np.abs((along * wanted).sum(axis=1)) / length)[length > 0.4]) > 0.97

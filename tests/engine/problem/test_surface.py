@@ -136,8 +136,10 @@ def test_what_is_no_density_on_a_surface_is_refused_in_a_sentence(density, sente
 
 
 def test_what_surfaces_do_not_have_yet_is_refused_in_a_sentence():
-    stick = Size("stick", 0.001, 10, line=Line(0.1))
-    with pytest.raises(ProblemError, match='`line` of size "stick" of class "a" must lie in a rectangle'):
+    stick = Size("stick", 0.001, 10, line=Line(0.1, 0.3))
+    with pytest.raises(
+        ProblemError, match=r'`line.direction` of size "stick" of class "a" must be "density", "none", "slope"'
+    ):
         Problem(Surface(SurfaceMesh(SQUARE, HALVES)), [BodyClass("a", [stick])])
     with pytest.raises(ProblemError, match="needs a Surface as `domain`; got a Domain"):
         Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.001, 10)], lambda points: points.position[:, 0])])

@@ -317,3 +317,21 @@ def test_many_bodies_that_cannot_fit_take_few_rounds(monkeypatch):
         with Solver(problem_of(Footprint.disc(0.5), count, 0.8 * math.sqrt(count * 0.7)), device="cpu") as solver:
             assert not solver.separate()
         assert 0 < len(rounds) <= most
+
+
+@pytest.mark.parametrize("room", [1.25, 0.7])
+def test_room_lies_around_outlines_wherever_their_origin_is(contact, room):
+    """An outline that is made larger about an origin beside it does not hold itself any more."""
+    import shapely
+
+    wedge = Footprint.polygon([[0.5, 0.1], [1.4, -0.1], [1.3, 0.4], [0.6, 0.5]])
+    footprints = Footprints(wedge, room=room, scale_jitter=0.3, turn="random")
+    placement = solve(problem_of(footprints, 150, 12.0 * room), device="cpu")
+    polygons = shapely.polygons(corners_of(placement, wedge))
+    distance = shapely.distance(polygons[:, None], polygons[None])
+    np.fill_diagonal(distance, 9.0)
+    grown = [shapely.affinity.scale(p, room, room, origin="centroid") for p in polygons]
+    common = np.triu(shapely.area(shapely.intersection(np.array(grown)[:, None], np.array(grown)[None])), 1)
+    assert common.max() < 1e-3
+    assert placement.report.overlaps == 0
+    assert distance.min() > 0.01 if room > 1.0 else distance.min() == 0.0

@@ -208,3 +208,23 @@ def test_sums_over_cells_hold_all_of_a_part():
     assert np.allclose(sums[0], image[0] + 0.1 * image[1])
     first, sums = cell_sums(image, 1, (0.0, 10.0), 10.0, 11)
     assert first == 0 and np.allclose(sums, image)
+
+
+def test_rare_lines_keep_to_their_density_and_off_obstacles(tmp_path):
+    half = np.zeros((40, 80), np.float32)
+    half[:, 40:] = 1.0
+    line = esh.Line(length=2.0, direction=0.5)
+    rare = esh.BodyClass("rare", [esh.Size("line", area=0.8, count=30, line=line)], half)
+    many = esh.BodyClass("many", [esh.Size("dot", area=0.5, count=3200)])
+    problem = esh.Problem(
+        esh.Domain((80.0, 40.0)), [many, rare], seed=3, obstacles=[esh.Obstacle(disc=(60.0, 20.0, 7.0))]
+    )
+    bodies = solved(problem, tmp_path / "out", tile=33.0)
+    own = bodies["class_index"] == 1
+    x, y = bodies["position"][own].T
+    assert own.sum() == 30 and x.min() >= 40.0
+    assert np.hypot(x - 60.0, y - 20.0).min() >= 7.0 - 1e-3
+    assert np.abs(bodies["angle"][own] - 0.5).max() < 0.35
+    assert bodies["length"][own].mean() == pytest.approx(2.0, rel=0.15)
+    nearest = spatial.cKDTree(bodies["position"][own]).query(bodies["position"][own], 2)[0][:, 1]
+    assert nearest.min() > 0.5 * math.sqrt((1600.0 - math.pi * 49.0) / 30)

@@ -1,0 +1,211 @@
+"""Kernels that list pairs of bodies whose outlines are near."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..space.kernels_neighbourhood import (
+    LANES,
+    SAFELY,
+    ContactGrid,
+    Sorted,
+    bodies_of_run,
+    cells_around,
+    lowest_bit,
+    next_near,
+    run_count,
+)
+from ..space.kernels_space import Space, confine, difference
+from .kernels_outlines import Outlines, apart
+
+wp.set_module_options({"enable_backward": False})
+
+# A pair's note: the face that kept the two apart last, plus one, in the low bits; and which image of the second is meant.
+FACE_BITS = wp.constant(63)
+IMAGE_SHIFT = wp.constant(6)
+IMAGES_A_SIDE = wp.constant(32)
+
+
+@wp.struct
+class Pairs:
+    """Pairs of bodies that are near, those of a body (the first) one after the other from ``start`` on, ``count`` of them.
+
+    The second body; a note (see :data:`FACE_BITS`); what the contact asks for (along x and y of the second, turns of the first and the
+    second, per unit of inverse mass and inertia); depth over the smaller width, below 0 where they are apart.
+    """
+
+    start: wp.array(dtype=wp.int32)
+    count: wp.array(dtype=wp.int32)
+    second: wp.array(dtype=wp.int32)
+    note: wp.array(dtype=wp.int32)
+    push: wp.array(dtype=wp.vec4)
+    depth: wp.array(dtype=float)
+
+
+@wp.kernel
+def begin_list(
+    first: int,
+    space: Space,
+    # outputs
+    place: wp.array(dtype=wp.vec4),
+    built: wp.array(dtype=wp.vec4),
+    moved_far: wp.array(dtype=wp.int32),
+):
+    """Bring bodies back into a periodic domain, and note where they are when pairs are listed."""
+    i = first + wp.tid()
+    own = place[i]
+    p = confine(wp.vec2(own[0], own[1]), space)
+    place[i] = wp.vec4(p[0], p[1], own[2], 0.0)
+    built[i] = place[i]
+    if i == 0:
+        for thread in range(moved_far.shape[0]):
+            moved_far[thread] = 0
+
+
+@wp.func
+def image_of(note: int, size: wp.vec2):
+    """Where the image of the second body that a note means lies, from the body itself."""
+    image = note >> IMAGE_SHIFT
+    half = IMAGES_A_SIDE / 2
+    return wp.vec2(
+        float(image % IMAGES_A_SIDE - half) * size[0], float((image / IMAGES_A_SIDE) % IMAGES_A_SIDE - half) * size[1]
+    )
+
+
+@wp.func
+def note_of(x: int, y: int):
+    half = IMAGES_A_SIDE / 2
+    return ((y + half) * IMAGES_A_SIDE + x + half) << IMAGE_SHIFT
+
+
+@wp.func
+def pairs_with(
+    before: int,
+    room: int,
+    i: int,
+    j: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    images: wp.vec2i,
+    fill: int,
+    space: Space,
+    pairs: Pairs,
+):
+    """How many pairs body i has with those before and with the images of body j that are near; with notes where they are filled in."""
+    count = before
+    own = wp.vec2(place[i][0], place[i][1])
+    other = wp.vec2(place[j][0], place[j][1])
+    short = difference(own, other, space)
+    within = outlines.reach[i] + outlines.skin[i] + outlines.reach[j] + outlines.skin[j]
+    skins = outlines.skin[i] + outlines.skin[j]
+    for y in range(-images[1], images[1] + 1):
+        for x in range(-images[0], images[0] + 1):
+            d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
+            if wp.length_sq(d) < within * within and count < room:
+                if fill == 0:
+                    count += 1
+                elif apart(i, outlines.first_corner[i], j, d, outlines, skins) < skins:
+                    slot = pairs.start[i] + count
+                    pairs.second[slot] = j
+                    pairs.note[slot] = note_of(
+                        int(wp.round((d[0] - (other[0] - own[0])) / space.size[0])),
+                        int(wp.round((d[1] - (other[1] - own[1])) / space.size[1])),
+                    )
+                    count += 1
+    return count
+
+
+@wp.func
+def pairs_of_run(
+    before: int,
+    room: int,
+    i: int,
+    smaller: bool,
+    members: wp.vec2i,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    near: Sorted,
+    images: wp.vec2i,
+    fill: int,
+    space: Space,
+    pairs: Pairs,
+):
+    """The same with the bodies of a run of cells; where they are as large as body i, with those of larger numbers only."""
+    count = before
+    own = wp.vec2(place[i][0], place[i][1])
+    reach = outlines.reach[i] + outlines.skin[i]
+    for start in range(members[0], members[1], LANES):
+        found = next_near(own, reach, SAFELY, start, members[1], near, space)
+        while found != 0:
+            s = start + lowest_bit(found)
+            found = found & (found - 1)
+            j = near.body[s]
+            if (smaller or j > i) and count < room and outlines.lightness[i] + outlines.lightness[j] > 0.0:
+                count = pairs_with(count, room, i, j, place, outlines, images, fill, space, pairs)
+    return count
+
+
+@wp.kernel
+def find_pairs(
+    first: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    near: Sorted,
+    level: wp.array(dtype=wp.int32),
+    cell_start: wp.array(dtype=wp.int32),
+    grid: ContactGrid,
+    images: wp.vec2i,
+    most: int,
+    fill: int,
+    # outputs
+    pairs: Pairs,
+):
+    """Count the bodies that may come near each one while both move by no more than their skins; or note those that really may.
+
+    Of two bodies of a level the one with the smaller number has the pair, else the smaller one of the two. ``images`` is how many
+    periods away images of a body can still be near.
+    """
+    i = first + wp.tid()
+    own_level = level[i]
+    reach = outlines.reach[i] + outlines.skin[i]
+    count = int(0)
+    room = most
+    if fill != 0:
+        room = pairs.start[i + 1] - pairs.start[i]
+    for m in range(own_level + 1):
+        around = cells_around(wp.vec2(place[i][0], place[i][1]), reach + grid.reach[m], m, grid)
+        for run in range(run_count(around)):
+            members = bodies_of_run(run, around, cell_start)
+            if count < room:
+                count = pairs_of_run(
+                    count, room, i, m < own_level, members, place, outlines, near, images, fill, grid.space, pairs
+                )
+    pairs.count[i] = count
+
+
+@wp.kernel
+def second_keys(
+    first: int,
+    slots_of: wp.array(dtype=wp.int32),
+    pairs: Pairs,
+    body_count: int,
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    """The second body of every slot, and ``body_count`` for slots without a pair."""
+    p = first + wp.tid()
+    order[p] = p
+    # The body whose slots hold p.
+    low = int(0)
+    high = body_count
+    while high - low > 1:
+        middle = (low + high) / 2
+        if slots_of[middle] <= p:
+            low = middle
+        else:
+            high = middle
+    if p < pairs.start[low] + pairs.count[low]:
+        key[p] = pairs.second[p]
+    else:
+        key[p] = body_count

@@ -1,0 +1,163 @@
+"""What the lines of a problem on a surface are to do: :mod:`.line_rules`, with directions along the surface."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from ..problem.surface_directions import SLOPE, direction_at, down_the_slope
+from ..surface.facets import Facets
+from . import kernels_descent
+from .line_rules import FIRST_LENGTH
+from .model import LineKind, Model
+from .surface_places import cells_of
+
+__all__ = ["SurfaceLineRules", "tangent_frame"]
+
+# Edges of a density are looked at in cells of about so many spacings, each with those around it.
+CELL_OF_EDGES = 1.5
+# Gradients over the density below this share of the steepest are no edge.
+FAINTEST_EDGE = 1e-3
+
+
+class SurfaceLineRules:
+    """Rules for the kernels; every size with a line is one kind.
+
+    Args:
+        model: What is to be placed.
+        launcher: Where the arrays are to be.
+        facets: The surface.
+
+    Attributes:
+        kind_count: Number of kinds.
+        lines: The rules as kernels take them; directions are in :attr:`preferred`.
+        preferred: Preferred direction times its weight on every tile, kind after kind, ``wp.vec3``.
+        line_count: Number of bodies of every kind, on the device.
+        pressed: 1 for kinds whose length the forces change, on the device.
+    """
+
+    def __init__(self, model: Model, launcher: Launcher, facets: Facets) -> None:
+        device = launcher.device
+        rules = [kind.line for kind in model.kinds]
+        self.kind_count = len(rules)
+        self._model, self._facets = model, facets
+        self._direction = [_on_tiles(kind, facets) for kind in model.kinds]
+
+        def numbers_of(values: list[float]) -> wp.array:
+            return wp.array(np.array(values or [0.0], dtype=np.float32), dtype=float, device=device)
+
+        whole = np.arange(max(self.kind_count, 1), dtype=np.int32)
+        lines = kernels_descent.Lines()
+        lines.turn_by_force = numbers_of([line.turn_weights[0] for line in rules])
+        lines.turn_by_preference = numbers_of([line.turn_weights[1] for line in rules])
+        lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
+        lines.stretch_by_preference = numbers_of([line.stretch_weights[1] for line in rules])
+        lines.straightness = numbers_of([-1.0] * len(rules))
+        lines.length_factor = numbers_of([1.0] * len(rules))
+        lines.length = numbers_of([line.longest / model.unit for line in rules])
+        lines.length_start = wp.array(whole, dtype=wp.int32, device=device)
+        lines.length_height = wp.array(np.ones_like(whole), dtype=wp.int32, device=device)
+        lines.length_width = wp.array(np.ones_like(whole), dtype=wp.int32, device=device)
+        self.lines = lines
+        stacked = np.concatenate(self._direction) if rules else np.zeros((1, 3))
+        self.preferred = wp.array(stacked.astype(np.float32), dtype=wp.vec3, device=device)
+        count = np.bincount(model.body.kind + 1, minlength=self.kind_count + 1)[1:]
+        self.line_count = numbers_of(count.astype(float).tolist())
+        self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
+
+    def first_axes(self, facet: np.ndarray, tile: np.ndarray) -> np.ndarray:
+        """Half the axis of every body at the start, in units, shape ``[n, 3]``: short, along the preferred direction or any."""
+        model = self._model
+        axis = np.zeros((len(facet), 3))
+        rng = np.random.default_rng([model.problem.seed, 3])
+        for number, kind in enumerate(model.kinds):
+            own = np.flatnonzero(model.body.kind == number)
+            normal = self._facets.normal[facet[own]]
+            one, other = tangent_frame(normal)
+            angle = rng.uniform(0.0, math.pi, len(own))[:, None]
+            along = np.cos(angle) * one + np.sin(angle) * other
+            wish = self._direction[number][tile[own]]
+            led = np.linalg.norm(wish, axis=1) > 0.0
+            along[led] = wish[led] / np.linalg.norm(wish[led], axis=1, keepdims=True)
+            axis[own] = 0.5 * FIRST_LENGTH * kind.line.longest / model.unit * along
+        return axis
+
+    def fixed_axes(self, normal: np.ndarray) -> np.ndarray:
+        """Half the axes of fixed bodies, in units, shape ``[fixed bodies, 3]``; 0 for dots."""
+        model, table = self._model, self._model.problem.fixed
+        kinds = model.body.kind[model.fixed]
+        one, other = tangent_frame(normal)
+        along = np.cos(table.angle)[:, None] * one + np.sin(table.angle)[:, None] * other
+        asked = np.array([line.line.longest for line in model.kinds] + [0.0])[kinds]
+        length = np.where(np.isnan(table.length), asked, table.length)
+        return np.where(kinds[:, None] >= 0, 0.5 / model.unit * length[:, None] * along, 0.0)
+
+
+def tangent_frame(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions along the surface, nearest to x (to y where it looks along x) and a quarter turn on, shape ``[n, 3]`` each."""
+    along_x = np.abs(normal[:, :1]) > 0.9
+    wanted = np.where(along_x, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    first = wanted - (wanted * normal).sum(axis=1, keepdims=True) * normal
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(normal, first)
+
+
+def _on_tiles(kind: LineKind, facets: Facets) -> np.ndarray:
+    """Preferred direction times its weight on every tile, shape ``[tile_count, 3]``."""
+    direction, key = kind.line.direction, f'`line.direction` of class "{kind.body_class.name}"'
+    facet, weight = facets.tiles(np.arange(facets.count))
+    if isinstance(direction, str) and direction == "none":
+        return np.zeros((len(facet), 3))
+    if isinstance(direction, str) and direction == "density":
+        return _along_edges(kind, facets)
+    points = facets.surface.points(*facets.in_triangle(facet, weight))
+    given = down_the_slope if isinstance(direction, str) and direction == SLOPE else direction
+    assert callable(given)
+    return direction_at(given, points, key)
+
+
+def _along_edges(kind: LineKind, facets: Facets) -> np.ndarray:
+    """Directions along the edges of a class's density: across the gradients in and around a cell of the surface."""
+    if not kind.body_class.varies_on_surface:
+        return np.zeros((facets.tile_count, 3))
+    facet, middle = facets.tiles(np.arange(facets.count))
+    normal = facets.normal[facet]
+    # The density a third of a tile off its middle, towards each of the facet's corners.
+    step = 1.0 / (3.0 * facets.cuts[facet][:, None])
+    values, places = [], []
+    for k in range(3):
+        weight = middle + step * (np.eye(3)[k] - 1.0 / 3.0)
+        points = facets.surface.points(*facets.in_triangle(facet, weight))
+        values.append(kind.body_class.density_on(points))
+        places.append(np.einsum("nk,nkd->nd", weight, facets.corner[facet]))
+    u, v = places[1] - places[0], places[2] - places[0]
+    du, dv = values[1] - values[0], values[2] - values[0]
+    uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), (v * v).sum(axis=1)
+    scale = 1.0 / np.maximum(uu * vv - uv**2, 1e-30)
+    gradient = ((vv * du - uv * dv) * scale)[:, None] * u + ((uu * dv - uv * du) * scale)[:, None] * v
+    tensor = gradient[:, :, None] * gradient[:, None, :] * facets.tile_area[:, None, None]
+    place = np.einsum("nk,nkd->nd", middle, facets.corner[facet])
+    # Every tile sees its own cell, and that of grids that are moved by half a cell along every axis.
+    total = np.zeros_like(tensor)
+    for shift in range(8):
+        moved = place + 0.5 * CELL_OF_EDGES * np.array([shift & 1, shift >> 1 & 1, shift >> 2 & 1])
+        number, key = np.unique(cells_of(moved, normal, CELL_OF_EDGES), return_inverse=True)
+        summed = np.stack(
+            [np.bincount(key.ravel(), tensor[:, i, j], len(number)) for i in range(3) for j in range(3)], axis=1
+        )
+        area = np.bincount(key.ravel(), facets.tile_area, len(number))
+        total += (summed / area[:, None]).reshape(-1, 3, 3)[key.ravel()] / 8.0
+    strength, vector = np.linalg.eigh(total)
+    along = np.cross(normal, vector[:, :, 2])
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    steepest = strength[:, 2].max()
+    if not steepest > 0.0:
+        return np.zeros((facets.tile_count, 3))
+    weight = np.sqrt(np.clip(strength[:, 2] / steepest, 0.0, 1.0))
+    # How much steeper it is across than along.
+    coherent = (strength[:, 2] - strength[:, 1]) / np.maximum(strength[:, 2] + strength[:, 1], 1e-300)
+    weight = np.where(weight > math.sqrt(FAINTEST_EDGE), weight * coherent, 0.0)
+    return along / np.maximum(length, 1e-12) * weight[:, None]

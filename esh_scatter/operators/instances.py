@@ -1,0 +1,174 @@
+"""Objects of a result, by hand: picked in the viewport as points, pinned, turned, removed; the next run leaves them."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+from bpy.props import FloatProperty
+
+from .. import pins
+from ..kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
+from ..properties.scatter import ESH_PG_scatter
+from ..properties.scene import active_scatter, selected_scatter
+from .edit import Edit
+
+__all__ = ["CLASSES"]
+
+
+class _OnResult(Edit):
+    _missing = "Scatter first: there are no instances yet"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        result = scatter and scatter.result_in(context.scene)
+        return result if result is not None and pins.can_be_edited(result) else None
+
+
+class ESH_OT_instances_edit(_OnResult):
+    """Pick instances in the viewport: shows the points of the result in Edit Mode. Those that you move stay where you put them"""
+
+    bl_idname = "esh.instances_edit"
+    bl_label = "Edit Instances"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Enter Edit Mode, or leave it."""
+        result = selected_scatter(context).result_in(context.scene)
+        assert result is not None
+        if result.mode == "EDIT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+            return {"FINISHED"}
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        if result.name not in context.view_layer.objects or result.hide_get():
+            self.report({"ERROR"}, f'"{result.name}" is hidden. Show it to edit its instances')
+            return {"CANCELLED"}
+        for item in context.selected_objects:
+            item.select_set(False)
+        result.select_set(True)
+        context.view_layer.objects.active = result
+        result.data.vertices.foreach_set("select", np.zeros(len(result.data.vertices), bool))
+        bpy.ops.object.mode_set(mode="EDIT")
+        context.tool_settings.mesh_select_mode = (True, False, False)
+        return {"FINISHED"}
+
+
+class _OnInstances(_OnResult):
+    """Base of what is done with the instances that are selected."""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Do it."""
+        scatter = selected_scatter(context)
+        with _outside_edit_mode(scatter.result_in(context.scene)) as result:
+            points = pins.selected_points(result.data)
+            if len(points):
+                self._do(scatter, result, points)
+        if not len(points):
+            self.report({"WARNING"}, "No instances are selected. Click Edit Instances and select their points")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+        raise NotImplementedError
+
+
+class ESH_OT_instances_pin(_OnInstances):
+    """Have the selected instances stay where they are in the next runs. They count, and the rest makes room"""
+
+    bl_idname = "esh.instances_pin"
+    bl_label = "Pin"
+
+    def _do(self, _scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+        pins.pin(result.data, points)
+
+
+class ESH_OT_instances_unpin(_OnInstances):
+    """Let the selected instances go where the next run puts them, also those that were moved by hand"""
+
+    bl_idname = "esh.instances_unpin"
+    bl_label = "Unpin"
+
+    def _do(self, _scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+        pins.unpin(result.data, points)
+
+
+class ESH_OT_instances_turn(_OnInstances):
+    """Turn the selected instances about their own axis, and pin them"""
+
+    bl_idname = "esh.instances_turn"
+    bl_label = "Turn"
+
+    angle: FloatProperty(
+        name="Angle", description="How far, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
+    )
+
+    def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+        pins.turn(result.data, points, self.angle)
+        uids = list(result.data.get(CLASSES_OF_POINTS, ()))
+        classes = {body_class.uid: body_class for body_class in scatter.classes}
+        for number in np.unique(read_attribute(result.data, "class_index")[points]).tolist():
+            if number < len(uids) and uids[number] in classes:
+                stand_anew(result, number, classes[uids[number]].standing())
+
+
+class ESH_OT_instances_remove(_OnInstances):
+    """Remove the selected instances. Their places stay free in the next runs; counts stay, so others come elsewhere"""
+
+    bl_idname = "esh.instances_remove"
+    bl_label = "Remove"
+
+    def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+        for x, y, radius in pins.discs_of(result, points).tolist():
+            entry = scatter.free_places.add()
+            entry.place, entry.radius = (x, y), radius
+        pins.remove(result.data, points)
+
+
+class ESH_OT_instances_refill(Edit):
+    """Let the places where instances were removed be taken again by the next run"""
+
+    bl_idname = "esh.instances_refill"
+    bl_label = "Refill Removed"
+    _missing = "No instance was removed"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return scatter if scatter and len(scatter.free_places) else None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Forget them."""
+        selected_scatter(context).free_places.clear()
+        return {"FINISHED"}
+
+
+@contextmanager
+def _outside_edit_mode(result: bpy.types.Object | None) -> Iterator[bpy.types.Object]:
+    """Leave Edit Mode, in which attributes cannot be written, for a ``with`` block."""
+    assert result is not None
+    editing = result.mode == "EDIT"
+    if editing:
+        bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield result
+    finally:
+        if editing:
+            bpy.ops.object.mode_set(mode="EDIT")
+
+
+CLASSES = (
+    ESH_OT_instances_edit,
+    ESH_OT_instances_pin,
+    ESH_OT_instances_unpin,
+    ESH_OT_instances_turn,
+    ESH_OT_instances_remove,
+    ESH_OT_instances_refill,
+)

@@ -1,0 +1,52 @@
+"""What objects keep off: added, removed, taken from the selection."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+import bpy
+
+from ..properties.scene import active_scatter, selected_scatter
+from ..target import is_result
+from .edit import Edit, remove_at
+
+__all__ = ["CLASSES"]
+
+
+class ESH_OT_obstacle_add(Edit):
+    """Add something that objects keep off: the selected objects, or an empty entry where there are none"""
+
+    bl_idname = "esh.obstacle_add"
+    bl_label = "Add Obstacle"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        scatter = selected_scatter(context)
+        there = {scatter.target, *(entry.item for entry in scatter.obstacles)}
+        placed = {size.source for body_class in scatter.classes for size in body_class.sizes}
+        chosen = [item for item in context.selected_objects if item not in there | placed and not is_result(item)]
+        for item in sorted(chosen, key=lambda item: item.name_full) or [None]:
+            scatter.obstacles.add().item = item
+        scatter.obstacle_index = len(scatter.obstacles) - 1
+        return {"FINISHED"}
+
+
+class ESH_OT_obstacle_remove(Edit):
+    """Remove the selected obstacle from the list. The object stays in the scene"""
+
+    bl_idname = "esh.obstacle_remove"
+    bl_label = "Remove Obstacle"
+    _missing = "Select an obstacle first"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return scatter and scatter.active_obstacle
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        scatter = selected_scatter(context)
+        scatter.obstacle_index = remove_at(scatter.obstacles, scatter.obstacle_index)
+        return {"FINISHED"}
+
+
+CLASSES = (ESH_OT_obstacle_add, ESH_OT_obstacle_remove)

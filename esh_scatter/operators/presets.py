@@ -1,0 +1,116 @@
+"""Presets: scatters made from one, and written as one."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from ...engine.errors import EshError
+from ..properties.scene import active_scatter, selected_scatter
+from ..target import is_result
+from .edit import Edit, remove_at, sentence
+
+__all__ = ["CLASSES"]
+
+
+class _Preset(Edit):
+    _missing = "Select the ground, which must be a mesh"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return _ground(context)
+
+    def _apply(self, context: bpy.types.Context, path: str) -> set[str]:
+        from ..amount_ahead import area_of
+        from ..preset_files import read_preset
+        from ..presets import apply_preset
+        from ..selection import sources_in
+
+        settings = context.scene.esh_scatter
+        ground = _ground(context)
+        assert ground is not None
+        chosen = sources_in(context.selected_objects, [ground])
+        before = settings.scatter_index
+        scatter = None
+        try:
+            preset = read_preset(path)
+            scatter = settings.add_scatter(ground)
+            scatter.name = str(preset.get("name") or scatter.name)
+            apply_preset(scatter, preset, max(area_of(ground), 1e-6), chosen)
+        except EshError as error:
+            if scatter is not None:
+                remove_at(settings.scatters, len(settings.scatters) - 1)
+                settings.scatter_index = before
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class ESH_OT_preset_apply(_Preset):
+    """Add a scatter with the settings of a preset on the ground. Selected objects take the places of its classes, in the order of their names; simple shapes stand in for the rest"""  # noqa: E501
+
+    bl_idname = "esh.preset_apply"
+    bl_label = "Apply Preset"
+
+    filepath: StringProperty(name="File", description="The preset: a JSON file", subtype="FILE_PATH")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        return self._apply(context, self.filepath)
+
+
+class ESH_OT_preset_import(ImportHelper, _Preset):
+    """Add a scatter with the settings of a preset that somebody has exported"""
+
+    bl_idname = "esh.preset_import"
+    bl_label = "Import Preset"
+
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        return self._apply(context, self.filepath)
+
+
+class ESH_OT_preset_export(ExportHelper, Edit):
+    """Write the settings of this scatter as a preset. Objects and images are not part of it"""
+
+    bl_idname = "esh.preset_export"
+    bl_label = "Export Preset"
+
+    filename_ext = ".json"
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write it."""
+        from ..preset_files import write_preset
+        from ..presets import preset_of
+
+        try:
+            write_preset(self.filepath, preset_of(selected_scatter(context)))
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {self.filepath}")
+        return {"FINISHED"}
+
+
+def _ground(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the mesh to scatter on: the active one, or that of the active scatter."""
+    active = context.view_layer.objects.active
+    if active is not None and active.type == "MESH" and not is_result(active):
+        return active
+    scatter = active_scatter(context)
+    return scatter.first_target if scatter is not None else None
+
+
+CLASSES = (
+    ESH_OT_preset_apply,
+    ESH_OT_preset_import,
+    ESH_OT_preset_export,
+)

@@ -1,0 +1,79 @@
+"""What the sidebar holds of an obstacle: what it is, how wide, and how far objects keep off it."""
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
+from bpy.types import PropertyGroup
+
+from ...engine.problem.settings import settings_of
+from ..obstacles import FreePlace, ScatterObstacle
+from .described import property_of
+
+__all__ = ["CLASSES", "ESH_PG_free_place", "ESH_PG_obstacle"]
+
+_SETTINGS = settings_of(ScatterObstacle)
+
+
+class ESH_PG_obstacle(PropertyGroup):
+    """Something that the objects of a scatter keep off."""
+
+    use: BoolProperty(name="Use", description="Have objects keep off it", default=True)
+    kind: EnumProperty(
+        name="Keep Off",
+        description="What objects keep off",
+        items=(
+            ("OBJECT", "Object", "One object: a mesh, a curve, or another scatter's result", "OBJECT_DATA", 0),
+            ("COLLECTION", "Collection", "All objects of a collection", "OUTLINER_COLLECTION", 1),
+        ),
+        default="OBJECT",
+    )
+    item: PointerProperty(
+        type=bpy.types.Object, name="Object", description="The object that is kept free, seen from above"
+    )
+    collection: PointerProperty(
+        type=bpy.types.Collection,
+        name="Collection",
+        description="The collection whose objects are kept free, seen from above",
+    )
+    width: property_of(_SETTINGS["width"])
+    margin: property_of(_SETTINGS["margin"])
+
+    @property
+    def source(self) -> bpy.types.Object | bpy.types.Collection | None:
+        """What it is, or None while nothing is chosen or the collection is empty."""
+        if self.kind == "OBJECT":
+            return self.item
+        return self.collection if self.collection is not None and len(self.collection.all_objects) else None
+
+    @property
+    def items(self) -> list[bpy.types.Object]:
+        """The objects that it stands for."""
+        source = self.source
+        if isinstance(source, bpy.types.Collection):
+            return sorted(source.all_objects, key=lambda item: item.name_full)
+        return [] if source is None else [source]
+
+    @property
+    def ready(self) -> bool:
+        """Whether it is switched on and there is something to keep off."""
+        return self.use and self.source is not None
+
+    def as_argument(self) -> ScatterObstacle:
+        """Return it as :func:`~esh.scatter` takes it."""
+        return ScatterObstacle(self.source, width=self.width, margin=self.margin)
+
+
+class ESH_PG_free_place(PropertyGroup):
+    """Where an object was removed by hand: the place stays free."""
+
+    place: FloatVectorProperty(size=2, options={"HIDDEN"})
+    radius: FloatProperty(options={"HIDDEN"})
+
+    def as_argument(self) -> FreePlace:
+        """Return it as :func:`~esh.scatter` takes it."""
+        return FreePlace(self.place[0], self.place[1], self.radius)
+
+
+CLASSES = (ESH_PG_obstacle, ESH_PG_free_place)

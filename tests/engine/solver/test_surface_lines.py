@@ -1,0 +1,195 @@
+"""Lines on a surface: they lie along it, in the directions that they are to have, whole, apart, and as evenly as dots."""
+
+import numpy as np
+import pytest
+
+trimesh = pytest.importorskip("trimesh")
+
+import esh  # noqa: E402
+from esh import EshError  # noqa: E402
+from esh.engine.problem.surface_directions import SurfaceVectors  # noqa: E402
+from esh.engine.quality.measurement import measure  # noqa: E402
+
+BALL = trimesh.creation.icosphere(subdivisions=3)
+RUN = {"device": "cpu", "max_steps": 60}
+
+
+def ball(**named):
+    return esh.Surface(esh.SurfaceMesh(BALL.vertices, BALL.faces, **named))
+
+
+def square(side=10):
+    x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side))
+    index = np.arange(side * side).reshape(side, side)
+    quad = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
+    place = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    return esh.Surface(esh.SurfaceMesh(place, np.concatenate([quad[:, :3], quad[:, [0, 2, 3]]])))
+
+
+def sticks(surface, direction="none", count=150, length=0.24, width=0.04, density=1.0, **named):
+    line = esh.Line(length, direction, width=width)
+    size = esh.Size("stick", length * width, count, line=line)
+    return esh.Problem(surface, [esh.BodyClass("wood", [size], density=density)], **named)
+
+
+def cosine(placement, wanted):
+    """Between the axes and some directions along the surface, and how steep these are."""
+    wanted = wanted - (wanted * placement.normal).sum(axis=1, keepdims=True) * placement.normal
+    steep = np.linalg.norm(wanted, axis=1)
+    return np.abs((wanted * placement.tangent).sum(axis=1)) / np.maximum(steep, 1e-9), steep
+
+
+def ends(placement):
+    half = 0.5 * placement.length[:, None] * placement.tangent
+    return np.concatenate([placement.position - half, placement.position + half])
+
+
+def test_lines_lie_along_the_surface_and_are_as_long_as_asked():
+    placement = esh.solve(sticks(ball(), avoid_overlap=True), **RUN)
+    assert np.abs((placement.tangent * placement.normal).sum(axis=1)).max() < 1e-6
+    np.testing.assert_allclose(np.linalg.norm(placement.tangent, axis=1), 1.0, atol=1e-6)
+    assert placement.length.mean() == pytest.approx(0.24, rel=0.03) and np.ptp(placement.length) < 0.1
+    np.testing.assert_array_equal(placement.width, 0.04)
+    report = placement.report
+    assert report.overlaps == 0 and report.coverage_error < 0.03
+    # Angles count from the direction nearest to x, counter-clockwise seen from outside.
+    first = np.where(np.abs(placement.normal[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    first = first - (first * placement.normal).sum(axis=1, keepdims=True) * placement.normal
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    again = np.cos(placement.angle)[:, None] * first + np.sin(placement.angle)[:, None] * np.cross(
+        placement.normal, first
+    )
+    assert np.abs((again * placement.tangent).sum(axis=1)).min() > 1.0 - 1e-6
+
+
+def test_lines_run_down_the_slope():
+    placement = esh.solve(sticks(ball(), "slope"), **RUN)
+    along, steep = cosine(placement, np.broadcast_to([0.0, 0.0, -1.0], placement.position.shape))
+    assert np.quantile(along[steep > 0.4], 0.05) > 0.95
+
+
+@pytest.mark.parametrize("by_attribute", [False, True])
+def test_lines_follow_vectors(by_attribute):
+    def around(place):
+        return np.cross([0.0, 0.0, 1.0], place)
+
+    direction = SurfaceVectors("flow") if by_attribute else lambda points: around(points.position)
+    surface = ball(attributes={"flow": around(BALL.vertices)})
+    placement = esh.solve(sticks(surface, direction), **RUN)
+    along, steep = cosine(placement, around(placement.position))
+    assert np.quantile(along[steep > 0.4], 0.05) > 0.95
+
+
+def test_lines_run_along_the_edges_of_a_density():
+    """Around a disc on a square: at its rim lines lie along it."""
+    middle = np.array([0.5, 0.5, 0.0])
+
+    def density(points):
+        away = np.linalg.norm(points.position - middle, axis=1)
+        return 1.0 / (1.0 + np.exp((away - 0.3) / 0.03)) + 0.25
+
+    placement = esh.solve(sticks(square(), "density", 260, 0.06, 0.012, density), **RUN)
+    out = placement.position - middle
+    away = np.linalg.norm(out, axis=1)
+    at_rim = np.abs(away - 0.3) < 0.03
+    along = np.abs((np.cross([0.0, 0.0, 1.0], out / away[:, None]) * placement.tangent).sum(axis=1))
+    assert at_rim.sum() > 20 and np.median(along[at_rim]) > 0.95
+    assert placement.report.coverage_error < 0.06
+
+
+def test_lines_stay_on_a_surface_that_ends():
+    placement = esh.solve(sticks(square(), "none", 60, 0.2, 0.02), **RUN)
+    assert ends(placement)[:, :2].min() > -0.02 and ends(placement)[:, :2].max() < 1.02
+    np.testing.assert_allclose(placement.position[:, 2], 0.0, atol=1e-9)
+
+
+def test_on_a_square_lines_are_as_even_as_those_of_the_plane():
+    flat = esh.solve(
+        esh.Problem(
+            esh.Domain((1, 1)),
+            [esh.BodyClass("wood", [esh.Size("stick", 0.0008, 300, line=esh.Line(0.08, "none", width=0.01))])],
+        ),
+        **RUN,
+    )
+    bent = esh.solve(sticks(square(), "none", 300, 0.08, 0.01), **RUN)
+    assert bent.report.coverage_error < 1.5 * flat.report.coverage_error + 0.005
+
+
+def test_lines_go_round_an_edge():
+    """A long thin roof: charges of a line that crosses its ridge lie on both sides."""
+    roof = np.array([(0, -1, -1), (4, -1, -1), (4, 0, 0), (0, 0, 0), (4, 1, -1), (0, 1, -1)], float)
+    faces = np.array([(0, 1, 2), (0, 2, 3), (3, 2, 4), (3, 4, 5)])
+    surface = esh.Surface(esh.SurfaceMesh(roof, faces))
+    with esh.Solver(sticks(surface, "slope", 80, 0.6, 0.04), device="cpu") as solver:
+        solver.run(40)
+        charges = solver.descent.charges.points.position.numpy().reshape(80, 3, 3)
+        side = np.sign(charges[:, [0, 2], 1])
+        crossing = side[:, 0] * side[:, 1] < 0
+        assert crossing.sum() >= 3
+        # On the roof, whichever side they are on.
+        place = charges.reshape(-1, 3) * solver.model.unit + solver.descent.facets.middle
+        np.testing.assert_allclose(place[:, 2], -np.abs(place[:, 1]), atol=1e-4)
+
+
+def test_dots_and_lines_of_two_classes_keep_apart_and_out_of_balls():
+    line = esh.Line(0.2, "slope", width=0.04)
+    classes = [
+        esh.BodyClass("wood", [esh.Size("stick", 0.008, 80, line=line)]),
+        esh.BodyClass("stone", [esh.Size("pebble", 0.004, 200)]),
+    ]
+    hole = esh.Obstacle(ball=(0, 0, 1, 0.5))
+    placement = esh.solve(esh.Problem(ball(), classes, avoid_overlap=True, obstacles=[hole]), **RUN)
+    assert placement.report.overlaps == 0
+    wood = placement.class_index == 0
+    assert (placement.width[wood] > 0).all() and (placement.length[~wood] == 0).all()
+    assert np.linalg.norm(ends(placement) - (0, 0, 1), axis=1).min() > 0.5
+
+
+def test_fixed_lines_and_edits():
+    surface = ball()
+    with esh.Solver(sticks(surface, "slope", 120), device="cpu") as solver:
+        solver.run(40)
+        before = solver.placement()
+        pinned = esh.FixedBodies.of_placement(before, np.arange(40))
+        edit = solver.edit(sticks(surface, "slope", 80, fixed=pinned))
+        after = solver.placement()
+        assert len(edit.added) == len(edit.removed) == 0
+        _, i, j = np.intersect1d(before.id[:40], after.id, return_indices=True)
+        np.testing.assert_allclose(after.position[j], before.position[:40][i], atol=1e-6)
+        np.testing.assert_allclose(after.length[j], before.length[:40][i], rtol=1e-4)
+        assert np.abs((after.tangent[j] * before.tangent[:40][i]).sum(axis=1)).min() > 0.999
+        solver.edit(sticks(surface, "slope", 160))
+        grown = solver.placement()
+        kept = np.isin(grown.id, after.id)
+        assert len(grown.id) == 160 and kept.sum() == 120
+        assert measure(grown, solver.launcher).coverage_error < 0.06
+
+
+def test_bytes_do_not_depend_on_threads(monkeypatch):
+    problem = sticks(ball(), "slope", 200, avoid_overlap=True)
+    found = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("ESH_THREADS", threads)
+        found.append(esh.solve(problem, device="cpu", max_steps=5))
+    for name in ("position", "tangent", "length", "angle"):
+        np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name))
+
+
+def test_what_lines_cannot_do_on_a_surface_is_said():
+    def asked(domain=None, direction="none", length=0.2, **line):
+        size = esh.Size("stick", 0.01, 9, line=esh.Line(length, direction, width=0.05, **line))
+        return esh.Problem(domain or ball(), [esh.BodyClass("wood", [size])])
+
+    with pytest.raises(EshError, match=r"`line.length` of size .* must be one number on a surface; got an image"):
+        asked(length=np.full((2, 2), 0.2))
+    with pytest.raises(EshError, match=r"`line.straightness` of size .* must be None on a surface"):
+        asked(straightness=0.5)
+    with pytest.raises(EshError, match='must be "density", "none", "slope" or a function of points on a surface'):
+        asked(direction=0.3)
+    for direction in ("slope", lambda points: points.position):
+        with pytest.raises(EshError, match=r"must be another in a rectangle; .* needs a Surface"):
+            asked(esh.Domain((1, 1)), direction)
+    with pytest.raises(EshError, match=r"`line.direction` of class \"wood\" must return a vector per point, shape \["):
+        esh.solve(asked(direction=lambda points: np.ones(len(points.triangle))), **RUN)
+    with pytest.raises(EshError, match="must be finite everywhere; it returned NaN or infinity"):
+        esh.solve(asked(direction=lambda points: np.full((len(points.triangle), 3), np.nan)), **RUN)

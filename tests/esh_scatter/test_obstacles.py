@@ -1,0 +1,217 @@
+"""Objects keep off other objects, collections, curves with a width, and what other scatters have placed."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import esh  # noqa: E402
+from esh import EshError, ScatterClass, ScatterObstacle, ScatterSize, scatter  # noqa: E402
+
+OPTIONS = {"device": "cpu", "max_steps": 30}
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+@pytest.fixture
+def ground():
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=30, y_subdivisions=30, location=(5, 5, 0))
+    for vertex in bpy.context.object.data.vertices:
+        vertex.co.z = 0.2 * np.sin(vertex.co.x)
+    return bpy.context.object
+
+
+@pytest.fixture
+def tree():
+    bpy.ops.mesh.primitive_cylinder_add(vertices=32, radius=0.3, depth=1.0, location=(80, 0, 0))
+    return bpy.context.object
+
+
+def house(location=(5, 5, 3), size=4.0):
+    bpy.ops.mesh.primitive_cube_add(size=size, location=location)
+    return bpy.context.object
+
+
+def path():
+    curve = bpy.data.curves.new("Path", "CURVE")
+    curve.dimensions = "3D"
+    spline = curve.splines.new("POLY")
+    spline.points.add(1)
+    spline.points[0].co, spline.points[1].co = (-20, 8, 5, 1), (30, 8, 5, 1)
+    item = bpy.data.objects.new("Path", curve)
+    bpy.context.scene.collection.objects.link(item)
+    bpy.context.view_layer.update()
+    return item
+
+
+def placed(ground, tree, count=150, **named):
+    classes = [ScatterClass("tree", [ScatterSize("s", count, tree)])]
+    result = scatter(ground, classes, **(OPTIONS | named))
+    assert result.report.overlaps == 0
+    return result
+
+
+def xy(result):
+    return result.instances.position[:, :2]
+
+
+def from_box(position, middle, half):
+    away = np.maximum(np.abs(position - middle) - half, 0.0)
+    return np.hypot(*away.T)
+
+
+CELL = 20.0 / 1024.0
+
+
+def test_footprints_keep_off_an_object(ground, tree):
+    result = placed(ground, tree, obstacles=[house()])
+    away = from_box(xy(result), (5, 5), 2.0)
+    assert len(away) == 150 and away.min() > 0.3 - 2 * CELL, "not only their middles"
+    assert away.min() < 0.6, "and no farther than that"
+    assert from_box(xy(placed(ground, tree)), (5, 5), 2.0).min() == 0.0, "without it they stand there"
+
+
+def test_a_margin_stays_free_and_middles_count_where_overlap_is_allowed(ground, tree):
+    result = placed(ground, tree, obstacles=[ScatterObstacle(house(), margin=1.5)])
+    assert 1.8 - 3 * CELL < from_box(xy(result), (5, 5), 2.0).min() < 2.2
+    classes = [ScatterClass("tree", [ScatterSize("s", 1500, tree)])]
+    loose = scatter(ground, classes, **OPTIONS, avoid_overlap=False, obstacles=[ScatterObstacle(house(), margin=1.5)])
+    assert 1.5 - 3 * CELL < from_box(xy(loose), (5, 5), 2.0).min() < 1.7
+
+
+def test_a_curve_is_as_wide_as_it_is_said_to_be(ground, tree):
+    narrow = np.abs(xy(placed(ground, tree, obstacles=[path()]))[:, 1] - 8.0).min()
+    assert 0.3 - 2 * CELL < narrow < 0.6, "a line without a width"
+    wide = np.abs(xy(placed(ground, tree, obstacles=[ScatterObstacle(path(), width=3.0)]))[:, 1] - 8.0).min()
+    assert 1.8 - 3 * CELL < wide < 2.2
+
+
+def test_a_collection_is_one_obstacle_and_the_target_in_it_is_none(ground, tree):
+    collection = bpy.data.collections.new("Houses")
+    bpy.context.scene.collection.children.link(collection)
+    for item in (house((0, 0, 0), 2.0), house((10, 10, 0), 3.0), ground):
+        collection.objects.link(item)
+    position = xy(placed(ground, tree, obstacles=[collection]))
+    assert from_box(position, (0, 0), 1.0).min() > 0.3 - 2 * CELL
+    assert from_box(position, (10, 10), 1.5).min() > 0.3 - 2 * CELL
+
+
+def test_two_scatters_never_coincide(ground, tree):
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(70, 0, 0))
+    log = bpy.context.object
+    log.scale, log.rotation_euler = (2.0, 0.2, 0.2), (0.0, 0.0, 0.7)
+    bpy.context.view_layer.update()
+    logs = [ScatterClass("log", [ScatterSize("s", 60, log)], direction=0.4)]
+    first = scatter(ground, logs, **OPTIONS, seed=4, name="Logs")
+    position = first.instances.position[:, :2]
+    w, x, y, z = first.instances.rotation.T
+    turn = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)) + 0.7
+    second = placed(ground, tree, 200, seed=4, name="Trees", obstacles=[first.object])
+    assert second.object != first.object
+    trees = xy(second)
+    away = []
+    for where, angle in zip(position, turn, strict=True):
+        c, s = np.cos(angle), np.sin(angle)
+        along = (trees - where) @ np.array([[c, -s], [s, c]])
+        away.append(np.hypot(*np.maximum(np.abs(along) - (1.0, 0.1), 0.0).T).min())
+    assert min(away) > 0.3 - 3 * CELL and np.median(away) < 1.0
+    again = placed(ground, tree, 200, seed=4, name="Trees", obstacles=[first.object, second.object])
+    np.testing.assert_array_equal(xy(again), trees)
+
+
+def test_what_covers_everything_is_said(ground, tree):
+    with pytest.raises(EshError, match="must leave a place"):
+        placed(ground, tree, obstacles=[house(size=100.0)])
+    result = placed(ground, tree, obstacles=[house((500, 0, 0))])
+    np.testing.assert_array_equal(xy(result), xy(placed(ground, tree)))
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "said"),
+    [
+        ("Path", "`obstacles` must be a list"),
+        ([3], "got 3 among them"),
+        ([None], "got None among them"),
+    ],
+)
+def test_what_is_no_obstacle_is_refused(ground, tree, obstacles, said):
+    with pytest.raises(EshError, match=said):
+        placed(ground, tree, obstacles=obstacles)
+    with pytest.raises(EshError, match="`margin` of an obstacle"):
+        ScatterObstacle(tree, margin=-1.0)
+    assert esh.ScatterObstacle is ScatterObstacle
+
+
+def test_the_whole_surface_of_a_target_is_kept_free_as_well(tree):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=5.0, segments=64, ring_count=32)
+    ball = bpy.context.object
+    classes = [ScatterClass("tree", [ScatterSize("s", 200, tree)])]
+    result = scatter(ball, classes, **OPTIONS, surface="whole", obstacles=[house((0, 0, 20), 4.0)])
+    away = from_box(result.instances.position[:, :2], (0, 0), 2.0)
+    assert (away == 0.0).mean() < 0.02
+
+
+@pytest.fixture
+def sidebar():
+    from esh.esh_scatter import registration
+
+    registration.register()
+    yield bpy.context.scene.esh_scatter
+    registration.unregister()
+
+
+def in_sidebar(sidebar, ground, tree, count=80):
+    made = sidebar.add_scatter(ground)
+    size = made.add_class().sizes[0]
+    size.source_object, size.count = tree, count
+    made.device, made.max_steps = "CPU", 20
+    return made
+
+
+def test_obstacles_of_the_sidebar(sidebar, ground, tree):
+    made = in_sidebar(sidebar, ground, tree)
+    box, curve = house(), path()
+    for item in bpy.context.scene.objects:
+        item.select_set(item in (box, curve, ground, tree))
+    assert bpy.ops.esh.obstacle_add() == {"FINISHED"}
+    assert [entry.item for entry in made.obstacles] == [box, curve], "neither the target nor what is placed"
+    made.obstacles[1].width, made.obstacles[0].margin = 2.0, 0.5
+    assert [(one.width, one.margin) for one in made.arguments(bpy.context.scene)[1]["obstacles"]] == [(0, 0.5), (2, 0)]
+    bpy.ops.esh.scatter()
+    position = np.array([v.co[:2] for v in made.result.data.vertices])
+    assert from_box(position, (5, 5), 2.0).min() > 0.75 and np.abs(position[:, 1] - 8.0).min() > 1.2
+    assert not made.outdated
+    box.location.x += 1.0
+    bpy.context.view_layer.update()
+    assert made.changes() == ["obstacles"]
+    box.location.x -= 1.0
+    bpy.context.view_layer.update()
+    assert not made.outdated
+    made.obstacles[1].use = False
+    assert made.changes() == ["obstacles"]
+    bpy.ops.esh.obstacle_remove()
+    assert len(made.obstacles) == 1
+    bpy.ops.esh.obstacle_remove()
+    assert not bpy.ops.esh.obstacle_remove.poll() and not made.obstacles
+
+
+def test_a_later_scatter_makes_room_for_the_one_before(sidebar, ground, tree):
+    first = in_sidebar(sidebar, ground, tree)
+    second = in_sidebar(sidebar, ground, tree)
+    bpy.ops.esh.scatter_choose(index=0)
+    bpy.ops.esh.scatter()
+    bpy.ops.esh.scatter_choose(index=1)
+    bpy.ops.esh.scatter()
+    one, two = (np.array([v.co[:2] for v in made.result.data.vertices]) for made in (first, second))
+    away = np.linalg.norm(one[:, None] - two, axis=2).min()
+    assert away > 0.6 - 3 * CELL, "equal seeds and settings, and none of them coincide"
+    assert not first.outdated and not second.outdated
+    first.result.data.vertices[0].co.x += 0.5
+    assert second.changes() == ["other scatters"] and first.changes() == ["instances set by hand"]
+    second.keep_off_others = False
+    bpy.ops.esh.scatter()
+    two = np.array([v.co[:2] for v in second.result.data.vertices])
+    assert np.linalg.norm(one[:, None] - two, axis=2).min() < 0.5 and not second.outdated

@@ -1,0 +1,212 @@
+"""Objects that were moved, turned, pinned or removed by hand: the next run leaves them, and the rest makes room."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
+from esh.esh_scatter import live, pins, registration  # noqa: E402
+from esh.esh_scatter.kept_ground import read_attribute, write_attribute  # noqa: E402
+
+OPTIONS = {"device": "cpu", "max_steps": 20}
+
+
+@pytest.fixture(autouse=True)
+def empty_file():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    yield
+    registration.unregister()
+
+
+@pytest.fixture
+def ground():
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=30, y_subdivisions=30, location=(3, 4, 0))
+    for vertex in bpy.context.object.data.vertices:
+        vertex.co.z = 0.1 * vertex.co.x
+    return bpy.context.object
+
+
+def cone(name, radius=0.4):
+    bpy.ops.mesh.primitive_cone_add(vertices=24, radius1=radius, depth=1.0, location=(80, 0, 0))
+    bpy.context.object.name = name
+    return bpy.context.object
+
+
+@pytest.fixture
+def made(ground):
+    settings = bpy.context.scene.esh_scatter.add_scatter(ground)
+    for name, count in (("Pine", 60), ("Beech", 50)):
+        size = settings.add_class().sizes[0]
+        size.source_object, size.count = cone(name), count
+        settings.classes[-1].name = name
+    settings.device, settings.max_steps = "CPU", 20
+    bpy.ops.esh.scatter()
+    return settings
+
+
+def active():
+    return bpy.context.scene.esh_scatter.active
+
+
+def state(mesh):
+    """Return places and turns by the numbers of the points."""
+    position, rotation = read_attribute(mesh, "position"), read_attribute(mesh, "rotation")
+    number = read_attribute(mesh, "id").tolist()
+    return dict(zip(number, position, strict=True)), dict(zip(number, rotation, strict=True))
+
+
+def select(mesh, points):
+    chosen = np.zeros(len(mesh.vertices), bool)
+    chosen[points] = True
+    mesh.vertices.foreach_set("select", chosen)
+
+
+def move(mesh, point, to):
+    position = read_attribute(mesh, "position")
+    position[point, :2] = to
+    write_attribute(mesh, "position", position)
+    return int(read_attribute(mesh, "id")[point])
+
+
+def test_what_was_moved_stays_and_the_rest_makes_room(made):
+    mesh = made.result.data
+    assert not made.outdated and not pins.moved_by_hand(mesh).any()
+    first, second = move(mesh, 5, (3.0, 4.0)), move(mesh, 70, (3.9, 4.0))
+    assert made.changes() == ["instances set by hand"]
+    _, turns = state(mesh)
+    bpy.ops.esh.scatter()
+    mesh = active().result.data
+    places, turned = state(mesh)
+    np.testing.assert_allclose(places[first], (3.0, 4.0, 0.0), atol=2e-3)
+    np.testing.assert_allclose(places[second][:2], (3.9, 4.0), atol=2e-3)
+    np.testing.assert_allclose(turned[first], turns[first], atol=1e-5)
+    away = [np.linalg.norm(p[:2] - (3.0, 4.0)) for n, p in places.items() if n != first]
+    assert min(away) > 0.75, "nobody stands in it"
+    report = active().report
+    assert [s["placed"] for e in report["classes"] for s in e["sizes"]] == [60, 50] and report["overlaps"] == 0
+    assert not active().outdated and pins.staying(mesh).sum() == 2
+    active().seed = 9
+    bpy.ops.esh.scatter()
+    places, _ = state(active().result.data)
+    np.testing.assert_allclose(places[first], (3.0, 4.0, 0.0), atol=2e-3)
+
+
+def test_pinning_turning_and_letting_go(made):
+    mesh = made.result.data
+    before, _ = state(mesh)
+    number = int(read_attribute(mesh, "id")[8])
+    select(mesh, [8])
+    assert bpy.ops.esh.instances_pin() == {"FINISHED"} and made.outdated
+    assert bpy.ops.esh.instances_turn(angle=0.5) == {"FINISHED"}
+    turned = state(mesh)[1][number]
+    made.seed = 4
+    bpy.ops.esh.scatter()
+    mesh = active().result.data
+    places, turns = state(mesh)
+    np.testing.assert_allclose(places[number], before[number], atol=2e-3)
+    assert abs(abs(float(turns[number] @ turned)) - 1.0) < 1e-4
+    point = read_attribute(mesh, "id").tolist().index(number)
+    select(mesh, [point])
+    bpy.ops.esh.instances_unpin()
+    active().seed = 0
+    bpy.ops.esh.scatter()
+    assert not pins.staying(active().result.data).any() and not active().outdated
+
+
+def test_what_is_shown_at_once_moves_nobody_by_hand(made):
+    made.classes["Pine"].offset = 0.4
+    assert not pins.moved_by_hand(made.result.data).any() and not made.outdated
+
+
+def test_a_removed_place_stays_free_until_it_is_refilled(made):
+    mesh = made.result.data
+    place = read_attribute(mesh, "position")[20][:2]
+    select(mesh, [20])
+    assert bpy.ops.esh.instances_remove() == {"FINISHED"}
+    assert len(made.result.data.vertices) == 109 and made.changes() == ["instances set by hand"]
+    bpy.ops.esh.scatter()
+    places, _ = state(active().result.data)
+    assert len(places) == 110
+    assert min(np.linalg.norm(p[:2] - place) for p in places.values()) > 0.75
+    assert bpy.ops.esh.instances_refill() == {"FINISHED"} and not bpy.ops.esh.instances_refill.poll()
+    assert active().outdated
+
+
+def test_points_are_picked_in_edit_mode(made):
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"}
+    result = made.result
+    assert result.mode == "EDIT" and bpy.context.view_layer.objects.active == result
+    assert made.result_in(bpy.context.scene) == result
+    assert bpy.ops.esh.instances_pin() == {"CANCELLED"}, "none is selected"
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0.25, 0.0, 0.0))
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"} and result.mode == "OBJECT"
+    assert pins.moved_by_hand(result.data).all()
+    select(result.data, [3])
+    bpy.ops.esh.instances_edit()
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.esh.instances_unpin()
+    assert result.mode == "EDIT"
+    bpy.ops.esh.instances_edit()
+    assert not pins.staying(result.data).any()
+
+
+def test_pins_follow_a_class_that_is_renamed_moved_or_muted(made):
+    mesh = made.result.data
+    number = move(mesh, 80, (1.0, 1.0))
+    made.classes["Beech"].name = "Oak"
+    made.classes.move(1, 0)
+    bpy.ops.esh.scatter()
+    mesh = active().result.data
+    places, _ = state(mesh)
+    np.testing.assert_allclose(places[number][:2], (1.0, 1.0), atol=2e-3)
+    row = read_attribute(mesh, "id").tolist().index(number)
+    assert read_attribute(mesh, "class_index")[row] == 0
+    active().classes["Oak"].mute = True
+    bpy.ops.esh.scatter()
+    assert not pins.staying(active().result.data).any() and len(active().result.data.vertices) == 60
+
+
+def test_scripts_keep_what_was_moved_unless_they_say_otherwise(ground):
+    tree = cone("Tree")
+    classes = [ScatterClass("tree", [ScatterSize("s", 40, tree)])]
+    result = scatter(ground, classes, **OPTIONS).object
+    number = move(result.data, 7, (2.0, 2.0))
+    again = scatter(ground, classes, **OPTIONS).object
+    assert again == result
+    np.testing.assert_allclose(state(again.data)[0][number][:2], (2.0, 2.0), atol=2e-3)
+    scatter(ground, classes, **OPTIONS, pinned=False)
+    assert np.linalg.norm(state(result.data)[0][number][:2] - (2.0, 2.0)) > 0.05
+
+
+def test_live_makes_room_for_what_is_moved(made):
+    made.live = True
+    follow()
+    mesh = made.result.data
+    before, _ = state(mesh)
+    number = move(mesh, 5, (3.0, 4.0))
+    follow()
+    after, _ = state(made.result.data)
+    np.testing.assert_allclose(after[number][:2], (3.0, 4.0), atol=2e-3)
+    # Where it was, another one may have come, and one have gone where it is now.
+    others = [n for n in before.keys() & after.keys() if n != number]
+    assert len(after) == 110 and len(others) >= 105
+    assert min(np.linalg.norm(after[n][:2] - (3.0, 4.0)) for n in others) > 0.7
+    far = [n for n in others if np.linalg.norm(before[n][:2] - (3.0, 4.0)) > 6.0]
+    assert np.median([np.linalg.norm(after[n] - before[n]) for n in far]) < 0.3
+    assert not made.outdated
+
+
+def follow():
+    import time
+
+    deadline, still = time.monotonic() + 90, 0
+    while still < 3:
+        assert time.monotonic() < deadline, "it does not come to rest"
+        for one in live._followed.values():
+            one._looked = 0.0
+        live._tick()
+        still = 0 if any(one.busy for one in live._followed.values()) else still + 1
+        time.sleep(0.01)

@@ -1,0 +1,154 @@
+"""Presets make a scatter in one click, hold nothing but plain values, and come back from their files."""
+
+import json
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import esh  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.preset_files import BUILT_IN, built_in_presets, read_preset, write_preset  # noqa: E402
+from esh.esh_scatter.presets import preset_of  # noqa: E402
+
+NAMES = sorted(path.stem for path in BUILT_IN.glob("*.json"))
+
+
+def new_object(name, width):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (width, 0, 0), (width, width, 0), (0, width, 0)], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+@pytest.fixture
+def ground():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    registration.register()
+    item = new_object("Ground", 40.0)
+    bpy.context.view_layer.objects.active = item
+    yield item
+    registration.unregister()
+
+
+def test_there_are_a_dozen_and_their_names_tell_their_files():
+    assert len(NAMES) >= 12
+    for path, name in built_in_presets().items():
+        preset = read_preset(path)
+        assert preset["name"] == name and preset["about"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_preset_scatters_at_once_and_fits_on_its_ground(ground, name):
+    image = bpy.data.images.new("picture", 32, 32)
+    image.generated_type = "COLOR_GRID"
+    assert bpy.ops.esh.preset_apply(filepath=str(BUILT_IN / f"{name}.json")) == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    assert scatter.obstacle(bpy.context.scene) is None and not scatter.left_out()
+    for body_class in scatter.classes:
+        # Few of them, which says the same.
+        body_class.sizes[0].count = min(body_class.sizes[0].count, 40)
+    scatter.device, scatter.max_steps = "CPU", 3
+    positional, named = scatter.arguments(bpy.context.scene)
+    assert len(esh.ScatterJob(*positional, **named).problem.classes) == len(scatter.classes)
+    cover = sum(one.get("cover", 0.0) for one in read_preset(BUILT_IN / f"{name}.json")["classes"])
+    assert cover < 0.75 or not scatter.avoid_overlap
+
+
+@pytest.mark.parametrize("width", [0.3, 40.0, 2000.0])
+def test_a_preset_is_as_large_as_its_ground(ground, width):
+    target = new_object("Other", width)
+    bpy.context.view_layer.objects.active = target
+    bpy.ops.esh.preset_apply(filepath=str(BUILT_IN / "pizza.json"))
+    scatter = bpy.context.scene.esh_scatter.active
+    salami = scatter.classes["Salami"].sizes[0]
+    assert scatter.first_target == target and salami.count == 16
+    bounds = salami.source_object.bound_box
+    diameter = max(corner[0] for corner in bounds) - min(corner[0] for corner in bounds)
+    # 16 discs on 24 % of the ground.
+    assert diameter == pytest.approx(width * (4 * 0.24 / 16 / 3.1416) ** 0.5, rel=0.03)
+    assert all(salami.source_object not in list(scene.objects) for scene in bpy.data.scenes), "only its instances show"
+
+
+def test_selected_objects_take_the_places_of_the_classes(ground):
+    tree, bush = new_object("A tree", 2.0), new_object("B bush", 0.02)
+    for item in (tree, bush, ground):
+        item.select_set(True)
+    bpy.context.view_layer.objects.active = ground
+    bpy.context.view_layer.update()
+    bpy.ops.esh.preset_apply(filepath=str(BUILT_IN / "mixed_forest.json"))
+    first, second, third = bpy.context.scene.esh_scatter.active.classes
+    assert (first.sizes[0].source_object, second.sizes[0].source_object) == (tree, bush)
+    assert first.sizes[0].count == 64, "16 % of 1,600 m², 4 m² each"
+    assert second.sizes[0].count == 20_000, "not without end"
+    assert third.sizes[0].source_object.name.startswith("Bush")
+
+
+def test_a_scatter_that_is_exported_comes_back(ground, tmp_path):
+    scatter = bpy.context.scene.esh_scatter.add_scatter(ground)
+    scatter.name, scatter.class_separation, scatter.device = "Rocks", 0.25, "CPU"
+    one = scatter.add_class()
+    one.name, one.tilt, one.count_kind, one.distance, one.color = "Rock", 0.5, "DISTANCE", 3.5, (0.1, 0.2, 0.3)
+    second = one.add_size()
+    second.count, second.area_kind, second.area = 9, "VALUE", 0.25
+    layer = one.add_layer("NOISE", noise_scale=3.0, invert=True, use_curve=True)
+    layer.curve.nodes[0].mapping.curves[0].points[1].location = (1.0, 0.5)
+    other = scatter.add_class()
+    other.name, other.may_overlap = "Moss", "Rock"
+    other.add_layer("CLASS", class_name="Rock", blend="SUBTRACT")
+    path = tmp_path / "rocks.json"
+    assert bpy.ops.esh.preset_export(filepath=str(path)) == {"FINISHED"}
+    assert bpy.ops.esh.preset_import(filepath=str(path)) == {"FINISHED"}
+    scatters = bpy.context.scene.esh_scatter.scatters
+    made = scatters[1]
+    assert (made.name, made.class_separation, made.device) == ("Rocks.001", 0.25, "AUTO")
+    rock, moss = made.classes
+    assert (rock.tilt, rock.count_kind, rock.distance) == (0.5, "DISTANCE", 3.5)
+    assert tuple(rock.color) == pytest.approx((0.1, 0.2, 0.3), abs=1e-4)
+    assert [(s.area_kind, s.count) for s in rock.sizes] == [("MESH", 100), ("VALUE", 9)]
+    layer = rock.layers[0]
+    assert (layer.kind, layer.noise_scale, layer.invert) == ("NOISE", 3.0, True)
+    assert layer.curve_record()[1][:2] == pytest.approx([1.0, 0.5])
+    assert moss.overlaps_with(rock) and moss.layers[0].other_class == rock and moss.layers[0].blend == "SUBTRACT"
+    assert preset_of(made) | {"name": "Rocks"} == preset_of(scatters[0]) | {"classes": preset_of(made)["classes"]}
+
+
+GOOD = {"format": "esh-scatter-preset", "version": 1, "classes": [{"name": "A"}]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"format": "other"}, "must be a preset of ESH Scatter"),
+        ({"version": 9}, "must be of version 1; got 9"),
+        ({"classes": []}, "must be a list of 1 to 256"),
+        ({"code": "print()"}, 'must have no key "code"'),
+        ({"classes": [{"name": "A", "count": 0}]}, "Count of class 1"),
+        ({"classes": [{"name": "A", "color": [1, 2]}]}, "must be 3 numbers"),
+        ({"classes": [{"name": "A", "stand_in": {"shape": "import os"}}]}, "one of ball, box, cone"),
+        ({"classes": [{"name": "A", "settings": {"tilt": None}}]}, "must be a number, a word or a switch"),
+        ({"classes": [{"name": "A", "settings": {"uid": 5}}]}, '"uid" is none'),
+        ({"classes": [{"name": "A", "settings": {"__class__": "x"}}]}, '"__class__" is none'),
+        ({"classes": [{"name": "A", "settings": {"count_kind": "MANY"}}]}, "must have a value that fits"),
+        ({"classes": [{"name": "A", "layers": [{"kind": "MAGIC"}]}]}, "must have a value that fits"),
+        ({"classes": [{"name": "A", "layers": [{"kind": "NOISE", "curve": [[1.0]]}]}]}, "must be points (x, y)"),
+        ({"settings": {"target": "Cube"}}, '"target" is none'),
+    ],
+)
+def test_what_is_no_preset_is_said_and_changes_nothing(ground, tmp_path, changes, words):
+    path = tmp_path / "bad.json"
+    path.write_text(json.dumps(GOOD | changes), encoding="utf-8")
+    with pytest.raises(RuntimeError) as caught:
+        bpy.ops.esh.preset_import(filepath=str(path))
+    assert words in str(caught.value), str(caught.value)
+    assert not bpy.context.scene.esh_scatter.scatters
+
+
+def test_files_that_cannot_be_read_or_written_are_named(tmp_path):
+    (tmp_path / "text.json").write_text("no", encoding="utf-8")
+    for path, words in ((tmp_path / "none.json", "must be a file that can be read"), (tmp_path / "text.json", "JSON")):
+        with pytest.raises(esh.InputFileError, match=words):
+            read_preset(path)
+    with pytest.raises(esh.InputFileError, match="must be a file that can be written"):
+        write_preset(tmp_path / "no" / "folder.json", {"classes": []})
