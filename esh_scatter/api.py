@@ -659,7 +659,16 @@ class ScatterJob:
             for i, line in lines.items():
                 sizes[i] = replace(sizes[i], line=replace(line, direction=direction))
         density = check_density(one.density, f'`density` of class "{c.name}"')
-        return PreparedClass(c.name, tuple(sizes), density, one.surface.notes, room=c.room, gap=c.gap)
+        return PreparedClass(
+            c.name,
+            tuple(sizes),
+            density,
+            one.surface.notes,
+            room=c.room,
+            gap=c.gap,
+            clustering=c.clustering,
+            clump_size=c.clump_size,
+        )
 
     def _standing_of(self, scatter_class: ScatterClass) -> Standing:
         return scatter_class.standing or Standing(**values_of(self.settings, Standing))

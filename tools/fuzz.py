@@ -184,6 +184,9 @@ def any_recipe(choose: Choices, folder: Path) -> str:
             made["invert"] = True
         if choose.pick([False] * 4 + [True]):
             made["density_correction"] = True
+        if choose.pick([False, False, True]):
+            made["clustering"] = sometimes(choose.pick([0.0, 0.3, 1.0]), -1, "much")
+            made["clump_size"] = sometimes(choose.between(0.01, 10.0), -1.0, 1e-9)
         if choose.pick([False] * 4 + [True]):
             made["unsharp"] = {
                 "amount": sometimes(choose.between(0.1, 5), 1e300),

@@ -57,6 +57,27 @@ class ClassSettings(Settings):
             "Make the edges of the density stronger", more="Before everything else", label="Sharpen", of=Unsharp
         ),
     )
+    clustering: float = field(
+        default=0.0,
+        metadata=setting(
+            "How much bodies of this class stand in clumps. 0: not at all. 1: nearly all of them. Counts stay as they are, and so "
+            "does the density at large",
+            unit="share",
+            low=0.0,
+            high=1.0,
+        ),
+    )
+    clump_size: float = field(
+        default=0.0,
+        metadata=setting(
+            "Diameter of a clump. 0 makes it two and a half mean spacings of the class",
+            more="It takes ``clustering``",
+            unit="m",
+            low=0.0,
+            high=validation.LARGEST_LENGTH,
+            soft_high=20.0,
+        ),
+    )
     room: float = field(
         default=1.0,
         metadata=setting(

@@ -42,6 +42,8 @@ def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequenc
                 "`obstacles` on a surface must be balls; a polygon, a disc or an image must lie in a rectangle"
             )
     for c in classes:
+        if c.clustering > 0.0:
+            raise ProblemError(f'`clustering` of class "{c.name}" must be 0 on a surface; got {c.clustering:g}')
         for size in c.sizes:
             if size.line is not None:
                 _check_line_on_surface(size.line, f'size "{size.name}" of class "{c.name}"')

@@ -61,8 +61,11 @@ class PreparedClass:
         share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
         room: Factor on the footprints for keeping apart.
         gap: Distance that footprints keep from each other [m].
+        clustering: How much of it stands in clumps.
+        clump_size: Their diameter [m]; 0 for the usual.
         most: Largest density that is followed on a surface, where it is a share of the ground to cover.
-        base: The class before obstacles were cut out of its density and fixed bodies added to its counts; None if it is that.
+        base: The class before its density got clumps, obstacles were cut out of it and fixed bodies added to its counts; None if
+            it is that.
     """
 
     name: str
@@ -74,6 +77,8 @@ class PreparedClass:
     share: float = 1.0
     room: float = 1.0
     gap: float = 0.0
+    clustering: float = 0.0
+    clump_size: float = 0.0
     most: float = math.inf
 
     @property
@@ -136,6 +141,8 @@ def prepare_on_surface(body_class: BodyClass, surface: Surface, most: float, sha
         share=share,
         room=body_class.room,
         gap=body_class.gap,
+        clustering=body_class.clustering,
+        clump_size=body_class.clump_size,
         most=most,
     )
 
@@ -174,7 +181,16 @@ def prepare(
         image = np.minimum(image, np.float32(most))
     sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * area)
     return PreparedClass(
-        body_class.name, sizes, image, notes, body_class, share=share, room=body_class.room, gap=body_class.gap
+        body_class.name,
+        sizes,
+        image,
+        notes,
+        body_class,
+        share=share,
+        room=body_class.room,
+        gap=body_class.gap,
+        clustering=body_class.clustering,
+        clump_size=body_class.clump_size,
     )
 
 

@@ -20,6 +20,7 @@ from ..errors import ProblemError
 from . import validation
 from .balance import Balance
 from .body_class import BodyClass
+from .clumps import with_clumps
 from .domain import Domain
 from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
@@ -121,6 +122,7 @@ class Problem(SamplingSettings):
         validation.check_unique([body_class.name for body_class in classes], "class names")
         include_fixed = validation.check_switch(include_fixed, "`include_fixed`")
         avoid_overlap = validation.check_switch(avoid_overlap, "`avoid_overlap`")
+        seed = validation.check_seed(seed, "`seed`")
         obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
         share = _share_of_cover(classes) if avoid_overlap else 1.0
         # A class of another problem may have been cut and counted before.
@@ -135,8 +137,9 @@ class Problem(SamplingSettings):
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
         else:
             check_known_in_rectangles(bases, obstacles)
-        if obstacles and isinstance(domain, Domain):
-            prepared = tuple(cut_out(c, domain, obstacles) for c in bases)
+            prepared = tuple(with_clumps(c, index, domain, seed) for index, c in enumerate(bases))
+            if obstacles:
+                prepared = tuple(cut_out(c, domain, obstacles) for c in prepared)
         prepared = _sharing_images(prepared)
         settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
         settle(self, include_fixed=include_fixed, obstacles=obstacles, regularity=regularity)

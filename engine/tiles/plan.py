@@ -137,6 +137,8 @@ def read_scene(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
     if len(problem.fixed.id):
         raise ProblemError("`fixed` bodies must not be there for tiles; place them as `obstacle` discs")
     for c in problem.classes:
+        if c.clustering > 0.0:
+            raise ProblemError(f'`clustering` of class "{c.name}" must be 0 for tiles; got {c.clustering:g}')
         for size in c.sizes:
             where = f'of size "{size.name}" of class "{c.name}"'
             if size.footprint is not None:

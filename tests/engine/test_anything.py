@@ -89,6 +89,8 @@ USUAL = {
         "count": None,
         "density_correction": False,
         "unsharp": None,
+        "clustering": 0.0,
+        "clump_size": 0.0,
     },
     esh.Unsharp: {"amount": 1.0, "radius": 2.0},
     esh.Problem: {

@@ -44,6 +44,8 @@ SAMPLES = {
         "unsharp": [Unsharp(), Unsharp(0.3, 1.5)],
         "room": [1.25],
         "gap": [0.1],
+        "clustering": [0.1 + 0.2, 1.0],
+        "clump_size": [1.0 / 3.0],
     },
     Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5]},
     Size: {

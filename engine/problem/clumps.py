@@ -1,0 +1,118 @@
+"""Clumps: a density that is denser in spots and thinner between them, and the same as before at large.
+
+The density is multiplied by the exponential of a random field of one wavelength. What that has of longer waves is taken out, so that
+clumps say where bodies are within a wavelength, and the density where they are beyond it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import ProblemError
+from .domain import Domain
+from .prepared_class import PreparedClass
+
+__all__ = ["with_clumps"]
+
+# Diameter of a clump where none is given, in mean spacings of the class; two clumps are twice as far apart, so that there are some
+# twenty bodies for each.
+SPACINGS = 2.5
+# A wavelength is a clump and the gap beside it.
+WAVELENGTH = 2.0
+# Logarithm of the density, at the strongest, where the field is at its standard deviation; and where the field is cut off.
+CONTRAST, HIGHEST = 1.3, 2.0
+# Width of the band of wave numbers, over its middle: narrow ones have clumps in rows, wide ones clumps of all sizes.
+BAND = 0.25
+# Over that middle: what the factor on the density has less of than the first is taken away, and above the second all is kept.
+LOWEST_WAVES = (0.6, 0.9)
+# The factor on the density is at least this, about: nowhere does a class lose its ground.
+LEAST_FACTOR = 0.05
+PIXELS_PER_CLUMP = 8.0
+MOST_PIXELS = 4096
+# How often what is below that is cut off, and long waves are taken out: each time less of both is left.
+TIMES = 24
+
+
+def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int) -> PreparedClass:
+    """Return a class whose density has the clumps that it asks for; its image may have more pixels.
+
+    Args:
+        body_class: The class.
+        index: Its place among the classes; each has clumps of its own.
+        domain: Where.
+        seed: Of the problem.
+
+    Raises:
+        ProblemError: Clumps too small for the domain.
+    """
+    if body_class.clustering == 0.0:
+        return body_class
+    size = body_class.clump_size or SPACINGS * math.sqrt(domain.area / max(body_class.body_count, 1))
+    image = body_class.density_image
+    shape = _shape(image, size, domain, body_class.name)
+    factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
+    fine = np.repeat(np.repeat(image.astype(np.float64), factors[0], axis=0), factors[1], axis=1)
+    factor = _factor(shape, size, domain, CONTRAST * body_class.clustering, np.random.default_rng([seed, 8, index]))
+    return replace(body_class, density_image=(fine * factor).astype(np.float32))
+
+
+def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[int, int]:
+    """Height and width of an image that shows the clumps, and whose pixels divide those of ``image``."""
+    wanted = [math.ceil(PIXELS_PER_CLUMP * length / size) for length in domain.size[::-1]]
+    if max(wanted) > MOST_PIXELS:
+        least = PIXELS_PER_CLUMP * max(domain.size) / MOST_PIXELS
+        raise ProblemError(
+            f'`clump_size` of class "{name}" must be at least {least:.3g} m in a domain of '
+            f"{domain.size[0]:g} x {domain.size[1]:g} m; got {size:.3g}"
+        )
+    rows, columns = (own * math.ceil(many / own) for own, many in zip(image.shape, wanted, strict=True))
+    return rows, columns
+
+
+def _factor(
+    shape: tuple[int, int], size: float, domain: Domain, contrast: float, random: np.random.Generator
+) -> np.ndarray:
+    """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
+    count = [max(math.ceil(PIXELS_PER_CLUMP * length / size), 4) for length in domain.size[::-1]]
+    step_y, step_x = (length / many for length, many in zip(domain.size[::-1], count, strict=True))
+    # What does not wrap goes on as in mirrors: clumps at an edge are whole ones.
+    period = [many if domain.periodic else 2 * many for many in count]
+    wave = np.hypot(np.fft.fftfreq(period[0], step_y)[:, None], np.fft.rfftfreq(period[1], step_x)[None, :])
+    wave *= WAVELENGTH * size
+    band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
+    band[0, 0] = 0.0
+    noise = _filtered(random.standard_normal(count), band, domain.periodic)
+    # Where the domain is smaller than a clump there is next to nothing.
+    noise /= max(float(noise.std()), 1e-9)
+    factor = np.exp(contrast * np.clip(noise, -HIGHEST, HIGHEST))
+    factor /= factor.mean()
+    low, high = LOWEST_WAVES
+    share = np.clip((wave - low) / (high - low), 0.0, 1.0)
+    kept = share**2 * (3.0 - 2.0 * share)
+    for _ in range(TIMES):
+        # What is cut off below has long waves again, though fewer.
+        factor = 1.0 + _filtered(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
+    factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
+    return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+
+
+def _filtered(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:
+    """Values on a grid times a function of their waves; they wrap, or go on as in mirrors."""
+    rows, columns = values.shape
+    if not wraps:
+        values = np.concatenate([values, values[::-1]])
+        values = np.concatenate([values, values[:, ::-1]], axis=1)
+    return np.fft.irfft2(np.fft.rfft2(values) * kept, values.shape)[:rows, :columns]
+
+
+def _stretched(values: np.ndarray, count: int, wraps: bool) -> np.ndarray:
+    """Values along the first axis at so many places, linearly between the middles of pixels; they wrap, or go on as they end."""
+    many = len(values)
+    place = (np.arange(count) + 0.5) * (many / count) - 0.5
+    low = np.floor(place).astype(np.int64)
+    share = (place - low)[:, None]
+    below, above = (low % many, (low + 1) % many) if wraps else (np.maximum(low, 0), np.minimum(low + 1, many - 1))
+    return (1.0 - share) * values[below] + share * values[above]

@@ -1,0 +1,82 @@
+"""Clumps of a class."""
+
+import numpy as np
+import pytest
+from esh import BodyClass, Domain, Problem, ProblemError, Size, Surface, SurfaceMesh, solve
+from esh.engine.quality.coverage import coverage_error
+from scipy.spatial import cKDTree
+
+SQUARE = Domain((40.0, 40.0), "periodic")
+UNIFORM = np.ones((1, 1))
+
+
+def problem_of(clustering, clump_size=0.0, density=1.0, count=1500, domain=SQUARE, **more):
+    size = Size("s", 0.02, count)
+    return Problem(domain, [BodyClass("a", [size], density, clustering=clustering, clump_size=clump_size)], **more)
+
+
+def density_of(problem):
+    return problem.classes[0].density_image.astype(np.float64)
+
+
+@pytest.mark.parametrize("domain", [SQUARE, Domain((40.0, 40.0)), Domain((60.0, 20.0), "mirror")])
+@pytest.mark.parametrize("density", [1.0, np.linspace(0.2, 1.0, 7)[None, :]])
+def test_a_density_is_the_same_at_large_and_in_clumps_of_the_size_that_was_asked(domain, density):
+    image = density_of(problem_of(1.0, 4.0, density, domain=domain))
+    rows, columns = image.shape
+    smooth = image / np.resize(np.repeat(np.ravel(density), columns // np.size(density)), columns)[None, :]
+    if not domain.periodic:
+        # What does not wrap goes on as in mirrors.
+        smooth = np.concatenate([smooth, smooth[::-1]])
+        smooth = np.concatenate([smooth, smooth[:, ::-1]], axis=1)
+    power = np.abs(np.fft.rfft2(smooth - smooth.mean())) ** 2
+    across = np.fft.rfftfreq(smooth.shape[1], domain.size[0] / columns)
+    up = np.fft.fftfreq(smooth.shape[0], domain.size[1] / rows)
+    wave = np.hypot(up[:, None], across[None, :])
+    # Two clumps are 8 m apart.
+    assert power[wave < 0.55 / 8.0].sum() < 2e-3 * power.sum()
+    near = (wave > 0.7 / 8.0) & (wave < 1.4 / 8.0)
+    assert power[near].sum() > 0.5 * power.sum()
+    assert smooth.min() > 0.0 and smooth.max() > 3.0
+    assert smooth.mean() == pytest.approx(1.0, abs=0.01)
+
+
+def test_bodies_stand_in_clumps_and_the_density_at_large_is_kept():
+    placements = {strength: solve(problem_of(strength), device="cpu") for strength in (0.0, 0.5, 1.0)}
+    errors = {
+        k: [coverage_error(p.position, p.area, UNIFORM, SQUARE, k) for p in placements.values()] for k in (1.0, 4.0)
+    }
+    assert errors[1.0][1] > 50 * errors[1.0][0] and errors[1.0][2] > 1.3 * errors[1.0][1]
+    assert errors[4.0][1] < 2.0 * max(errors[4.0][0], 4e-5)
+    nearest = [cKDTree(p.position, boxsize=40.0).query(p.position, 2)[0][:, 1].mean() for p in placements.values()]
+    assert nearest == sorted(nearest, reverse=True)
+    assert all(len(p.position) == 1500 for p in placements.values())
+
+
+def test_clumps_of_two_classes_and_two_seeds_differ_and_finer_densities_have_the_same():
+    classes = [BodyClass(name, [Size("s", 0.02, 500)], clustering=1.0) for name in "ab"]
+    first, second = (density_of_class.density_image for density_of_class in Problem(SQUARE, classes).classes)
+    assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.3
+    other = density_of(problem_of(1.0, count=500, seed=1))
+    assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.3
+    fine = density_of(problem_of(1.0, density=np.ones((4 * first.shape[0], 4 * first.shape[1])), count=500))
+    coarse = fine.reshape(first.shape[0], 4, first.shape[1], 4).mean(axis=(1, 3))
+    assert np.corrcoef(first.ravel(), coarse.ravel())[0, 1] > 0.99
+
+
+def test_no_clumps_leave_a_density_as_it_is_and_a_problem_made_of_another_has_them_once():
+    assert density_of(problem_of(0.0, 4.0)).shape == (1, 1)
+    problem = problem_of(1.0)
+    np.testing.assert_array_equal(density_of(Problem(SQUARE, problem.classes)), density_of(problem))
+
+
+def test_what_cannot_have_clumps_is_named():
+    with pytest.raises(
+        ProblemError, match=r'`clump_size` of class "a" must be at least 0\.0781 m in a domain of 40 x 40 m'
+    ):
+        problem_of(0.5, 0.01)
+    with pytest.raises(ProblemError, match="`clustering`"):
+        problem_of(1.5)
+    triangle = Surface(SurfaceMesh([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]))
+    with pytest.raises(ProblemError, match=r'`clustering` of class "a" must be 0 on a surface; got 0\.5'):
+        problem_of(0.5, domain=triangle)
