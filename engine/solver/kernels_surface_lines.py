@@ -164,11 +164,11 @@ def propose_lines(
     wanted_length = lines.length[kind]
     lever = wp.max(half, SHORTEST_LEVER * wanted_length)
     spin = lines.turn_by_force[kind] * torque / (inertia * lever)
-    wish = preferred[kind * ground.tile_count + tile]
-    strength = wp.length(wish)
+    towards = preferred[kind * ground.tile_count + tile]
+    strength = wp.length(towards)
     if strength > 0.0:
-        x = wp.dot(wish, along)
-        y = wp.dot(wish, across)
+        x = wp.dot(towards, along)
+        y = wp.dot(towards, across)
         # A line has no front.
         spin += lines.turn_by_preference[kind] * strength * 0.5 * wp.atan2(2.0 * x * y, x * x - y * y)
     spin = wp.clamp(spin, -LARGEST_TURN, LARGEST_TURN)

@@ -104,11 +104,11 @@ class LineRules:
 
 
 def _directions_of(kind: LineKind, domain: Domain, made: dict[tuple[object, ...], np.ndarray]) -> np.ndarray:
-    """Desired directions of a kind, as :class:`DirectionField` gives them to kernels; those of equal wishes are ``made`` once."""
+    """Desired directions of a kind, as :class:`DirectionField` gives them to kernels; those of equal preferences are ``made`` once."""
     line, image = kind.line, kind.body_class.density_image
     assert not callable(line.direction)
-    wish = line.direction if isinstance(line.direction, (str, float)) else id(line.direction)
-    key = (wish, id(image), *line.tensor_scales)
+    preferred = line.direction if isinstance(line.direction, (str, float)) else id(line.direction)
+    key = (preferred, id(image), *line.tensor_scales)
     if key not in made:
         height, width = image.shape
         field = direction_field(

@@ -79,9 +79,9 @@ class SurfaceLineRules:
             one, other = tangent_frame(normal)
             angle = rng.uniform(0.0, math.pi, len(own))[:, None]
             along = np.cos(angle) * one + np.sin(angle) * other
-            wish = self._direction[number][tile[own]]
-            led = np.linalg.norm(wish, axis=1) > 0.0
-            along[led] = wish[led] / np.linalg.norm(wish[led], axis=1, keepdims=True)
+            preferred = self._direction[number][tile[own]]
+            led = np.linalg.norm(preferred, axis=1) > 0.0
+            along[led] = preferred[led] / np.linalg.norm(preferred[led], axis=1, keepdims=True)
             axis[own] = 0.5 * FIRST_LENGTH * kind.line.longest / model.unit * along
         return axis
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -61,9 +60,7 @@ def _widths(plan: Plan, bodies: PartBodies, group: np.ndarray, area: np.ndarray)
         if line is None:
             continue
         own = group == g
-        mean = float(np.mean(line.length))
-        thin = 2.0 / math.pi * (np.sqrt(mean**2 + math.pi * area[own]) - mean)
-        result[own] = thin if line.width is None else line.width
+        result[own] = line.thickness(area[own], float(np.mean(line.length)))
     return result
 
 

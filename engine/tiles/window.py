@@ -361,8 +361,8 @@ def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Siz
     length, direction, width = line.length, line.direction, line.width
     if width is None and not isinstance(size.area, tuple):
         # That of capsules of this area, the same in all windows; see :meth:`~.model.Model.widths`.
-        mean, area = float(np.mean(line.length)), float(size.area or 0.0)
-        width = 2.0 / math.pi * (math.sqrt(mean**2 + math.pi * area) - mean)
+        area = np.array([float(size.area or 0.0)])
+        width = float(line.thickness(area, float(np.mean(line.length)))[0])
     shape = tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1])
     if isinstance(length, np.ndarray):
         down, across = box.down, box.across

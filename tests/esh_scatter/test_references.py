@@ -6,6 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.api import EshError, ScatterClass, ScatterJob, ScatterSize, scatter  # noqa: E402
+from esh.esh_scatter.node_group import placed_objects  # noqa: E402
 from esh.esh_scatter.references import Reference  # noqa: E402
 from esh.esh_scatter.result import find_result  # noqa: E402
 from esh.esh_scatter.target import RESULT_TAG, RESULT_TARGET, is_result  # noqa: E402
@@ -90,8 +91,7 @@ def test_renamed_and_reallocated_objects_are_found_again():
         bpy.data.objects.new(f"{k}", None)
     made = job.write().object
     assert made[RESULT_TARGET] == ground
-    info = next(node for node in made.modifiers[0].node_group.nodes if node.bl_idname == "GeometryNodeObjectInfo")
-    assert info.inputs["Object"].default_value == tree
+    assert placed_objects(made.modifiers[0].node_group) == [tree]
 
 
 def test_a_reference_never_finds_another_object_of_the_same_name():

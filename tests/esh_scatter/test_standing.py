@@ -123,7 +123,7 @@ NAMES = ("position", "rotation", "scale", "lift", "class_color")
 
 
 def values(item):
-    return {name: kept_ground._read(item.data, name) for name in NAMES}
+    return {name: kept_ground.read_attribute(item.data, name) for name in NAMES}
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -136,7 +136,7 @@ def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
     body_class.random_turn, body_class.scale_jitter = 1.0, 0.25
     assert not scatter.outdated, "it needs no solving"
     at_once = values(scatter.result)
-    own = kept_ground._read(scatter.result.data, "class_index") == number
+    own = kept_ground.read_attribute(scatter.result.data, "class_index") == number
     for name in ("position", "rotation", "scale", "lift"):
         assert not np.allclose(at_once[name][own], before[name][own]), name
         np.testing.assert_array_equal(at_once[name][~own], before[name][~own], name)
@@ -180,7 +180,7 @@ def test_colour_eye_and_camera_of_a_class_are_changed_at_once(scatter):
     assert shown() == 20
     scatter.classes[1].show_render = False
     assert shown() == 20, "renders are another matter"
-    kept = {name: kept_ground._read(scatter.result.data, name) for name in ("hide_viewport", "hide_render")}
+    kept = {name: kept_ground.read_attribute(scatter.result.data, name) for name in ("hide_viewport", "hide_render")}
     assert (kept["hide_viewport"].sum(), kept["hide_render"].sum()) == (40, 20)
     bpy.ops.esh.scatter()
     assert shown() == 20, "the next run leaves it hidden"
@@ -198,7 +198,7 @@ def test_classes_that_were_moved_or_added_since_do_not_take_the_points_of_others
     assert values(scatter.result)["rotation"].tobytes() == before["rotation"].tobytes()
     scatter.classes.move(0, 2)
     scatter.classes[2].offset = 1.0
-    own = kept_ground._read(scatter.result.data, "class_index") == 0
+    own = kept_ground.read_attribute(scatter.result.data, "class_index") == 0
     moved = np.abs(values(scatter.result)["lift"] - before["lift"]).max(axis=1) > 0.1
     np.testing.assert_array_equal(moved, own)
 
@@ -214,7 +214,7 @@ def test_a_hundred_thousand_are_turned_in_a_moment(scatter):
     for name, (kind, _) in kinds.items():
         mesh.attributes.new(name, kind, "POINT")
     for name, (kind, given) in kinds.items():
-        kept_ground._write(mesh, name, np.asarray(given, kept_ground._FIELDS[kind][2]))
+        kept_ground.write_attribute(mesh, name, np.asarray(given, kept_ground._FIELDS[kind][2]))
     mesh[kept_ground.SEED] = 0
     item = bpy.data.objects.new("Many", mesh)
     assert kept_ground.can_stand_anew(item)

@@ -132,7 +132,7 @@ def test_a_closed_box_has_as_many_on_every_side():
 def test_suzanne_is_covered_with_her_modifiers():
     monkey = added("monkey")
     monkey.modifiers.new("Subdivision", "SUBSURF").levels = 1
-    result = scatter(monkey, classes(600), surface="whole", **OPTIONS)
+    result = scatter(monkey, classes(600), surface="whole", device="cpu", max_steps=60)
     evaluated = monkey.evaluated_get(bpy.context.evaluated_depsgraph_get())
     assert_stands_on(result, in_the_world(evaluated))
     assert result.report.coverage_error < 0.1 and result.report.overlaps == 0

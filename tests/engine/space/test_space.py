@@ -106,13 +106,13 @@ def test_images_are_as_many_periods_away_as_they_can_be_near():
 
 
 def test_only_the_room_space_looks_into_a_space():
-    """A second space must not need a change in the kernels of forces, of the descent or of the quality."""
+    """A second space must not need a change in the kernels of forces or of the descent; overlaps are counted independently."""
     read = [
         f"{path.relative_to(ENGINE)}: {line.strip()}"
         for path in sorted(ENGINE.rglob("kernels_*.py"))
-        if path.parent.name != "space"
+        if path.parent.name != "space" and path.name != "kernels_overlaps.py"
         for line in path.read_text(encoding="utf-8").splitlines()
-        if re.search(r"\bspace\.periodic\b", line)
+        if re.search(r"\b\w+\.periodic\b", line.partition("#")[0])
     ]
     assert not read
 
