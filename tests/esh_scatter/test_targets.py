@@ -132,7 +132,7 @@ def test_a_closed_box_has_as_many_on_every_side():
 def test_suzanne_is_covered_with_her_modifiers():
     monkey = added("monkey")
     monkey.modifiers.new("Subdivision", "SUBSURF").levels = 1
-    result = scatter(monkey, classes(600), surface="whole", device="cpu", max_steps=60)
+    result = scatter(monkey, classes(600), surface="whole", device="cpu", max_steps=100)
     evaluated = monkey.evaluated_get(bpy.context.evaluated_depsgraph_get())
     assert_stands_on(result, in_the_world(evaluated))
     assert result.report.coverage_error < 0.1 and result.report.overlaps == 0
@@ -355,7 +355,7 @@ def test_several_classes_of_several_sizes_do_not_overlap_on_a_torus():
         ScatterClass("large", [ScatterSize("large", 40, one, area=0.02), ScatterSize("small", 200, one, area=0.005)]),
         ScatterClass("other", [ScatterSize("range", 150, one, area=(0.002, 0.01))]),
     ]
-    result = scatter(torus, asked, surface="whole", device="cpu", max_steps=60)
+    result = scatter(torus, asked, surface="whole", device="cpu", max_steps=100)
     assert result.report.overlaps == 0
     assert np.bincount(values(result.object, "class_index")).tolist() == [240, 150]
     # A range scales its instances to their footprints.
@@ -415,7 +415,7 @@ def test_long_objects_run_down_the_slope(surface):
 
 def test_an_angle_is_laid_onto_a_whole_surface():
     ball, long = added("ico_sphere", subdivisions=4), stick()
-    result = scatter(ball, classes(120, long, direction=0.0), surface="whole", device="cpu", max_steps=60)
+    result = scatter(ball, classes(120, long, direction=0.0), surface="whole", device="cpu", max_steps=100)
     along = np.array([Quaternion(q) @ Vector((1, 0, 0)) for q in values(result.object, "rotation")])
     place = points(result.object)
     wanted = np.array([1.0, 0, 0]) - place * place[:, :1]
