@@ -79,8 +79,9 @@ def press():
 
 
 def finished():
+    # There is no scatter before the objects have been measured.
     scatter = bpy.context.scene.esh_scatter.active
-    if scatter.result is None and time.time() < answer["deadline"]:
+    if (scatter is None or scatter.result is None) and time.time() < answer["deadline"]:
         return False
     answer["asked"] = {one.name: one.count for one in scatter.classes}
     answer["points"] = len(scatter.result.data.vertices) if scatter.result else 0
