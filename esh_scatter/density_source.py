@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Hashable
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ def checksum(*arrays: np.ndarray) -> Hashable:
     return tuple((array.shape, zlib.crc32(np.ascontiguousarray(array).data)) for array in arrays)
 
 
-class DensitySource(Settings):
+class DensitySource(Settings, ABC):
     """Base of what a density can be read from."""
 
     @property
@@ -45,13 +46,13 @@ class DensitySource(Settings):
         """
         return self
 
+    @abstractmethod
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
         """Return the density at the reader's points, shape ``[n]``; of what :meth:`read` returned, in any thread.
 
         Raises:
             ProblemError: What is asked for is missing; the sentence calls the density ``key``.
         """
-        raise NotImplementedError
 
     def content(self, _reader: DensityReader) -> Hashable | None:
         """Return what it says at the reader's points, in short: two that say the same are the same. None where that cannot be told."""

@@ -14,6 +14,7 @@ from ..engine.files.bodies import Bodies, Prototype
 from ..engine.files.body_formats import FORMATS
 from ..engine.files.placement_files import check_ending, check_writable, write_bodies
 from ..engine.files.placement_reader import load_placement
+from ..engine.files.quaternions import multiply
 from ..engine.problem.validation import show
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
 from .result import CLASS_NAMES, write_result
@@ -167,7 +168,8 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]
         if not np.allclose(list(factor), factor[0]):
             raise ProblemError(f'"{item.name}" must have the same scale along all axes; apply its scale first')
         position = position @ world[:3, :3].T + np.array(shift)
-        rotation = _multiply(np.array(turn, np.float64), rotation).astype(np.float32)
+        own = np.roll(np.array(turn, np.float64), -1)[None, :]
+        rotation = np.roll(multiply(own, np.roll(rotation, -1, axis=1)), 1, axis=1).astype(np.float32)
         scale = scale * np.float32(factor[0])
     class_index = read("class_index", "INT", 1, 0)
     size_index = read("size_index", "INT", 1, 0)
@@ -209,13 +211,6 @@ def _names(given: Sequence[str], least: int, otherwise: str) -> tuple[str, ...]:
 def _square(source: bpy.types.Object) -> np.ndarray:
     x, y = (0.5 * max(length, 1e-3) for length in source.dimensions[:2])
     return np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
-
-
-def _multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the products of a quaternion (w, x, y, z) ``[4]`` and others ``[n, 4]``: turned by the others, then by the first."""
-    w, axis = first[0], first[1:]
-    real = w * second[:, :1] - second[:, 1:] @ axis[:, None]
-    return np.hstack([real, w * second[:, 1:] + second[:, :1] * axis + np.cross(axis, second[:, 1:])])
 
 
 def _with_objects(bodies: Bodies, sources: Sequence[bpy.types.Object], folder: Path, ending: str) -> Bodies:

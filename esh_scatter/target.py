@@ -171,9 +171,11 @@ def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarr
 def _read_normals(read: TriangleMesh, mesh: bpy.types.Mesh, matrix: Matrix) -> None:
     read.corner_normal = np.empty((len(mesh.loops), 3), np.float32)
     mesh.corner_normals.foreach_get("vector", read.corner_normal.ravel())
-    # The adjugate is the inverse times the determinant: it needs no division, and a flat scale has one too.
-    adjugate = np.array(matrix.to_3x3().adjugated())
-    read.normal_matrix = adjugate.T / max(np.abs(adjugate).max(), 1e-300)
+    # Cofactors are the transposed inverse times the determinant: they need no division, and a flat scale has them too.
+    # Not by mathutils: `adjugated` of Blender 4.5 gives wrong numbers.
+    rows = np.array(matrix)[:3, :3]
+    cofactors = np.cross(rows[[1, 2, 0]], rows[[2, 0, 1]])
+    read.normal_matrix = cofactors / max(np.abs(cofactors).max(), 1e-300)
 
 
 def _read_materials(read: TriangleMesh, mesh: bpy.types.Mesh, evaluated: bpy.types.Object) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem.body_footprints import footprints_of_placement
-from ..problem.placement import disc_radius
+from ..problem.body_kind import disc_radius
 from .halftone import line_axis
 from .periodic_copies import copies_of_bodies
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import EshError, InputFileError
+from ..problem.body_kind import disc_radius
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 
@@ -204,7 +205,7 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
             own = np.flatnonzero((placement.class_index == c) & (placement.size_index == s))
             index[own] = len(prototypes)
             if not size.kind.has_axis:
-                radius = math.sqrt(size.mean_area / math.pi)
+                radius = float(disc_radius(size.mean_area))
                 length = 0.0
                 scale[own] = np.sqrt(placement.area[own] / size.mean_area)[:, None]
             else:

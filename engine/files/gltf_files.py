@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import EshError, InputFileError
 from .bodies import Bodies, Prototype, bodies_from_columns
+from .quaternions import multiply, rotate
 
 __all__ = ["read_glb", "write_glb"]
 
@@ -177,8 +178,8 @@ def _columns(arrays: dict[str, np.ndarray], place: np.ndarray, number: int) -> d
     scale = arrays.get("SCALE", np.ones((count, 3))).astype(np.float64)
     if not np.allclose(place, np.eye(4)):
         shift, turn, factor = _decompose(place)
-        position = shift + _rotate(turn, factor * position)
-        rotation, scale = _multiply(turn[None, :], rotation), scale * factor
+        position = shift + rotate(turn, factor * position)
+        rotation, scale = multiply(turn[None, :], rotation), scale * factor
     x, y, z = position.T
     columns = {"x": x, "y": -z, "z": y, "prototype_index": np.full(count, number)}
     qx, qy, qz, qw = rotation.T
@@ -314,7 +315,7 @@ def _matrix(node: dict[str, Any]) -> np.ndarray:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     matrix = np.eye(4)
     quaternion = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64)
-    matrix[:3, :3] = _rotate(quaternion, np.eye(3)).T * np.array(node.get("scale", [1.0, 1.0, 1.0]))
+    matrix[:3, :3] = rotate(quaternion, np.eye(3)).T * np.array(node.get("scale", [1.0, 1.0, 1.0]))
     matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return matrix
 
@@ -327,7 +328,7 @@ def _compose(
     turned = not np.allclose(np.abs(turn), [0.0, 0.0, 0.0, 1.0], atol=1e-6)
     if turned and not np.allclose(scale, scale[:, :1]):
         raise EshError(f"{source} must not turn its meshes, because long bodies stretch them: apply its rotations")
-    return position + _rotate(rotation, scale * shift), _multiply(rotation, turn[None, :]), scale * factor
+    return position + rotate(rotation, scale * shift), multiply(rotation, turn[None, :]), scale * factor
 
 
 def _decompose(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -340,20 +341,6 @@ def _decompose(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     matrix = np.eye(4)
     matrix[:3, :3] = place[:3, :3] / factor
     return place[:3, 3], np.roll(trimesh.transformations.quaternion_from_matrix(matrix), -1), factor
-
-
-def _rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Turn vectors ``[n, 3]`` by quaternions (x, y, z, w), shape ``[4]`` or ``[n, 4]``."""
-    axis = np.broadcast_to(quaternion[..., :3], vector.shape)
-    across = 2.0 * np.cross(axis, vector)
-    return vector + quaternion[..., 3:] * across + np.cross(axis, across)
-
-
-def _multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the products of quaternions (x, y, z, w): turned by the second, then by the first."""
-    a, b = first[:, :3], second[:, :3]
-    real = first[:, 3:] * second[:, 3:] - (a * b).sum(axis=1, keepdims=True)
-    return np.hstack([first[:, 3:] * b + second[:, 3:] * a + np.cross(a, b), real])
 
 
 def _array(content: dict[str, Any], binary: bytes, index: int) -> np.ndarray:

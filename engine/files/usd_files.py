@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import EshError, InputFileError
 from .bodies import Bodies, Prototype, bodies_from_columns, read_names
 from .extras import import_extra
+from .quaternions import multiply
 
 __all__ = ["read_usd", "read_usda", "write_usd", "write_usda"]
 
@@ -154,7 +155,7 @@ def _columns(instancer: Any, place: np.ndarray, first: int) -> dict[str, np.ndar
     # The instancer's own place: a rotation, a uniform scale and a shift.
     factor = float(np.cbrt(abs(np.linalg.det(place[:3, :3]))))
     if not np.allclose(place, np.eye(4)):
-        rotation = _multiply(_quaternion_of(place[:3, :3].T / factor), rotation)
+        rotation = multiply(_quaternion_of(place[:3, :3].T / factor), rotation)
     rotation = rotation[:, [3, 0, 1, 2]]
     columns = {
         **dict(zip("xyz", (position @ place[:3, :3] + place[3, :3]).T, strict=True)),
@@ -194,13 +195,6 @@ def _quaternion_of(matrix: np.ndarray) -> np.ndarray:
         ]
     )
     return np.linalg.eigh(symmetric)[1][:, -1:].T
-
-
-def _multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the products of quaternions x, y, z, w: turned by the second, then by the first."""
-    a, b = first[:, :3], second[:, :3]
-    real = first[:, 3:] * second[:, 3:] - (a * b).sum(axis=1, keepdims=True)
-    return np.hstack([first[:, 3:] * b + second[:, 3:] * a + np.cross(a, b), real])
 
 
 def _define_prism(stage: Any, path: str, prototype: Prototype) -> None:

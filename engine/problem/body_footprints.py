@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .body_kind import disc_radius
 from .footprint import Footprint, Footprints
 from .packing import CELLS, in_cells
 from .problem import Problem
@@ -126,7 +127,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
             if size.kind.has_axis:
                 first[own] = CAPSULE
             else:
-                factor[own] = np.sqrt(area[own] / math.pi)
+                factor[own] = disc_radius(area[own])
             continue
         assert isinstance(given, Footprints)
         fixed = (problem.fixed.class_index == c) & (problem.fixed.size_index == s)

@@ -6,12 +6,21 @@ of a size are says :attr:`.size.Size.kind`. What prepares, checks and draws bodi
 
 from __future__ import annotations
 
-import math
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-__all__ = ["DOT", "BodyKind", "Dot"]
+__all__ = ["DOT", "BodyKind", "Dot", "disc_radius", "radius_of"]
+
+
+def disc_radius(area: np.ndarray | float) -> Any:
+    """Radius [m] of discs of these areas [m²]: the footprints of dots."""
+    return np.sqrt(np.asarray(area) / np.pi)
+
+
+def radius_of(width: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Half the thickness of capsules of these widths [m], or the radius of discs of these areas [m²] where it is 0, shape ``[n]``."""
+    return np.where(width > 0.0, 0.5 * width, disc_radius(area))
 
 
 class BodyKind(Protocol):
@@ -77,7 +86,7 @@ class Dot:
 
     def reach_across(self, area: np.ndarray) -> np.ndarray:
         """See :class:`BodyKind`."""
-        return np.sqrt(area / math.pi)
+        return disc_radius(area)
 
     def ground(self, area: float) -> float:
         """See :class:`BodyKind`."""
@@ -85,11 +94,11 @@ class Dot:
 
     def narrowest(self, area: float) -> float:
         """See :class:`BodyKind`."""
-        return 2.0 * math.sqrt(area / math.pi)
+        return 2.0 * float(disc_radius(area))
 
     def extent(self, area: float) -> float:
         """See :class:`BodyKind`."""
-        return 2.0 * math.sqrt(area / math.pi)
+        return 2.0 * float(disc_radius(area))
 
 
 DOT = Dot()

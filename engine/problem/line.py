@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import validation
+from .body_kind import disc_radius
 from .settings import Settings, described, setting
 
 __all__ = ["Line"]
@@ -161,4 +162,4 @@ class Line(Settings):
 
     def extent(self, area: float) -> float:
         """From one end of the capsule to the other [m], at most."""
-        return self.longest + (self.width or 2.0 * math.sqrt(area / math.pi))
+        return self.longest + (self.width or 2.0 * float(disc_radius(area)))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .body_kind import disc_radius
 from .footprint import Footprint, Footprints
 from .size import Size
 
@@ -59,7 +60,7 @@ def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -
             free = size.kind.has_axis or (isinstance(given.turn, str) and given.turn == "free")
             share = float(np.mean([packable(elongation_of(outline), free) for outline in given.outlines]))
         # The room that outlines keep for themselves is ground that they do not cover.
-        radius = math.sqrt(size.mean_area / math.pi)
+        radius = float(disc_radius(size.mean_area))
         fits.append(share * min(1.0, (radius / (radius * size.room * room + 0.5 * (size.gap + gap))) ** 2))
     return float(np.average(fits, weights=[size.share or 1.0 for size in sizes]))
 

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .body_footprints import footprints_of
+from .body_kind import radius_of
 
 if TYPE_CHECKING:
     from .problem import Problem
     from .report import Report
 
-__all__ = ["Placement", "disc_radius"]
-
-
-def disc_radius(area: np.ndarray | float) -> Any:
-    """Radius [m] of discs of these areas [m²]: the footprints of dots."""
-    return np.sqrt(np.asarray(area) / np.pi)
+__all__ = ["Placement"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,4 +89,4 @@ class Placement:
     @property
     def radius(self) -> np.ndarray:
         """Radius of every dot's disc, half the thickness of every line's capsule [m], shape ``[n]``, float64."""
-        return np.where(self.width > 0.0, 0.5 * self.width, disc_radius(self.area))
+        return radius_of(self.width, self.area)

@@ -109,7 +109,7 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
 def _overlaps(placement: Placement, launcher: Launcher) -> int:
     """Pairs of footprints on one side that overlap, in a straight line, by more than 1e-3 of their distance."""
     n = len(placement.position)
-    radius = np.where(placement.width > 0.0, 0.5 * placement.width, np.sqrt(placement.area / math.pi))
+    radius = placement.radius
     # With less room than they have they may overlap that far.
     radius *= np.minimum(footprints_of(placement.problem).room, 1.0)
     half = np.where(placement.width > 0.0, 0.5 * placement.length, 0.0)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..problem.body_kind import disc_radius, radius_of
 from ..problem.packing import elongation_of
 from ..space import kernels_images
 from ..space.neighbourhood import Neighbourhood
@@ -76,12 +76,12 @@ class Contact:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
         width = self._model.widths(length)
         if not self._model.problem.avoid_overlap:
-            return AXIS_RADIUS * np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+            return AXIS_RADIUS * radius_of(width, self._model.body.area)
         footprints = self._model.footprints
         # While bodies find their places an outline is a disc of its area.
         area = footprints.areas(length, width, apart=True)
         half = 0.5 * width * footprints.room + 0.5 * footprints.gap
-        return np.where(width > 0.0, half, np.sqrt(area / math.pi))
+        return np.where(width > 0.0, half, disc_radius(area))
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
+from ..problem.body_kind import radius_of
 from ..space.cell_sort import CellSort
 from . import kernels_descent, kernels_on_surface, kernels_surface_contact
 from .body_flags import BodyFlags
@@ -78,7 +79,7 @@ class SurfaceContact:
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
         width = self._model.widths(length)
-        radius = np.where(width > 0.0, 0.5 * width, np.sqrt(self._model.body.area / math.pi))
+        radius = radius_of(width, self._model.body.area)
         footprints = self._model.footprints
         apart = radius * footprints.room + 0.5 * footprints.gap
         return apart if self._model.problem.avoid_overlap else AXIS_RADIUS * radius

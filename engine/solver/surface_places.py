@@ -9,6 +9,7 @@ import warp as wp
 
 from ..device.launcher import Launcher
 from ..errors import ProblemError
+from ..problem.body_kind import radius_of
 from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
@@ -150,7 +151,7 @@ def clearances(model: Model) -> np.ndarray:
         return np.zeros(model.body_count)
     longest = model.body.longest
     width = model.widths(longest) if model.kinds else np.zeros(len(longest))
-    return np.where(width > 0.0, 0.5 * width, np.sqrt(model.body.area / math.pi)) / model.unit
+    return radius_of(width, model.body.area) / model.unit
 
 
 def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.ndarray, clear: np.ndarray) -> np.ndarray:
