@@ -74,8 +74,8 @@ def forces(launcher, problem):
     model = Model(problem)
     descent = SurfaceDescent(model, launcher)
     charges = descent.charges
-    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, descent.field_at_charge)
-    return model, descent, descent.field_at_charge.numpy().astype(np.float64)
+    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+    return model, descent, charges.field.numpy().astype(np.float64)
 
 
 def direct(launcher, model, descent):
