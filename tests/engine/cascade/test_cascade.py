@@ -136,7 +136,7 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     side = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     surface = Surface(SurfaceMesh(side, [[0, 1, 2], [0, 2, 3]]))
     _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
-    near = descent.cascade._near_target.numpy() * 900
+    near = descent.cascade._target_nearby.force.numpy() * 900
     count = descent.facets.corner_count
     position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
     launcher.launch(
