@@ -1,4 +1,7 @@
-"""What the sizes of a scatter place: read from Blender first, and then measured, which asks nothing of Blender."""
+"""What the sizes of a scatter place: read from Blender first, and then measured, which asks nothing of Blender.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ __all__ = [
     "with_any_outline",
 ]
 
-# Edges of densities are looked at as the paper on multi-class halftoning looks at them in an image of about this many pixels a side.
+# Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
 EDGE_SCALES = (RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS)
 
