@@ -19,9 +19,9 @@ from ..engine.problem.line import Line
 from ..engine.problem.size import Size
 from ..engine.problem.validation import check_area_or_range, show
 from ..engine.surface.chart import RESOLUTION
-from ..engine.surface.footprint import Outline
+from ..engine.surface.mesh_outline import Outline
 from ..engine.surface.triangle_mesh import TriangleMesh
-from .footprint import read_source
+from .object_outline import read_source
 from .references import Reference
 from .scatter_class import ScatterSize
 from .survey import Survey

@@ -18,8 +18,8 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
 from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import COPIES, MirroredField
+from ..space.asked_counts import typical_spacing
 from ..space.support import images_for_kernels
-from ..space.survey import typical_spacing
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction
 from .contact import Contact
