@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher, Until
 from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import COPIES, MirroredField
 from ..space.support import images_for_kernels
 from ..space.survey import typical_spacing
 from ..space.target_deposit import mix_images
-from . import kernels_descent, kernels_direction
+from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact
 from .initial_placement import first_pose
 from .line_rules import LineRules
@@ -79,6 +79,7 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
+        self._at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
         self._evaluate, self.field = self._make_field(fewest_nodes, targets)
         self._prepare_steps()
         # Dots look for the way back into the support only where they start.
@@ -230,10 +231,11 @@ class Descent:
         where = [self._steps, self._space, int(self.contact is not None)]
         if self.has_dots:
             self.launcher.launch(
-                kernels_descent.propose_dots,
-                self.model.body_count,
-                [self._charges, self.bodies, *where],
+                kernels_dots.propose_dots,
+                -(-self.model.body_count // self._at_once),
+                [self.model.body_count, self._at_once, self._charges, self.bodies, *where],
                 [self._motion, self._sums],
+                grain=GRAIN // self._at_once,
                 per_thread=True,
             )
         if self.rules.kind_count:
@@ -263,10 +265,11 @@ class Descent:
         where = [self._steps, self.images, self._space]
         if self.has_dots:
             self.launcher.launch(
-                kernels_descent.move_dots,
-                self.model.body_count,
-                [self.direction, self.bodies, *where],
+                kernels_dots.move_dots,
+                -(-self.model.body_count // self._at_once),
+                [self.model.body_count, self._at_once, self.direction, self.bodies, *where],
                 [self._motion, self.state.pose, self.charge_position],
+                grain=GRAIN // self._at_once,
             )
         if self.rules.kind_count:
             self.launcher.launch(
