@@ -201,6 +201,7 @@ class Field:
                     self._weight_stride,
                     self._variance,
                     self._family,
+                    int(self.blur.constant and self._family_of_group is None),
                     self._sharper,
                     self.core,
                     1.0 / self.core_end,
