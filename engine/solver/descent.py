@@ -59,6 +59,7 @@ class Descent:
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
         contact: What keeps footprints apart, or None.
+        at_once: Dots that are moved at once, see :mod:`.kernels_dots`.
         step: A whole step, recorded.
     """
 
@@ -79,7 +80,7 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        self._at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
+        self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
         self._evaluate, self.field = self._make_field(fewest_nodes, targets)
         self._prepare_steps()
         # Dots look for the way back into the support only where they start.
@@ -232,10 +233,10 @@ class Descent:
         if self.has_dots:
             self.launcher.launch(
                 kernels_dots.propose_dots,
-                -(-self.model.body_count // self._at_once),
-                [self.model.body_count, self._at_once, self._charges, self.bodies, *where],
+                -(-self.model.body_count // self.at_once),
+                [self.model.body_count, self.at_once, self._charges, self.bodies, *where],
                 [self._motion, self._sums],
-                grain=GRAIN // self._at_once,
+                grain=GRAIN // self.at_once,
                 per_thread=True,
             )
         if self.rules.kind_count:
@@ -266,10 +267,10 @@ class Descent:
         if self.has_dots:
             self.launcher.launch(
                 kernels_dots.move_dots,
-                -(-self.model.body_count // self._at_once),
-                [self.model.body_count, self._at_once, self.direction, self.bodies, *where],
+                -(-self.model.body_count // self.at_once),
+                [self.model.body_count, self.at_once, self.direction, self.bodies, *where],
                 [self._motion, self.state.pose, self.charge_position],
-                grain=GRAIN // self._at_once,
+                grain=GRAIN // self.at_once,
             )
         if self.rules.kind_count:
             self.launcher.launch(
