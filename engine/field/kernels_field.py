@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..space.kernels_cells import CellGrid
+from ..space.kernels_cells import CellGrid, SortedCharges
 from ..space.kernels_mesh import Mesh
 from ..space.kernels_space import period
 from . import splitting
@@ -193,75 +193,88 @@ def sum_near(
 ) -> wp.vec2: ...
 
 
+@wp.struct
+class Blurred:
+    """How charges are blurred: variance and family of each, and by how much the variance between two families is divided.
+
+    And the core of every charge: its strength, and 1 over the q at which it ends; see :mod:`.blur`. ``alike`` says whether all
+    charges have one variance and one family.
+    """
+
+    variance: wp.array(dtype=float)
+    family: wp.array(dtype=wp.int32)
+    alike: wp.int32
+    sharper: wp.float32
+    core: wp.float32
+    per_core: wp.float32
+
+
+@wp.struct
+class Correction:
+    """What the charges' mesh lacks of the targets, on a finer one; see :class:`~.target_correction.TargetCorrection`."""
+
+    mesh: Mesh
+    potential: wp.array(dtype=float)
+    row: wp.array(dtype=wp.int32)
+    scale: wp.array(dtype=float)
+    levels: wp.array(dtype=float)
+
+
+@wp.func
+def correction_at(at: wp.vec2, group: int, variance: float, correction: Correction):
+    """What it adds to the force on a charge of a group; between two levels linear in the variance of the charge's blur."""
+    nodes = correction.mesh.count_x * correction.mesh.count_y
+    base = correction.row[group] * correction.levels.shape[0] * nodes
+    scale = correction.scale[group]
+    if correction.levels.shape[0] == 1:
+        return scale * potential_gradient(at, base, correction.mesh, correction.potential)
+    level, place = level_of(variance, correction.levels)
+    base += level * nodes
+    below = potential_gradient(at, base, correction.mesh, correction.potential)
+    above = potential_gradient(at, base + nodes, correction.mesh, correction.potential)
+    return scale * (below + place * (above - below))
+
+
 @wp.kernel
 def evaluate_field(
     first: int,
-    order: wp.array(dtype=wp.int32),
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_group: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=float),
-    weight_stride: int,
-    variance: wp.array(dtype=float),
-    family: wp.array(dtype=wp.int32),
-    alike: int,
-    sharper: float,
-    core: float,
-    per_core: float,
-    cell_start: wp.array(dtype=wp.int32),
+    charges: SortedCharges,
+    blurred: Blurred,
     grid: CellGrid,
     cutoff: float,
     mesh: Mesh,
     potential: wp.array(dtype=float),
-    fine_mesh: Mesh,
-    correction: wp.array(dtype=float),
-    correction_row: wp.array(dtype=wp.int32),
-    correction_scale: wp.array(dtype=float),
-    levels: wp.array(dtype=float),
+    correction: Correction,
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
-    """Force per unit charge on every charge, written in the order in which the charges were given.
-
-    ``weight`` holds, for every group, the charges as that group sees them; see :func:`~esh.engine.space.kernels_cells.gather_charges`.
-    ``alike`` says whether all charges have one variance and one family.
-    """
+    """Force per unit charge on every charge, written in the order in which the charges were given."""
     i = first + wp.tid()
-    x = sorted_x[i]
-    y = sorted_y[i]
-    group = sorted_group[i]
-    row_start = wp.int64(group) * wp.int64(weight_stride)
+    x = charges.x[i]
+    y = charges.y[i]
+    group = charges.group[i]
     at = wp.vec2(x, y)
     total = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
     # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
-    fine_nodes = fine_mesh.count_x * fine_mesh.count_y
-    base = correction_row[group] * levels.shape[0] * fine_nodes
-    if levels.shape[0] == 1:
-        total += correction_scale[group] * potential_gradient(at, base, fine_mesh, correction)
-    else:
-        level, place = level_of(variance[i], levels)
-        base += level * fine_nodes
-        below = potential_gradient(at, base, fine_mesh, correction)
-        above = potential_gradient(at, base + fine_nodes, fine_mesh, correction)
-        total += correction_scale[group] * (below + place * (above - below))
+    total += correction_at(at, group, blurred.variance[i], correction)
     total += sum_near(
         x,
         y,
-        row_start,
-        cell_start,
+        wp.int64(group) * wp.int64(charges.weight_stride),
+        charges.cell_start,
         grid,
         period(grid.space),
         cutoff,
-        variance[i],
-        family[i],
-        alike,
-        sharper,
-        core,
-        per_core,
-        variance,
-        family,
-        weight,
-        sorted_x,
-        sorted_y,
+        blurred.variance[i],
+        blurred.family[i],
+        blurred.alike,
+        blurred.sharper,
+        blurred.core,
+        blurred.per_core,
+        blurred.variance,
+        blurred.family,
+        charges.weight,
+        charges.x,
+        charges.y,
     )
-    field[order[i]] = total
+    field[charges.order[i]] = total

@@ -74,8 +74,8 @@ def forces(launcher, problem):
     model = Model(problem)
     descent = SurfaceDescent(model, launcher)
     charges = descent.charges
-    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, descent.field_at_charge)
-    return model, descent, descent.field_at_charge.numpy().astype(np.float64)
+    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+    return model, descent, charges.field.numpy().astype(np.float64)
 
 
 def direct(launcher, model, descent):
@@ -136,7 +136,7 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     side = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     surface = Surface(SurfaceMesh(side, [[0, 1, 2], [0, 2, 3]]))
     _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
-    near = descent.cascade._near_target.numpy() * 900
+    near = descent.cascade._target_nearby.force.numpy() * 900
     count = descent.facets.corner_count
     position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
     launcher.launch(
