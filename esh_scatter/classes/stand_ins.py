@@ -30,7 +30,7 @@ def stand_in(
 
     Args:
         name: Of the object.
-        shape: One of :data:`~esh.esh_scatter.sidebar.preset_files.SHAPES`.
+        shape: One of :data:`~esh.esh_scatter.editing.preset_files.SHAPES`.
         proportions: Length, width and height, as they are to each other.
         area: Ground that it takes [m²].
         color: Of its material.

@@ -11,10 +11,10 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
+from ..editing.class_copy import CLASS_PARTS, copy_class
 from ..properties.body_class import ESH_PG_class
 from ..properties.names import unused_name
 from ..properties.scene import active_scatter, selected_class, selected_scatter
-from ..sidebar.class_copy import CLASS_PARTS, copy_class
 from .edit import ClassEdit, Edit, MoveEntry
 
 __all__ = ["CLASSES"]

@@ -108,7 +108,7 @@ class ESH_OT_layer_paint(ClassEdit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Make what is missing, and begin to paint."""
-        from ..sidebar.painting import begin_to_paint
+        from ..editing.painting import begin_to_paint
 
         scatter, body_class = selected_scatter(context), selected_class(context)
         layer = body_class.active_layer

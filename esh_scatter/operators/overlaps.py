@@ -7,10 +7,10 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.result import OVERLAPPING
-from ..sidebar import forecast
 from .edit import Edit, settings_editable
 
 __all__ = ["CLASSES"]

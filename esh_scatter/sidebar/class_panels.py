@@ -4,10 +4,10 @@ import bpy
 
 from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.scatter_settings import Standing
+from ..editing.class_copy import KEPT_APART
 from ..properties.body_class import DERIVED_COUNTS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
 from ..targets.target import members_of
-from .class_copy import KEPT_APART
 from .density_panel import draw_density
 from .panel_parts import SubPanel, draw_image, draw_list, draw_settings, write_text
 

@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 
 from ..densities.density_curve import curve_node
+from ..editing.painting import unsaved_images
 from ..properties.described import shown_settings
 from . import density_preview
-from .painting import unsaved_images
 
 __all__ = ["draw_density"]
 

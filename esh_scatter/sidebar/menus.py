@@ -3,9 +3,9 @@
 import bpy
 
 from .. import operators
+from ..editing.preset_files import built_in_presets
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter
-from .preset_files import built_in_presets
 
 __all__ = ["CLASSES", "attach", "detach"]
 

@@ -7,13 +7,14 @@ import bpy
 from ...engine.problem.balance import Balance
 from ...engine.problem.problem import SamplingSettings
 from ...engine.problem.scatter_settings import RunSettings, TargetSettings
+from ..editing import forecast
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
 from ..result.display import get_inputs, input_property, our_modifier
 from ..solving import live, running
 from ..targets import checksums
-from . import class_panels, forecast, report_panel
+from . import class_panels, report_panel
 from .panel_parts import Panel, SubPanel, draw_list, draw_settings, write_text
 
 __all__ = ["CLASSES"]

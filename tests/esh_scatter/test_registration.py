@@ -9,8 +9,9 @@ bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
+from esh.esh_scatter.operators import exchange as exchange_operators  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
-from esh.esh_scatter.sidebar import class_panels, exchange_operators, lists, menus, panels, report_panel  # noqa: E402
+from esh.esh_scatter.sidebar import class_panels, lists, menus, panels, report_panel  # noqa: E402
 
 PROPERTIES = (size, layer, body_class, scatter, scene)
 OPERATORS = (run, overlaps, scatters, presets, classes_from, classes, sizes, layers)

@@ -6,7 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.sidebar import selection  # noqa: E402
+from esh.esh_scatter.editing import selection  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -194,8 +194,8 @@ def test_one_class_has_no_other_to_copy_to(scatter):
 
 
 def test_every_property_of_a_class_belongs_to_one_part():
+    from esh.esh_scatter.editing.class_copy import CLASS_PARTS
     from esh.esh_scatter.properties.body_class import ESH_PG_class
-    from esh.esh_scatter.sidebar.class_copy import CLASS_PARTS
 
     parts = [name for _, _, names in CLASS_PARTS.values() for name in names]
     own = {"rna_type", "name", "known_name", "uid", "color", "size_index", "mute", "show_viewport", "show_render"}

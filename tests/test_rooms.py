@@ -1,4 +1,4 @@
-"""The rooms of the engine know only those below them."""
+"""The rooms of the engine, and of Blender's side, know only those below them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ENGINE = Path(__file__).resolve().parents[2] / "engine"
+ROOT = Path(__file__).resolve().parents[1]
+ENGINE = ROOT / "engine"
 # Every room, and those that it may import; errors and native_output are for all.
 MAY_IMPORT: dict[str, set[str]] = {
     "problem": set(),
@@ -36,16 +37,36 @@ FILES = {
 }
 MODULES = sorted(path for path in ENGINE.rglob("*.py") if path != ENGINE / "__init__.py")
 
+BLENDER = ROOT / "esh_scatter"
+# Rooms of Blender's side, and files beside them, from the lowest to the highest; each may import those before it.
+BLENDER_ORDER = (
+    "targets",
+    "densities",
+    "classes",
+    "result",
+    "solving",
+    "api",
+    "versions",
+    "properties",
+    "editing",
+    "operators",
+    "sidebar",
+    "registration",
+)
+BLENDER_MODULES = sorted(path for path in BLENDER.rglob("*.py") if path != BLENDER / "__init__.py")
 
-def name_of(path: Path) -> str:
-    return path.relative_to(ENGINE).with_suffix("").as_posix()
+
+def name_of(path: Path, package: Path = ENGINE) -> str:
+    return path.relative_to(package).with_suffix("").as_posix()
 
 
-def imported(path: Path) -> Iterator[tuple[int, str]]:
-    """Line, and room (or file beside the rooms), of all that a module of the engine imports of it, also late or for types only."""
-    package = path.relative_to(ENGINE).parts[:-1]
+def imported(path: Path, root: Path = ENGINE) -> Iterator[tuple[int, str]]:
+    """Line, and room (or file beside the rooms), of all that a module imports of its package, also late or for types only."""
+    package = path.relative_to(root).parts[:-1]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.level:
+            if node.level > len(package) + 1:
+                continue  # of another package
             base = package[: len(package) - node.level + 1] + tuple(
                 (node.module or "").split(".") if node.module else ()
             )
@@ -58,6 +79,14 @@ def test_a_module_imports_only_rooms_below_its_own(path: Path):
     allowed = (FILES[room] if path.parent == ENGINE else MAY_IMPORT[room] | {room}) | FOR_ALL
     for line, other in imported(path):
         assert other in allowed, f"engine/{name_of(path)}.py, line {line}: {room} may not import {other}"
+
+
+@pytest.mark.parametrize("path", BLENDER_MODULES, ids=lambda path: name_of(path, BLENDER))
+def test_a_module_of_blenders_side_imports_only_what_is_below(path: Path):
+    room = path.relative_to(BLENDER).with_suffix("").parts[0]
+    allowed = BLENDER_ORDER[: BLENDER_ORDER.index(room) + 1]
+    for line, other in imported(path, BLENDER):
+        assert other in allowed, f"esh_scatter/{name_of(path, BLENDER)}.py, line {line}: {room} may not import {other}"
 
 
 def test_no_two_rooms_know_each_other():
@@ -76,6 +105,11 @@ def test_every_room_is_there_and_says_what_is_in_it():
         tree = ast.parse((ENGINE / room / "__init__.py").read_text(encoding="utf-8"))
         assert ast.get_docstring(tree)
         assert len(tree.body) == 1, f"engine/{room}/__init__.py imports something"
+    rooms = {path.parent.name for path in BLENDER.glob("*/__init__.py")}
+    files = {path.stem for path in BLENDER.glob("*.py")} - {"__init__"}
+    assert rooms | files == set(BLENDER_ORDER)
+    for room in rooms:
+        assert ast.get_docstring(ast.parse((BLENDER / room / "__init__.py").read_text(encoding="utf-8")))
 
 
 def test_problems_and_files_need_no_warp():

@@ -31,7 +31,7 @@ def apply_preset(
 
     Args:
         scatter: Settings without classes.
-        preset: As :func:`~esh.esh_scatter.sidebar.preset_files.read_preset` returns it.
+        preset: As :func:`~esh.esh_scatter.editing.preset_files.read_preset` returns it.
         ground: Area of the target [m²].
         chosen: Objects for the classes, in their order, as far as there are any.
 
