@@ -182,6 +182,7 @@ class Field:
         blurred.family = self.launcher.zeros(room, wp.int32)
         # Where the blur is everywhere the same, this never changes.
         blurred.variance = wp.full(room, self.blur.levels[0], dtype=float, device=self.launcher.device)
+        blurred.alike = int(self.blur.constant and self._family_of_group is None)
         blurred.sharper, blurred.core, blurred.per_core = sharper, self.core, 1.0 / self.core_end
         return blurred
 
