@@ -134,30 +134,13 @@ class Contact:
         self.launcher.launch(
             kernels_contact.push_apart,
             -(-near.body_count // at_once),
-            [
-                pose,
-                near.near,
-                near.footprints,
-                near.cell_start,
-                near.grid,
-                SLACK,
-                DAMPING,
-                near.body_count,
-                at_once,
-            ],
+            [pose, near.for_kernels, SLACK, DAMPING, near.body_count, at_once],
             [self._pushed],
             grain=max(1, GRAIN_OF_NEIGHBOURS // at_once),
         )
         self.launcher.launch(
             kernels_contact.accept_push,
             near.body_count,
-            [
-                self._pushed,
-                near.footprints,
-                self._bodies,
-                bend,
-                self._images,
-                near.grid.space,
-            ],
-            [near.near, pose, displacement],
+            [self._pushed, self._bodies, bend, self._images],
+            [near.for_kernels, pose, displacement],
         )
