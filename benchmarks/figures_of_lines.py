@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from esh.engine.drawing.halftone import render_halftone
 from esh.engine.problem.balance import Balance
@@ -17,10 +15,8 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.line_quality import angle_errors, crossing_lines
+from experiment_run import Run
 from pictures import astronaut, cat, face, sheet
-
-if TYPE_CHECKING:
-    from figures import Run
 
 # Bodies share the picture's ink: the area of one is the ink over their number, whatever it is.
 INK = (0.08, 0.08, 0.1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from direct_summation import direct_solve
 from esh.engine.drawing.halftone import render_halftone
@@ -14,10 +12,8 @@ from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
+from experiment_run import Run
 from pictures import camera, dark_word, face, gaussian, sheet
-
-if TYPE_CHECKING:
-    from figures import Run
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))

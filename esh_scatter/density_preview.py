@@ -107,7 +107,8 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
     Raises:
         ProblemError: Something that the density needs is missing, or it is 0 everywhere.
     """
-    from .densities import DensityReader, attribute_names, read_density
+    from .density_source import DensityReader, attribute_names
+    from .image_density import read_density
     from .targets import check_targets, read_targets
 
     scatter = context.scene.esh_scatter.active

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..engine.problem.settings import described, setting
 from ..engine.problem.validation import LARGEST_ANGLE
-from .density_source import DensitySource
-
-if TYPE_CHECKING:
-    from .densities import DensityReader
+from .density_source import DensityReader, DensitySource
 
 __all__ = ["AltitudeDensity", "FacingDensity", "NoiseDensity", "SlopeDensity", "within"]
 

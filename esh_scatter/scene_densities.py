@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -12,13 +12,10 @@ import numpy as np
 from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, described, setting
 from ..engine.problem.validation import show
-from .density_source import DensitySource, Known
+from .density_source import DensityReader, DensitySource, Known
 from .flat_shapes import Shapes, check_shapes, read_shapes
 from .ground_densities import within
 from .target import check_exists, world_matrix
-
-if TYPE_CHECKING:
-    from .densities import DensityReader
 
 __all__ = ["CameraDensity", "DistanceDensity", "InsideDensity"]
 

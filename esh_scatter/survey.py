@@ -13,8 +13,7 @@ from ..engine.surface.chart import RESOLUTION, Chart
 from ..engine.surface.footprint import Outline
 from ..engine.surface.triangle_mesh import TriangleMesh
 from ..engine.surface.whole_surface import WholeSurface
-from .densities import DensityReader
-from .density_source import checksum
+from .density_source import DensityReader, checksum
 from .footprint import outline_of
 from .targets import chart_of
 

@@ -6,9 +6,9 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.body_footprints import footprints_of_placement
 from ..problem.cover import cover_of
 from ..problem.placement import Placement
+from ..problem.placement_footprints import footprints_of_placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface

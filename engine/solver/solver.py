@@ -16,8 +16,9 @@ from ..errors import ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from .carried_over import CarriedOver
 from .descent import Descent
-from .edit import CarriedOver, carry_lines, carry_over
+from .edit import carry_lines, carry_over
 from .final_placement import placement_of, position_in_metres
 from .memory import check_memory
 from .model import Model

@@ -9,7 +9,8 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.chart import Chart  # noqa: E402
-from esh.esh_scatter.densities import DensityReader, attribute_names, read_density  # noqa: E402
+from esh.esh_scatter.density_source import DensityReader, attribute_names  # noqa: E402
+from esh.esh_scatter.image_density import read_density  # noqa: E402
 from esh.esh_scatter.target import read_target  # noqa: E402
 
 
