@@ -244,7 +244,7 @@ class Separation:
         level = self._near.footprints.level.numpy()[order]
         self._near.footprints.level.assign(level)
         # Images that are farther than the nearest one matter where two bodies reach over half a period.
-        images = model.space.images_within(2.0 * float((reach + skin).max()), MOST_IMAGES)
+        periods = model.space.images_within(2.0 * float((reach + skin).max()), MOST_IMAGES)
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         mass = tables.area / tables.area.mean()
@@ -264,8 +264,12 @@ class Separation:
         self._prepare_bins(tables, is_round, pinned)
         self._make_arrays(given, angle)
         self._crowd = kernels_pairs.Crowd()
-        self._crowd.place, self._crowd.outlines, self._crowd.neighbours = self._place, self._outlines, self._near.for_kernels
-        self._crowd.images, self._crowd.inset = wp.vec2i(*images), int(domain.inset)
+        self._crowd.place, self._crowd.outlines, self._crowd.neighbours = (
+            self._place,
+            self._outlines,
+            self._near.for_kernels,
+        )
+        self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 

@@ -62,7 +62,7 @@ class Sorted:
 
 @wp.struct
 class Neighbours:
-    """What finds neighbours: bodies in the order of their cells, footprints, where every cell begins among the former, and the cells."""
+    """What finds neighbours: bodies in the order of their cells, their footprints, where every cell begins, and the cells."""
 
     bodies: Sorted
     footprints: Footprints

@@ -51,7 +51,7 @@ class Space:
         return self.inside(position - np.floor(position / size) * size)
 
     def inside(self, position: np.ndarray) -> np.ndarray:
-        """Put positions, shape ``[..., 2]``, that rounding left beyond the far edges onto these; or, where it wraps, onto the near ones.
+        """Put positions, shape ``[n, 2]``, that rounding left beyond the far edges onto these, or where it wraps onto the near ones.
 
         They are changed in place, and returned.
         """
