@@ -62,6 +62,8 @@ class Field:
         family: Of every group, shape ``[group_count]``; None for one. Charges of two families are blurred less.
         sharper: By how much the variance between them is divided.
         fewest_nodes: Of the targets' mesh; None for the usual.
+        smooth: Whether charges have no core, see :mod:`.blur`, and are blurred so widely however few they are: the near part, which
+            bounds the blur otherwise, reaches farther.
 
     Attributes:
         layout: The charges' mesh.
@@ -93,6 +95,7 @@ class Field:
         family: np.ndarray | None = None,
         sharper: float = SHARPER_BETWEEN,
         fewest_nodes: int | None = None,
+        smooth: bool = False,
     ) -> None:
         self.launcher = launcher
         self.space = space
@@ -111,7 +114,7 @@ class Field:
             on_gpu=device.is_cuda,
             blur_over_spacing=blur_over_spacing,
         )
-        self.cutoff = cutoff_of(self.layout)
+        self.cutoff = cutoff_of(self.layout, blur_over_spacing * spacing if smooth else 0.0)
         self.mesh = self.layout.for_kernels()
         self.node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
@@ -145,6 +148,8 @@ class Field:
         self.blur = self._correction.blur
         self.fine_layout = self._correction.layout
         self.core, self.core_end = blur.core(blur_over_spacing, uniform)
+        if smooth:
+            self.core = 0.0
         self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
         self._blurred = self._blurred_by(sharper)
         self._corrected = self._correction.for_kernels()
@@ -166,6 +171,7 @@ class Field:
         blurred.family = self.launcher.zeros(room, wp.int32)
         # Where the blur is everywhere the same, this never changes.
         blurred.variance = wp.full(room, self.blur.levels[0], dtype=float, device=self.launcher.device)
+        blurred.alike = int(self.blur.constant and self._family_of_group is None)
         blurred.sharper, blurred.core, blurred.per_core = sharper, self.core, 1.0 / self.core_end
         return blurred
 
