@@ -97,10 +97,8 @@ class Field:
         fewest_nodes: int | None = None,
         smooth: bool = False,
     ) -> None:
-        self.launcher = launcher
-        self.space = space
-        self.group_count = len(targets)
-        self.charge_count = len(charge)
+        self.launcher, self.space = launcher, space
+        self.group_count, self.charge_count = len(targets), len(charge)
         device = launcher.device
         images, charge_of_image, self.image_of_class = _distinct_images(targets)
         uniform = all(float(np.ptp(image)) == 0.0 for image in images)
@@ -122,9 +120,7 @@ class Field:
         self._charge = wp.array(charge, dtype=float, device=device)
         self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
         self._choose_cells()
-        self._sorted = self._room_for_sorted()
-        self._node_charge = launcher.zeros(self.group_count * self.node_count, wp.int64)
-        self._potential = launcher.empty(self.group_count * self.node_count, float)
+        self._make_room()
         self._lay_images(images, interaction @ charge_of_image)
         self._influence = launcher.kept(
             ("influence", self.layout, self.cutoff), lambda: far_influence(self._convolution, self.layout, self.cutoff)
@@ -154,15 +150,18 @@ class Field:
         self._blurred = self._blurred_by(sharper)
         self._corrected = self._correction.for_kernels()
 
-    def _room_for_sorted(self) -> kernels_cells.SortedCharges:
-        """Room for the charges in the order of their cells."""
+    def _make_room(self) -> None:
+        """Room for the charges in the order of their cells, and for what is on the mesh."""
         launcher, room = self.launcher, self.charge_count + kernels_field.LANES
+        self._cell_sort = CellSort(launcher, self.charge_count, self.cells.count_x * self.cells.count_y)
         charges = kernels_cells.SortedCharges()
         charges.order, charges.cell_start = self._cell_sort.order, self._cell_sort.cell_start
         charges.x, charges.y, charges.charge = (launcher.zeros(room, float) for _ in range(3))
         charges.group = launcher.empty(self.charge_count, wp.int32)
         charges.weight, charges.weight_stride = launcher.zeros(self.group_count * room, float), room
-        return charges
+        self._sorted = charges
+        self._node_charge = launcher.zeros(self.group_count * self.node_count, wp.int64)
+        self._potential = launcher.empty(self.group_count * self.node_count, float)
 
     def _blurred_by(self, sharper: float) -> kernels_field.Blurred:
         """How sorted charges are blurred; ``sharper`` is what the variance between two families is divided by."""
@@ -183,7 +182,6 @@ class Field:
         cells.inverse_size = wp.vec2(counts[0] / self.space.size[0], counts[1] / self.space.size[1])
         cells.space = self.space.for_kernels()
         self.cells = cells
-        self._cell_sort = CellSort(self.launcher, self.charge_count, cells.count_x * cells.count_y)
 
     def _lay_images(self, images: list[np.ndarray], attracting: np.ndarray) -> None:
         """Lay the images on the mesh; ``attracting`` is the charge of each that every group sees, shape ``[groups, images]``."""

@@ -453,7 +453,7 @@ class Separation:
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
-                guidance.lead(self._place, self._outlines, self._home)
+                guidance.lead(self._place, self._outlines, self._moves.home)
             self._find()
             if number % ROUNDS_AT_ONCE == 0 and number < guided:
                 if go_on is not None and not go_on():

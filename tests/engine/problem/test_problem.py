@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from esh import Balance, BodyClass, Domain, EshError, Problem, ProblemError, Size
+from esh import Balance, BodyClass, Domain, EshError, Obstacle, Problem, ProblemError, Size
 from esh.engine.problem.body_class import Unsharp
 from esh.engine.problem.line import Line
 from esh.engine.problem.prepared_class import prepare
@@ -138,6 +138,15 @@ def _check_meaning(made):
         assert 0 <= made.amount < math.inf and 0 < made.radius < math.inf
     else:
         assert type(made.seed) is int and made.seed >= 0
+
+
+def test_complex_numbers_are_no_numbers():
+    with pytest.raises(ProblemError, match="must be a square matrix of numbers"):
+        Balance(non_overlap=np.array([[1j]]))
+    with pytest.raises(ProblemError, match="a list of one area per body"):
+        Size("a", (0.5, 2.0), 1, distribution=np.array([1.0 + 1j]))
+    with pytest.raises(ProblemError, match="must be three or more corners"):
+        Obstacle(polygon=[(0.0, 0.0), (1.0, 0.0), (1.0, 1j)])
 
 
 @pytest.mark.parametrize("given", [object, Size, np.ndarray, float])
