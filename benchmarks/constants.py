@@ -3,10 +3,10 @@
     python benchmarks/constants.py separation.DAMPING 0.5 0.7
     python benchmarks/constants.py kernels_separation.FULL_CONTACTS 1 4 --scenes planks --bodies 200
 
-A constant is named as in `engine/solver`. Every value has a process of its own, because kernels take constants when they are compiled.
-Scenes are those of `contact.py`, with a few seeds each. Of every value: overlaps left over all scenes, counted by shapely,
-in how many runs there were none, mean coverage error at k = 1 after contact, how far bodies moved in mean spacings, and the seconds that
-contact took beside those of the constant as it is.
+A constant is named as in `engine/solver`. Every value has a process of its own, because kernels take constants when they are
+compiled. Scenes are those of `contact.py`, with a few seeds each. Of every value: overlaps left over all scenes, counted by
+shapely; in how many runs there were none; the mean coverage error at k = 1 after contact; how far bodies moved, in mean
+spacings; and the seconds that contact took, over those of the constant as it is.
 """
 
 from __future__ import annotations

@@ -35,6 +35,11 @@ class Space:
         """Area of the rectangle."""
         return self.size[0] * self.size[1]
 
+    @property
+    def has_straight_ways(self) -> bool:
+        """Whether the way from one position to another is always their difference: nothing repeats itself."""
+        return not self.periodic
+
     def with_mirror_images(self) -> Space:
         """The space of everything in this one and of its images in two mirrors, the right and the upper edge, which repeats itself."""
         return Space((2.0 * self.size[0], 2.0 * self.size[1]), True)

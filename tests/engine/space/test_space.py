@@ -96,6 +96,7 @@ def test_a_space_has_the_extent_of_its_domain_and_its_mirror_images_repeat():
     assert space == Space((15.0, 10.0), periodic=False) and space.area == 150.0
     assert space.with_mirror_images() == Space((30.0, 20.0), periodic=True)
     assert Space.of(Domain((30.0, 20.0), "periodic")).periodic
+    assert space.has_straight_ways and not space.with_mirror_images().has_straight_ways
 
 
 def test_images_are_as_many_periods_away_as_they_can_be_near():
