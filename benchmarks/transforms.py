@@ -24,8 +24,7 @@ import scipy
 import scipy.fft
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.solver.descent import Descent
-from esh.engine.solver.model import Model
+from esh.engine.solver.solver import Solver
 from esh.engine.transforms.convolution import Convolution
 from esh.engine.transforms.convolution_gpu import GpuTransforms
 from problems import problem_of
@@ -148,7 +147,8 @@ def alike(found: np.ndarray, expected: np.ndarray) -> bool:
 
 def row_of(launcher: Launcher, single: Launcher, count: int, repeat: int) -> str:
     """Time the convolution of a mesh for so many bodies, as a row of the table."""
-    layout = Descent(Model(problem_of(count)), launcher).field.layout
+    with Solver(problem_of(count), device="cpu") as solver:
+        layout = solver.descent.field.layout
     shape, padded, workers = layout.shape, layout.padded, launcher.thread_count
     mesh = np.random.default_rng(0).standard_normal(shape).astype(np.float32)
     kernel = kernel_of(padded)
