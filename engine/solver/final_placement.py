@@ -8,6 +8,7 @@ import numpy as np
 
 from ..problem.placement import Placement
 from ..space.density import move_into_support
+from ..space.space import Space
 from .body_flags import BodyFlags
 from .model import Model
 from .state import State
@@ -67,12 +68,7 @@ def _within(angle: np.ndarray, period: float) -> np.ndarray:
 def position_in_metres(model: Model, state: State) -> np.ndarray:
     """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
     position = np.multiply(state.pose.numpy()[:, :2], model.unit, dtype=np.float64)
-    domain = model.problem.rectangle
-    if domain.periodic:
-        # The far edge, where rounding may have put them, is the near one.
-        position[position >= domain.size] = 0.0
-        return position
-    return np.minimum(position, domain.size, out=position)
+    return Space.of(model.problem.rectangle).inside(position)
 
 
 def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:
