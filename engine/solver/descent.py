@@ -13,12 +13,12 @@ import math
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher, Until
 from ..field.field import FieldTarget
 from ..field.mirrored_field import COPIES
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
-from . import kernels_descent, kernels_direction
+from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact
 from .forces import SMALLEST_DENSITY, Forces
 from .initial_placement import first_pose
@@ -50,6 +50,7 @@ class Descent:
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
         contact: What keeps footprints apart, or None.
+        at_once: Dots that are moved at once, see :mod:`.kernels_dots`.
         step: A whole step, recorded.
     """
 
@@ -70,6 +71,7 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
+        self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
         self._forces = Forces(model, launcher, targets=targets, fewest_nodes=fewest_nodes)
         self.field, self.step_length = self._forces.field, self._forces.step_length
         self._prepare_step_limits()
@@ -181,10 +183,11 @@ class Descent:
         where = [self._steps, self._space, int(self.contact is not None)]
         if self.has_dots:
             self.launcher.launch(
-                kernels_descent.propose_dots,
-                self.model.body_count,
-                [self._charges, self.bodies, *where],
+                kernels_dots.propose_dots,
+                -(-self.model.body_count // self.at_once),
+                [self.model.body_count, self.at_once, self._charges, self.bodies, *where],
                 [self._motion, self._sums],
+                grain=GRAIN // self.at_once,
                 per_thread=True,
             )
         if self.rules.kind_count:
@@ -214,10 +217,11 @@ class Descent:
         where = [self._steps, self.images, self._space]
         if self.has_dots:
             self.launcher.launch(
-                kernels_descent.move_dots,
-                self.model.body_count,
-                [self.direction, self.bodies, *where],
+                kernels_dots.move_dots,
+                -(-self.model.body_count // self.at_once),
+                [self.model.body_count, self.at_once, self.direction, self.bodies, *where],
                 [self._motion, self.state.pose, self.charge_position],
+                grain=GRAIN // self.at_once,
             )
         if self.rules.kind_count:
             self.launcher.launch(
