@@ -24,7 +24,15 @@ from ...engine.surface.chart import Chart
 from .amount import Amount
 from .on_whole_surface import mean_footprint
 from .scatter_class import ScatterClass, standing_of
-from .sources import EDGE_SCALES, SizeShape, engine_size, variant_footprints, variants_of, with_any_outline
+from .sources import (
+    EDGE_SCALES,
+    SizeShape,
+    disc_of_area_1,
+    engine_size,
+    variant_footprints,
+    variants_of,
+    with_any_outline,
+)
 from .standing import draw
 
 __all__ = ["ClassesFromAbove"]
@@ -143,21 +151,30 @@ class ClassesFromAbove:
         shape = self._shapes[where[0]][where[1]]
         identity = np.arange(self._counted, self._counted + (size.count or 0))
         self._counted += len(identity)
-        if not shape.own_outlines or not len(identity):
+        capsules = not shape.own_outlines and shape.line is not None
+        if capsules or not len(identity):
             return size
         standing = standing_of(self._classes[where[0]], self._settings)
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)
+        slope = self._chart.slope(standing.align_to_normal)
+        if not shape.own_outlines:
+            return self._with_discs(where, size, factor, slope)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
         if isinstance(shape.area, tuple):
             # What gives each object its area; its jitter comes on top of that.
             area = size.areas([self._settings.seed, 2, *where])
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
-        footprints = Footprints(
-            variants, variant=variant, scale=factor, turn=turn, slope=self._chart.slope(standing.align_to_normal)
-        )
-        return replace(size, footprint=footprints)
+        return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
+
+    def _with_discs(self, where: tuple[int, int], size: Size, factor: np.ndarray, slope: np.ndarray | None) -> Size:
+        """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do."""
+        if slope is None and (factor == 1.0).all():
+            return size
+        area = size.areas([self._settings.seed, 2, *where])
+        disc = disc_of_area_1(leans=slope is not None)
+        return replace(size, footprint=Footprints(disc, scale=factor * np.sqrt(area), turn=0.0, slope=slope))
 
 
 def _share_of_cover(asked: list[_Asked]) -> float:
@@ -196,7 +213,7 @@ def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray)
 def _ground_for(chart: Chart, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
     """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
     if not all(isinstance(size.footprint, Footprints) for size in sizes):
-        # Discs and capsules lie in the plan.
+        # Capsules lie in the plan.
         return np.ones(chart.shape)
     steep = np.arccos(1.0 / np.maximum(chart.stretch, 1.0))
     return 1.0 / np.cos(standing.align_to_normal * steep)

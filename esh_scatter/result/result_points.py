@@ -86,9 +86,11 @@ def result_points(
     for number, shape in enumerate(shapes):
         own = np.flatnonzero(group == number)
         outlined, identity = outlined_sizes[number], placement.id[own]
+        # Of others the outline is a disc, whatever the object.
+        own_outlines = outlined and shape.own_outlines
         variant = (
             placement.variant[own]
-            if outlined
+            if own_outlines
             else variants_of(identity, len(shape.objects), shape.weights, settings.seed)
         )
         source[own] = np.array(shape.objects)[variant]
@@ -102,6 +104,7 @@ def result_points(
                 ground.normal[own] = normal_of_slope(
                     slope_at(slope, placement.position[own], problem.rectangle.size), align
                 )
+        if own_outlines and standing is not None and isinstance(chart, Chart):
             # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
             # that were drawn for this body.
             factor, turn = draw(standing, identity, ground.long[own], settings.seed)
@@ -109,6 +112,10 @@ def result_points(
             ground.fit[own] = placement.scale[own] / factor
         elif isinstance(shape.area, tuple) and outlines:
             ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
+        if outlined and not own_outlines and standing is not None:
+            # As large as the disc, whichever body that was drawn for.
+            factor, _ = draw(standing, identity, ground.long[own], settings.seed)
+            ground.fit[own] *= placement.scale[own] / (np.sqrt(placement.area[own]) * factor)
         if shape.line is not None and outlines:
             # Of lines, the outline's middle lies on the point.
             ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]

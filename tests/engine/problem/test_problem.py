@@ -321,6 +321,19 @@ def test_directions_without_meaning_are_refused(direction, complaint):
         ({"charges": True}, "got True"),
         ({"middle_charge": 0}, "`line.middle_charge` must be a number above 0"),
         ({"turn_weights": (0.6, 0.6)}, "`line.turn_weights` must not add up to more than 1"),
+        (
+            {"turn_weights": np.array(3)},
+            "`line.turn_weights` must be two weights, of the forces and of what is preferred; got array(3)",
+        ),
+        (
+            {"turn_weights": None},
+            "`line.turn_weights` must be two weights, of the forces and of what is preferred; got None",
+        ),
+        ({"tensor_scales": None}, "`line.tensor_scales` must be two standard deviations in pixels; got None"),
+        (
+            {"tensor_scales": np.array(3)},
+            "`line.tensor_scales` must be two standard deviations in pixels; got array(3)",
+        ),
         ({"turn_weights": (-0.1, 0.6)}, "must be a number between 0 and 1; got -0.1"),
         ({"stretch_weights": 0.2}, "`line.stretch_weights` must be two weights"),
         ({"straightness": 1.5}, "`line.straightness` must be a number between 0 and 1; got 1.5"),
