@@ -1,4 +1,7 @@
-"""Where the paper's experiments run, and the table of what they have found."""
+"""Where the paper's experiments run, and the table of what they have found.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 

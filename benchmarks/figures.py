@@ -2,6 +2,7 @@
 
     python benchmarks/figures.py --output output/figures [--device cuda:0] [--only 4 12]
 
+The paper is Schmaltz, Gwosdek and Weickert 2012.
 Every row has a goal and says whether it is met; the reference in brackets is a direct float64 sum of the same problem (300 steps of
 0.7 of the inverse curvature, which reach what 1,000 of the paper's do). Coverage errors are at k = 1 unless the row says otherwise.
 """

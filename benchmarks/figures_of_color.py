@@ -1,4 +1,7 @@
-"""Colour halftones (figure 13)."""
+"""Colour halftones (figure 13).
+
+Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Hatching: lines, lines and dots, bent lines, coloured lines (figures 16 and 17)."""
+"""Hatching: lines, lines and dots, bent lines, coloured lines (figures 16 and 17).
+
+Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Sizes: second and third order screening, continuous sizes, several classes (figures 4, 10, 11, 12, 14, 15)."""
+"""Sizes: second and third order screening, continuous sizes, several classes (figures 4, 10, 11, 12, 14, 15).
+
+Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 

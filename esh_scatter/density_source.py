@@ -85,7 +85,7 @@ Density: TypeAlias = DensitySource | bpy.types.Image | np.ndarray | float
 
 
 class DensityReader:
-    """Reads densities at points of a surface; of what :func:`.read_density` returned, in any thread.
+    """Reads densities at points of a surface; of what :func:`.stored_density` returned, in any thread.
 
     Args:
         points: Where, ``n`` of them.

@@ -12,7 +12,7 @@ from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, as_given, described, setting
 from ..engine.problem.validation import as_float, check_name, show
 from .density_source import Density, DensityReader, DensitySource, Known, attribute_names, content_of
-from .image_density import read_density
+from .image_density import stored_density
 
 __all__ = ["ClassDensity", "DensityLayer", "DensityStack"]
 
@@ -98,7 +98,7 @@ class DensityLayer(DensitySource):
 
     def read(self, key: str, known: Known) -> DensityLayer:
         """Return it with what it reads."""
-        return replace(self, density=read_density(self.density, key, known))
+        return replace(self, density=stored_density(self.density, key, known))
 
     def content(self, reader: DensityReader) -> Hashable | None:
         """Return what it reads, in short, and what is done with it."""

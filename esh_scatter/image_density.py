@@ -20,7 +20,7 @@ from .target import check_exists
 if TYPE_CHECKING:
     from ..engine.surface.surface_points import SurfacePoints
 
-__all__ = ["ImageDensity", "read_density"]
+__all__ = ["ImageDensity", "stored_density"]
 
 
 @described
@@ -142,7 +142,7 @@ class ImageDensity(DensitySource):
         return "image", self.image.checksum, uv, how
 
 
-def read_density(density: Density, key: str, known: Known | None = None) -> Density:
+def stored_density(density: Density, key: str, known: Known | None = None) -> Density:
     """Return a density that no longer needs Blender: of an image, its pixels. Only the main thread may call this.
 
     Args:

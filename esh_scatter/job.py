@@ -31,7 +31,7 @@ from ..engine.surface.whole_surface import WholeSurface
 from .classes_from_above import ClassesFromAbove
 from .density_source import Density, DensityReader, Known, attribute_names
 from .following import followed
-from .image_density import read_density
+from .image_density import stored_density
 from .kept_ground import SEED
 from .obstacles import ObstacleSource, StoredObstacle, covered, obstacle_image, read_obstacles
 from .on_whole_surface import class_on_surface
@@ -157,7 +157,7 @@ class ScatterJob:
         sources = [
             [reader.read(size, f'size "{size.name}" of class "{c.name}"') for size in c.sizes] for c in self.classes
         ]
-        densities = [read_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
+        densities = [stored_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [direction_of(c) for c in self.classes]
         own = self.result or find_result(context.scene, self.target, self.name)

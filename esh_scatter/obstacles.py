@@ -162,7 +162,7 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
 
 
 def _read_result(item: bpy.types.Object) -> _Stood:
-    from .footprint import read_source
+    from .object_outline import read_source
 
     mesh = item.data
     count = len(mesh.vertices)

@@ -69,7 +69,9 @@ def result_points(
     first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in classes])])
     outlined_sizes = [size.footprint is not None for c in problem.classes for size in c.sizes]
     group = first[placement.class_index] + placement.size_index
-    surface = chart.lift(placement) if isinstance(chart, WholeSurface) else chart.lift(placement.position)
+    surface = (
+        chart.surface_points(placement) if isinstance(chart, WholeSurface) else chart.surface_points(placement.position)
+    )
     ground = Ground(
         placement.id.astype(np.int32),
         surface.normal,

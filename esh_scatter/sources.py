@@ -1,4 +1,7 @@
-"""What the sizes of a scatter place: read from Blender first, and then measured, which asks nothing of Blender."""
+"""What the sizes of a scatter place: read from Blender first, and then measured, which asks nothing of Blender.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,9 @@ from ..engine.problem.line import Line
 from ..engine.problem.size import Size
 from ..engine.problem.validation import check_area_or_range, show
 from ..engine.surface.chart import RESOLUTION
-from ..engine.surface.footprint import Outline
+from ..engine.surface.mesh_outline import Outline
 from ..engine.surface.triangle_mesh import TriangleMesh
-from .footprint import read_source
+from .object_outline import read_source
 from .references import Reference
 from .scatter_class import ScatterSize
 from .survey import Survey
@@ -36,7 +39,7 @@ __all__ = [
     "with_any_outline",
 ]
 
-# Edges of densities are looked at as the paper on multi-class halftoning looks at them in an image of about this many pixels a side.
+# Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
 EDGE_SCALES = (RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS)
 

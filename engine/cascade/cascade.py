@@ -118,7 +118,7 @@ class Cascade:
 
         tiles = empty_points(launcher, facets.tile_count)
         launcher.launch(
-            kernels_facets.place_tiles,
+            kernels_facets.locate_tiles,
             facets.tile_count,
             [facets.count, on_device],
             [tiles.position, tiles.normal, tiles.label],
@@ -267,10 +267,10 @@ class Cascade:
         """The near part of the target's force at the corners of all tiles, image after image, ``wp.vec3``."""
         launcher, count, device = self.launcher, facets.corner_count, self.launcher.device
         position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
-        launcher.launch(kernels_facets.place_corners, count, [facets.count, self._facets], [position, tile])
+        launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], [position, tile])
         sources = empty_points(launcher, 4 * len(full))
         launcher.launch(
-            kernels_facets.place_quarters,
+            kernels_facets.locate_quarters,
             4 * len(full),
             [wp.array(full.astype(np.int32), dtype=wp.int32, device=device), facets.count, self._facets],
             [sources.position, sources.normal, sources.label],

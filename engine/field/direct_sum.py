@@ -1,7 +1,7 @@
 """The paper's direct summation in float64 with NumPy: the reference that the fast field is measured against.
 
 O(n²) in time. Tests, benchmarks and the table of quality figures use it; :func:`~esh.engine.solve.solve` does not. The paper,
-whose equations are named below, is Schmaltz, Gwosdek and Weickert, Multi-Class (Anisotropic) Electrostatic Halftoning, 2012.
+whose equations are named below, is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations

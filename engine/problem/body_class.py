@@ -1,4 +1,7 @@
-"""A class of bodies as it is asked for: its sizes, the density that it follows, and how many there are to be."""
+"""A class of bodies as it is asked for: its sizes, the density that it follows, and how many there are to be.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ class ClassSettings(Settings):
         default=False,
         metadata=setting(
             "Take the density as the share of the ground to cover. Where discs must overlap to cover it, more are placed",
-            more="The density is then 0..1, and raised above 0.907 (section 3 of the paper)",
+            more="The density is then 0..1, and raised above 0.907 (section 3 of Schmaltz, Gwosdek and Weickert 2012)",
             label="Cover Dark Areas",
         ),
     )

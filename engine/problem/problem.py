@@ -4,8 +4,7 @@ Conventions used in the whole engine: metres, square metres and radians; x to th
 rectangle ``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y),
 and it is stretched over the whole domain whatever its resolution or aspect.
 
-Sections, equations and symbols are those of the paper: Schmaltz, Gwosdek and Weickert, Multi-Class (Anisotropic) Electrostatic
-Halftoning, 2012.
+Symbols are those of the paper, Schmaltz, Gwosdek and Weickert 2012, Multi-Class (Anisotropic) Electrostatic Halftoning.
 """
 
 from __future__ import annotations

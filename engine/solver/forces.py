@@ -10,7 +10,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import MirroredField
-from ..space.survey import typical_spacing
+from ..space.asked_counts import typical_spacing
 from . import kernels_descent
 from .model import Model
 from .targets import group_targets

@@ -1,6 +1,6 @@
 """Kernels that move the bodies.
 
-A body's pose is (x, y, angle, length of its axis); a dot has angle and length 0.
+A body's pose is (x, y, angle, length of its axis); a dot has angle and length 0. The paper is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations

@@ -11,11 +11,11 @@ from ..surface.kernels_facets import (
     Spot,
     carried,
     facet_of_tile,
-    place_in_tile,
     spot_at,
     step_along,
     tangential,
     tile_of,
+    weights_in_tile,
     without_outward,
 )
 from .kernels_descent import PINNED, Bodies, squared_residual
@@ -191,7 +191,7 @@ def place_on_tiles(
     # Not on the sides, where rounding might leave the tile.
     within = wp.vec2(1.0 / 3.0 + 0.998 * (u - 1.0 / 3.0), 1.0 / 3.0 + 0.998 * (v - 1.0 / 3.0))
     facet[i] = own
-    weight[i] = place_in_tile(low - facets.first_tile[own], facets.cuts[own], within)
+    weight[i] = weights_in_tile(low - facets.first_tile[own], facets.cuts[own], within)
 
 
 @wp.kernel

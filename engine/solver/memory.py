@@ -18,10 +18,10 @@ from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import MOST_BODIES, show
+from ..space.asked_counts import typical_spacing
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
-from ..space.survey import typical_spacing
 from .guidance import is_long
 
 __all__ = ["check_memory", "machine_memory", "required_memory"]

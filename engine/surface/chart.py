@@ -138,7 +138,7 @@ class Chart:
         image.ravel()[self._filled], known.ravel()[self._filled] = values, 1.0
         return _fill_gaps(image, known)
 
-    def lift(self, position: np.ndarray) -> SurfacePoints:
+    def surface_points(self, position: np.ndarray) -> SurfacePoints:
         """Return the points of the surface above or below ``position`` ``[n, 2]`` of the rectangle [m].
 
         A cell may reach beyond the mesh's edge; what lies there goes to the nearest point of the surface.

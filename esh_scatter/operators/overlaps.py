@@ -27,7 +27,7 @@ class ESH_OT_counts_to_fit(Edit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Scale the counts."""
-        factor = forecast.scale_to_fit(selected_scatter(context), context.scene)
+        factor = forecast.scale_counts_to_fit(selected_scatter(context), context.scene)
         if factor == 1.0:
             self.report({"INFO"}, "The counts fit as they are")
             return {"CANCELLED"}

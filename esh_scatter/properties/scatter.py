@@ -17,6 +17,7 @@ from .. import checksums, words
 from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
+from .entries import entry_at
 from .names import scatter_renamed, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
@@ -99,12 +100,12 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     @property
     def active_class(self) -> ESH_PG_class | None:
         """The selected class, or None."""
-        return self.classes[self.class_index] if 0 <= self.class_index < len(self.classes) else None
+        return entry_at(self.classes, self.class_index)
 
     @property
     def active_obstacle(self) -> ESH_PG_obstacle | None:
         """The selected obstacle, or None."""
-        return self.obstacles[self.obstacle_index] if 0 <= self.obstacle_index < len(self.obstacles) else None
+        return entry_at(self.obstacles, self.obstacle_index)
 
     def other_results(self) -> list[bpy.types.Object]:
         """Return what the scatters before this one have placed on the same target: those after it make room themselves."""

@@ -174,6 +174,20 @@ class ESH_PG_size(PropertyGroup):
         chosen = self.source_kind == "OBJECT" and self.source_object is not None and self.source_was_in_scene
         return chosen and not in_a_scene(self.source_object)
 
+    def obstacle(self, target: bpy.types.Object) -> str | None:
+        """Return what keeps this size from being scattered on ``target``, or None."""
+        if self.source is None:
+            return f"choose {'an object' if self.source_kind == 'OBJECT' else 'a collection'} to place"
+        if self.source_deleted:
+            return f'"{self.source.name}" was deleted; choose another object to place'
+        if self.source_kind != "OBJECT" and not self.source.all_objects:
+            return f'collection "{self.source.name}" is empty; put objects to place into it'
+        if self.area_kind == "RANGE" and self.area_largest < self.area:
+            return "the largest area is smaller than the smallest"
+        if self.source == target:
+            return "the target cannot be placed on itself"
+        return None
+
     def as_argument(self, share: float | None = None) -> "ScatterSize":
         """Return this size as :func:`~esh.scatter` takes it; with a ``share`` where the class has the count."""
         from ..api import ScatterSize

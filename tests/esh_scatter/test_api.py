@@ -324,7 +324,7 @@ def test_an_outline_far_from_its_origin_still_lies_on_its_body_also_on_a_slope()
     far = new_object("Far", [(30, -5, 0), (31.6, -5, 0), (31.6, -4.8, 0), (30, -4.8, 0)], [(0, 1, 2, 3)])
     result = scatter(ground, [ScatterClass("far", [ScatterSize("one", 40, far)], direction=0.3)], **OPTIONS)
     job = ScatterJob(ground, [ScatterClass("far", [ScatterSize("one", 40, far)])], device="cpu")
-    on_ground = job.chart.lift(result.placement.position).position
+    on_ground = job.chart.surface_points(result.placement.position).position
     middles = []
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.is_instance and instance.parent.original == result.object:

@@ -101,7 +101,7 @@ def direct(launcher, model, descent):
     force = pull(position, normal, charge * matrix[group][:, group], lambda square: 1.0 / square)
     tiles, count = empty_points(launcher, descent.facets.tile_count), descent.facets.tile_count
     launcher.launch(
-        kernels_facets.place_tiles,
+        kernels_facets.locate_tiles,
         count,
         [descent.facets.count, descent.ground.facets],
         [tiles.position, tiles.normal, tiles.label],
@@ -140,7 +140,7 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     count = descent.facets.corner_count
     position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
     launcher.launch(
-        kernels_facets.place_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
+        kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
     )
     place = position.numpy()
     inside = np.abs(place[:, :2]).max(axis=1) < 11.0
