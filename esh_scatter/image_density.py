@@ -64,7 +64,7 @@ class ImageDensity(DensitySource):
     channel: str = field(
         default="luminance",
         metadata=setting(
-            "What of the image is read",
+            "Which channel of the image is read",
             choices=(
                 Choice("luminance", "Brightness", "how bright the colors are", "LUMINANCE"),
                 Choice("red", "Red", "the red channel", "RED"),
@@ -79,8 +79,12 @@ class ImageDensity(DensitySource):
         metadata=setting(
             "Which values are read",
             choices=(
-                Choice("stored", "As Stored", "the numbers in the file, as a gray of 50% looks", "STORED"),
-                Choice("linear", "Linear", "amounts of light, which a gray of 50% has a fifth of", "LINEAR"),
+                Choice(
+                    "stored", "As Stored", "the numbers in the file: a gray that looks like 50% counts as 50%", "STORED"
+                ),
+                Choice(
+                    "linear", "Linear", "amounts of light: a gray that looks like 50% counts as about 20%", "LINEAR"
+                ),
             ),
         ),
     )

@@ -119,7 +119,7 @@ class ESH_PT_classes(SubPanel, bpy.types.Panel):
 class ESH_PT_balance(SubPanel, bpy.types.Panel):
     """How the classes and sizes get on with each other."""
 
-    bl_label = "Together"
+    bl_label = "Balance"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -114,7 +114,7 @@ class InsideDensity(DensitySource):
     )
     falloff: float = field(
         default=0.0,
-        metadata=setting("How far outside of it the density fades out", unit="m", low=0.0, soft_high=100.0),
+        metadata=setting("How far outside the curves the density fades out", unit="m", low=0.0, soft_high=100.0),
     )
 
     @property
@@ -177,7 +177,7 @@ class CameraDensity(DensitySource):
     distance: float = field(
         default=0.0,
         metadata=setting(
-            "How far from the camera the density begins to fade out. 0 has no such limit",
+            "Distance from the camera at which the density begins to fade out. 0 means no limit",
             unit="m",
             low=0.0,
             soft_high=1000.0,
@@ -185,7 +185,7 @@ class CameraDensity(DensitySource):
     )
     falloff: float = field(
         default=10.0,
-        metadata=setting("Over which distance it fades out then", unit="m", low=0.0, soft_high=1000.0),
+        metadata=setting("Distance over which it then fades out", unit="m", low=0.0, soft_high=1000.0),
     )
 
     @property

@@ -31,7 +31,8 @@ class Balance(Settings):
     class_separation: float = field(
         default=0.5,
         metadata=setting(
-            "How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
+            "0: each class is evenly spaced by itself, wherever the others are. 1: only all classes together are evenly spaced, "
+            "so they mix",
             more="The alpha of Schmaltz, Gwosdek and Weickert 2012",
             label="Separation",
             unit="share",
@@ -65,7 +66,7 @@ class Balance(Settings):
     rare_emphasis: float = field(
         default=1.0,
         metadata=setting(
-            "How evenly classes of few bodies are spread among themselves, beside others of many. 0 treats all classes alike",
+            "How evenly classes with few objects are spread where others have many. 0 treats all classes alike",
             more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
             label="Rare Classes",
             low=0.0,

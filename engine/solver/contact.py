@@ -38,6 +38,9 @@ class Contact:
         launcher: Where to run.
         bodies: As the descent's kernels take them.
         images: Densities, as the descent's kernels take them.
+
+    Attributes:
+        discs: Whether all bodies are pushed as discs, which have no axis, by what the CPU has for these.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class Contact:
         )
         n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)
+        self.discs = not (launcher.device.is_cuda or model.space.periodic or model.kinds)
         self._spare = launcher.zeros(n, wp.vec4)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
@@ -129,6 +133,7 @@ class Contact:
                 DAMPING,
                 near.body_count,
                 at_once,
+                int(self.discs),
             ],
             [self._pushed],
             grain=max(1, GRAIN_OF_NEIGHBOURS // at_once),

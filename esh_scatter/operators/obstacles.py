@@ -13,7 +13,7 @@ __all__ = ["CLASSES"]
 
 
 class ESH_OT_obstacle_add(Edit):
-    """Add something that objects keep off: the selected objects, or an empty entry where there are none"""
+    """Add something for objects to keep away from: the selected objects, or an empty entry if none are selected"""
 
     bl_idname = "esh.obstacle_add"
     bl_label = "Add Obstacle"

@@ -41,7 +41,7 @@ class ESH_OT_size_move(MoveEntry):
 
 
 class ESH_OT_variants_list(EntryEdit):
-    """List the objects of the collection, which were changed since it was chosen, to give them weights"""
+    """List the objects of the collection again, which has changed, so that they can be given weights"""
 
     bl_idname = "esh.variants_list"
     bl_label = "List Objects"

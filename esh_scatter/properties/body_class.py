@@ -55,7 +55,7 @@ DERIVED_COUNTS = {"PER_AREA": "per_area", "DISTANCE": "distance", "SHARE": "cove
 @with_properties(
     ClassSettings,
     unsharp_radius={
-        "description": "How far the sharpening reaches, in steps of 1/1024 of the longer side of the target",
+        "description": "Reach of the sharpening, in units of 1/1024 of the target's longer side",
         "default": 20.0,
         "min": 0.1,
         "soft_max": 200.0,
@@ -88,7 +88,7 @@ class ESH_PG_class(PropertyGroup):
     )
     color: FloatVectorProperty(
         name="Color",
-        description="Color of this class in the list. Its points have it as an attribute",
+        description="Color of this class in the list. It is also stored as an attribute of its points",
         subtype="COLOR",
         size=3,
         min=0.0,
@@ -110,9 +110,15 @@ class ESH_PG_class(PropertyGroup):
                 0,
             ),
             ("NONE", "Free", "No preferred direction", "ORIENTATION_GIMBAL", 1),
-            ("SLOPE", "Down the Slope", "Where water runs, the more the steeper it is", "IPO_EASE_IN", 4),
-            ("ANGLE", "Angle", "All along one angle", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
-            ("IMAGE", "Flow Image", "Along an image: red is x, green is y, and 0.5 means none", "FORCE_WIND", 3),
+            ("SLOPE", "Down the Slope", "Where water would run; steep ground counts more", "IPO_EASE_IN", 4),
+            ("ANGLE", "Angle", "All in the same direction", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
+            (
+                "IMAGE",
+                "Flow Image",
+                "Along an image whose red is x and whose green is y; 0.5 stands for 0",
+                "FORCE_WIND",
+                3,
+            ),
         ),
         default="DENSITY",
     )

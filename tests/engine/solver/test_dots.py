@@ -66,6 +66,42 @@ def test_dots_go_where_each_of_them_would_go_alone(name):
     assert np.abs(together[1]).max() > 0.0
 
 
+def pushed(problem, *, as_discs):
+    """Where bodies are after steps that start with three of them at one place."""
+    with Solver(problem, device="cpu") as solver:
+        start = solver.placement().position
+        start[40] = start[41] = start[300] + 1e-9
+        solver.start_at(start)
+        descent = solver.descent
+        assert descent.contact.discs
+        if not as_discs:
+            descent.contact.discs = False
+            descent.step = solver.launcher.record(descent.take_step)
+        before = descent.state.displacement.numpy().copy()
+        solver.step(8)
+        assert (descent.state.displacement.numpy() != before).any()
+        return [array.numpy().copy() for array in (descent.state.pose, descent.state.displacement)]
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_discs_are_pushed_as_capsules_without_an_axis(fixed):
+    at = np.random.default_rng(1).random((23, 2)) * [40.0, 20.0]
+    given = {"fixed": FixedBodies(at)} if fixed else {}
+    # Sizes so different that there are several levels of cells, so crowded that most touch.
+    classes = [BodyClass("a", [Size("s", 0.5, 700), Size("m", 2.0, 80), Size("l", 12.0, 9)], density=SLOPE)]
+    problem = Problem(WIDE, classes, avoid_overlap=True, seed=1, **given)
+    for here, there in zip(pushed(problem, as_discs=True), pushed(problem, as_discs=False), strict=True):
+        np.testing.assert_array_equal(here, there)
+
+
+@pytest.mark.parametrize("kind", ["periodic", "lines"])
+def test_what_wraps_or_has_an_axis_is_not_pushed_as_discs(kind):
+    size = Size("s", 0.5, 60, line=Line(1.5) if kind == "lines" else None)
+    domain = Domain((40.0, 20.0), "periodic" if kind == "periodic" else "open")
+    with Solver(Problem(domain, [BodyClass("a", [size])], avoid_overlap=True), device="cpu") as solver:
+        assert not solver.descent.contact.discs
+
+
 def test_a_force_that_is_no_number_is_found_among_dots_that_move_together():
     with Solver(of_two_classes(), device="cpu") as solver:
         descent = solver.descent
