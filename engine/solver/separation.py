@@ -20,7 +20,7 @@ from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
 from .footprint_tables import FootprintTables, footprint_tables, numbered
 from .guidance import Guidance
@@ -296,8 +296,38 @@ class Separation:
             self._moves.home.assign(self._start)
             parted = self._try(go_on, hot=True)
         self._write_back()
+        if self._model.may_bend.any():
+            self._straighten()
         self._forget()
         return bool(parted)
+
+    def _straighten(self) -> None:
+        """Let lines bend no farther than there is room: they were parted as if they were straight."""
+        launcher, n = self.launcher, self._count
+        self._turn_corners()
+        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
+        launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
+        # Bodies as they lie in space; those that are bent are looked for as far as they reach.
+        reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
+        near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        near.sort(self._place)
+        launcher.launch(
+            kernels_bends.find_room,
+            n,
+            [
+                self._place,
+                self._outlines,
+                near.near,
+                near.cell_start,
+                near.grid,
+                self._image_range,
+                self._inset,
+                widest,
+            ],
+            [room],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:
         """Let go of what was recorded, where there is something."""
