@@ -205,10 +205,10 @@ class Separation:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.float32)[order], dtype=float, device=device)
+            return self.launcher.array(values.astype(np.float32)[order], float)
 
         def whole(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
+            return self.launcher.array(values.astype(np.int32), wp.int32)
 
         corners = np.diff(tables.start)[tables.shape][order]
         first = np.concatenate([[0], np.cumsum(corners)])
