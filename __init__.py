@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from .engine.solver.solver import Edit, Progress, Solver
     from .engine.solver.state import State
     from .engine.solver.surface_state import SurfaceState
-    from .engine.surface.footprint import Outline
     from .engine.surface.instances import Instances
+    from .engine.surface.mesh_outline import Outline
     from .engine.tiles.tiles import TileState, solve_tiles
     from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
@@ -71,7 +71,7 @@ if TYPE_CHECKING:
         VertexGroupDensity,
     )
     from .esh_scatter.exchange import export_result, import_placement
-    from .esh_scatter.footprint import measure_footprint
+    from .esh_scatter.object_outline import measure_footprint
     from .esh_scatter.obstacles import ScatterObstacle
 
 __all__ = [
@@ -202,7 +202,7 @@ _MODULES = {
     "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.line",
     "NoiseDensity": ".esh_scatter.densities",
-    "Outline": ".engine.surface.footprint",
+    "Outline": ".engine.surface.mesh_outline",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
     "PointsOnSurface": ".engine.problem.surface",
@@ -242,7 +242,7 @@ _MODULES = {
     "import_placement": ".esh_scatter.exchange",
     "ink_colors": ".engine.problem.color_separation",
     "load_placement": ".engine.files.placement_reader",
-    "measure_footprint": ".esh_scatter.footprint",
+    "measure_footprint": ".esh_scatter.object_outline",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
     "read_fixed_bodies": ".engine.files.fixed_files",

@@ -4,6 +4,7 @@
 
 Our own times are pytest-benchmark's (:mod:`timings`), kept beside the tables as JSON. Medians of ``--repeat`` warm runs; whole
 runs beside direct summation alternate with it. Machines differ and are shared: look at the ratios.
+The paper is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations

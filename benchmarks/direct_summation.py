@@ -2,7 +2,7 @@
 
 What everything else here is measured against: in float64 as the reference for quality, in float32 for speed. Repulsion is equation 1
 with the interaction matrix; the attractive force is precomputed on the grid of the density and interpolated bilinearly, as the paper
-does it. Open domains and dots only.
+does it. Open domains and dots only. The paper is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from dataclasses import dataclass

@@ -2,6 +2,7 @@
 
     python benchmarks/figures.py --output output/figures [--device cuda:0] [--only 4 12]
 
+The paper is Schmaltz, Gwosdek and Weickert 2012.
 Every row has a goal and says whether it is met; the reference in brackets is a direct float64 sum of the same problem (300 steps of
 0.7 of the inverse curvature, which reach what 1,000 of the paper's do). Coverage errors are at k = 1 unless the row says otherwise.
 """
@@ -12,36 +13,13 @@ import argparse
 import platform
 import sys
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import figures_of_color
 import figures_of_lines
 import figures_of_sizes
 from esh.engine.device.launcher import Launcher, resolve_device
-from esh.engine.problem.placement import Placement
-from esh.engine.problem.problem import Problem
-from esh.engine.solve import solve
-
-
-@dataclass
-class Run:
-    """Where experiments run, and what they have found."""
-
-    output: Path
-    device: str
-    launcher: Launcher
-    rows: list[tuple[str, str, str, str, str]] = field(default_factory=list)
-
-    def solve(self, problem: Problem, **options: int) -> Placement:
-        """Solve on the chosen device."""
-        return solve(problem, device=self.device, **options)
-
-    def row(self, figure: str, what: str, measured: str, goal: str = "", met: bool | None = None) -> None:
-        """Add a row to the table, and print it."""
-        verdict = "" if met is None else "yes" if met else "NO"
-        self.rows.append((figure, what, measured, goal, verdict))
-        print(" | ".join(self.rows[-1]), flush=True)
+from experiment_run import Run
 
 
 def main() -> int:

@@ -1,17 +1,16 @@
-"""Colour halftones (figure 13)."""
+"""Colour halftones (figure 13).
+
+Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from esh.engine.drawing.halftone import ink_coverage, render_halftone
 from esh.engine.problem.color_separation import MODELS, halftone_problem, ink_colors, separate
+from experiment_run import Run
 from pictures import astronaut, sheet
 from skimage.color import deltaE_ciede2000, rgb2lab
-
-if TYPE_CHECKING:
-    from figures import Run
 
 BLOCK = 16
 

@@ -1,8 +1,9 @@
-"""Hatching: lines, lines and dots, bent lines, coloured lines (figures 16 and 17)."""
+"""Hatching: lines, lines and dots, bent lines, coloured lines (figures 16 and 17).
+
+Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from esh.engine.drawing.halftone import render_halftone
@@ -17,10 +18,8 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.line_quality import angle_errors, crossing_lines
+from experiment_run import Run
 from pictures import astronaut, cat, face, sheet
-
-if TYPE_CHECKING:
-    from figures import Run
 
 # Bodies share the picture's ink: the area of one is the ink over their number, whatever it is.
 INK = (0.08, 0.08, 0.1)

@@ -1,8 +1,9 @@
-"""Sizes: second and third order screening, continuous sizes, several classes (figures 4, 10, 11, 12, 14, 15)."""
+"""Sizes: second and third order screening, continuous sizes, several classes (figures 4, 10, 11, 12, 14, 15).
+
+Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from direct_summation import direct_solve
@@ -14,10 +15,8 @@ from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
+from experiment_run import Run
 from pictures import camera, dark_word, face, gaussian, sheet
-
-if TYPE_CHECKING:
-    from figures import Run
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))

@@ -10,6 +10,7 @@ the scenes of dots, with a seed that is not used again.
 The scenes: uniform, scikit-image's photograph "camera", three classes of two sizes each, and lines on the photograph. Where there
 are several classes the error is the mean of that of all bodies and that of the first class. Lines have as many charges as the
 others have bodies; their turns and stretches are preconditioned as the engine does it, preferred directions and lengths included.
+The paper is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations

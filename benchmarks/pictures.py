@@ -1,7 +1,7 @@
 """The pictures that experiments are made on, and how their results are put on one sheet.
 
 The photographs are scikit-image's: "astronaut" (NASA, public domain), "camera" (Lav Varshney, CC0) and "chelsea" (Stefan van der
-Walt, CC0).
+Walt, CC0). Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations

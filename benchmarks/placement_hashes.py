@@ -32,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "recipe", metavar="RECIPE", type=Path, nargs="*", help="default: all recipes of tests and demos"
     )
     parser.add_argument("--threads", metavar="N", type=int, help="processors to use (default: all that there are)")
+    parser.add_argument("--max-steps", metavar="N", type=int, default=100, help="default: 100")
     parser.add_argument("--expect", metavar="FILE", type=Path, help="lines of an earlier run to compare with")
     options = parser.parse_args(arguments)
     expected = None
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for path in recipes:
         name = name_of(path)
         try:
-            line = hash_recipe(path)
+            line = hash_recipe(path, options.max_steps)
         # Whatever an engine that is being worked on may raise: the other recipes are still worth a look.
         except Exception as error:
             print(f"{name}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
@@ -96,11 +97,11 @@ def use_processors(count: int) -> None:
     os.sched_setaffinity(0, there[:count])
 
 
-def hash_recipe(path: Path) -> str:
+def hash_recipe(path: Path, max_steps: int = 100) -> str:
     """Solve a recipe on the CPU; return the hash of its placement and the number of its steps, as a line has them."""
     import esh
 
-    placement = esh.solve(esh.read_recipe(path), device="cpu")
+    placement = esh.solve(esh.read_recipe(path), device="cpu", max_steps=max_steps)
     return f"{hash_placement(placement)} {placement.report.steps:4d}"
 
 

@@ -1,5 +1,7 @@
 """How even placements are, beside those of the paper's scheme, as a Markdown table.
 
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+
 python benchmarks/quality.py --device cpu
 """
 

@@ -149,6 +149,7 @@ def build(output: Path, max_steps: int = 100) -> tuple[esh.ScatterResult, land.T
     # What was just linked is in the view layer only from now on.
     bpy.context.view_layer.update()
 
+    # begin: scatter
     textures = land.density_textures(terrain, keep_clear=CLEARINGS)
     images = save_textures({f"forest-{kind}": texture for kind, texture in textures.items()}, output)
     sources = model_trees(scene)
@@ -167,6 +168,7 @@ def build(output: Path, max_steps: int = 100) -> tuple[esh.ScatterResult, land.T
     result = esh.scatter(
         ground, classes, seed=SEED, max_steps=max_steps, align_to_normal=0.1, scale_jitter=0.12, name="Forest"
     )
+    # end: scatter
     for layer in scene.view_layers[0].layer_collection.children:
         if layer.name == "Tree library":
             layer.exclude = True

@@ -182,6 +182,7 @@ def serve(
     bpy.context.view_layer.update()
     wanted = densities(pizza, ingredients)
     images = save_textures({f"pizza-{number + 1}-{kind}": image for kind, image in wanted.items()}, output)
+    # begin: scatter
     classes = []
     for kind, topping in pizza.toppings.items():
         direction = topping.direction
@@ -203,6 +204,7 @@ def serve(
         align_to_normal=0.08,
         name=f"Toppings {number + 1}",
     )
+    # end: scatter
     return Serving(pizza, place, wanted, result)
 
 

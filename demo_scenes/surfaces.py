@@ -98,6 +98,7 @@ def doughnut(device: str) -> list[Scattered]:
         item.location = bottom.location = place
         iced.append(item)
     length = 0.0062
+    # begin: scatter
     sprinkles = [
         esh.ScatterClass(
             name,
@@ -138,6 +139,7 @@ def doughnut(device: str) -> list[Scattered]:
         for name, color, count in (("gold", (0.83, 0.55, 0.14), 330), ("cream", (0.93, 0.86, 0.74), 520))
     ]
     second = esh.scatter(iced[1], pearls, class_separation=0.5, max_steps=200, name="Pearls", **options)
+    # end: scatter
     board = shapes.lathe(
         np.array([(0.0, -0.016), (0.23, -0.016), (0.236, -0.011), (0.236, -0.006), (0.23, -0.001), (0.0, 0.0)]), 160
     )
@@ -205,6 +207,7 @@ def rocks(device: str) -> list[Scattered]:
         [(0.0, (0.72, 0.36, 0.05)), (0.45, (0.78, 0.5, 0.12)), (0.55, (0.55, 0.58, 0.47)), (1.0, (0.66, 0.68, 0.6))],
         through=0.0,
     )
+    # begin: scatter
     asked = [
         esh.ScatterClass(
             "moss",
@@ -249,6 +252,7 @@ def rocks(device: str) -> list[Scattered]:
         seed=SEED,
         name="Moss",
     )
+    # end: scatter
     side = np.linspace(-9.0, 9.0, 181)
     x, y = np.meshgrid(side, side)
     flat = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
@@ -311,6 +315,7 @@ def boat(device: str) -> list[Scattered]:
         )
     lime = leafy("Lime", [(0.0, (0.46, 0.42, 0.36)), (0.6, (0.66, 0.62, 0.54)), (1.0, (0.8, 0.76, 0.68))], through=0.0)
     shell = glossy("Shell", (0.012, 0.016, 0.035), roughness=0.3)
+    # begin: scatter
     asked = [
         esh.ScatterClass(
             "barnacle",
@@ -351,6 +356,7 @@ def boat(device: str) -> list[Scattered]:
         seed=SEED,
         name="Growth",
     )
+    # end: scatter
     wood = mottled("Timber", [(0.3, (0.19, 0.12, 0.065)), (0.7, (0.34, 0.23, 0.13))], 0.25, roughness=0.9, bump=0.004)
     for x in (-1.15, 0.55):
         block = _object("Block", shapes.box((0.3, 1.1, 0.2)), wood, smooth=False)

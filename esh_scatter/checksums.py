@@ -28,7 +28,7 @@ __all__ = [
     "of_points",
     "of_shape",
     "of_weights",
-    "place_of",
+    "pose_of",
 ]
 
 # Seconds for which a number is told again, at least, and in times of what it took to work it out: drawing spends 3 % on it at most.
@@ -138,7 +138,7 @@ def of_points(result: bpy.types.Object) -> int:
     return _worked_out(("points", result.session_uid), lambda: _points_number(result))
 
 
-def place_of(item: bpy.types.Object) -> list[list[float]]:
+def pose_of(item: bpy.types.Object) -> list[list[float]]:
     """Return where an object stands, how it is turned and scaled: four rows."""
     return [[round(value, DECIMALS + 1) for value in row] for row in item.matrix_world]
 
@@ -267,4 +267,4 @@ def _values_number(mesh: bpy.types.Mesh, name: str) -> int:
 
 def _points_number(result: bpy.types.Object) -> int:
     names = ("position", "rotation", "scale", "instance_index")
-    return zlib.crc32(repr([place_of(result), *(_values_number(result.data, name) for name in names)]).encode())
+    return zlib.crc32(repr([pose_of(result), *(_values_number(result.data, name) for name in names)]).encode())

@@ -107,7 +107,8 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
     Raises:
         ProblemError: Something that the density needs is missing, or it is 0 everywhere.
     """
-    from .densities import DensityReader, attribute_names, read_density
+    from .density_source import DensityReader, attribute_names
+    from .image_density import stored_density
     from .targets import check_targets, read_targets
 
     scatter = context.scene.esh_scatter.active
@@ -124,7 +125,7 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
         one = wanted.pop()
         if one.name in densities or any(layer.use and layer.obstacle(target, context.scene) for layer in one.layers):
             continue
-        densities[one.name] = read_density(one.density(), f'density of class "{one.name}"', reads)
+        densities[one.name] = stored_density(one.density(), f'density of class "{one.name}"', reads)
         wanted += [c for name in _followed(densities[one.name]) if (c := scatter.classes.get(name)) is not None]
     if body_class.name not in densities:
         return None, None

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, as_given, described, setting
 from ..engine.problem.validation import as_float, check_name, show
-from .density_source import DensitySource, Known
-
-if TYPE_CHECKING:
-    from .densities import Density, DensityReader
+from .density_source import Density, DensityReader, DensitySource, Known, attribute_names, content_of
+from .image_density import stored_density
 
 __all__ = ["ClassDensity", "DensityLayer", "DensityStack"]
 
@@ -101,14 +98,10 @@ class DensityLayer(DensitySource):
 
     def read(self, key: str, known: Known) -> DensityLayer:
         """Return it with what it reads."""
-        from .densities import read_density
-
-        return replace(self, density=read_density(self.density, key, known))
+        return replace(self, density=stored_density(self.density, key, known))
 
     def content(self, reader: DensityReader) -> Hashable | None:
         """Return what it reads, in short, and what is done with it."""
-        from .densities import content_of
-
         content = content_of(self.density, reader)
         return None if content is None else (content, self.blend, self.strength, self.invert, self.curve)
 
@@ -136,7 +129,7 @@ class DensityLayer(DensitySource):
 
     def attribute_names(self) -> set[str]:
         """Return the vertex groups and attributes that it reads."""
-        return self.density.attribute_names() if isinstance(self.density, DensitySource) else set()
+        return attribute_names(self.density)
 
 
 def _check_layers(value: object, key: str) -> tuple[DensityLayer, ...]:

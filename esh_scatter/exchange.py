@@ -14,7 +14,7 @@ from ..engine.files.bodies import Bodies, Prototype
 from ..engine.files.body_formats import FORMATS
 from ..engine.files.placement_files import check_ending, check_writable, write_bodies
 from ..engine.files.placement_reader import load_placement
-from ..engine.files.quaternions import multiply
+from ..engine.files.quaternions import multiply_xyzw
 from ..engine.problem.validation import show
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
 from .result import CLASS_NAMES, write_result
@@ -169,7 +169,7 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]
             raise ProblemError(f'"{item.name}" must have the same scale along all axes; apply its scale first')
         position = position @ world[:3, :3].T + np.array(shift)
         own = np.roll(np.array(turn, np.float64), -1)[None, :]
-        rotation = np.roll(multiply(own, np.roll(rotation, -1, axis=1)), 1, axis=1).astype(np.float32)
+        rotation = np.roll(multiply_xyzw(own, np.roll(rotation, -1, axis=1)), 1, axis=1).astype(np.float32)
         scale = scale * np.float32(factor[0])
     class_index = read("class_index", "INT", 1, 0)
     size_index = read("size_index", "INT", 1, 0)

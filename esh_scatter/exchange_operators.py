@@ -23,7 +23,7 @@ __all__ = ["CLASSES", "attach", "detach"]
 
 
 class ESH_OT_export(bpy.types.Operator, ExportHelper):
-    """Write the active scatter result as instances, with the objects that it places"""
+    """Export the active result as instances, together with the objects that it places"""
 
     bl_idname = "esh.export"
     bl_label = "Export Scatter"
@@ -73,7 +73,7 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
 
 
 class ESH_OT_import(bpy.types.Operator, ImportHelper):
-    """Make a scatter result from a placement in a file. Objects of the scene that have the names of its classes are placed"""
+    """Make a scatter result from a placement in a file. Objects in the scene that are named like its classes are placed"""
 
     bl_idname = "esh.import"
     bl_label = "Import Scatter"

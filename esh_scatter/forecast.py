@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..engine.problem.cover import Cover
     from .survey import Survey
 
-__all__ = ["MOST_BODIES", "Forecast", "detach", "forecast", "known", "scale_to_fit"]
+__all__ = ["MOST_BODIES", "Forecast", "detach", "forecast", "known", "scale_counts_to_fit"]
 
 # Cells along the longer side of the chart: enough for a share of the ground.
 RESOLUTION = 192
@@ -90,7 +90,7 @@ def look(scene: bpy.types.Scene, number: int) -> Forecast | None:
     return made
 
 
-def scale_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
+def scale_counts_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
     """Scale the counts of a scatter's classes so that its footprints fit; returns the share of them that is left, 1 where all fit."""
     whole = 1.0
     for _ in range(TIMES):

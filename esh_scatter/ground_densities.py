@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..engine.problem.settings import described, setting
 from ..engine.problem.validation import LARGEST_ANGLE
-from .density_source import DensitySource
-
-if TYPE_CHECKING:
-    from .densities import DensityReader
+from .density_source import DensityReader, DensitySource
 
 __all__ = ["AltitudeDensity", "FacingDensity", "NoiseDensity", "SlopeDensity", "within"]
 
@@ -44,7 +40,7 @@ class SlopeDensity(DensitySource):
     )
     falloff: float = field(
         default=math.radians(10.0),
-        metadata=setting("How far beside these slopes the density fades out", unit="rad", low=0.0, high=0.5 * math.pi),
+        metadata=setting("How far beyond these slopes the density fades out", unit="rad", low=0.0, high=0.5 * math.pi),
     )
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
@@ -68,7 +64,7 @@ class AltitudeDensity(DensitySource):
     )
     falloff: float = field(
         default=1.0,
-        metadata=setting("How far beside these heights the density fades out", unit="m", low=0.0, soft_high=100.0),
+        metadata=setting("How far beyond these heights the density fades out", unit="m", low=0.0, soft_high=100.0),
     )
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
@@ -95,7 +91,7 @@ class FacingDensity(DensitySource):
     width: float = field(
         default=math.radians(90.0),
         metadata=setting(
-            "How many degrees count as this direction, half of them to either side",
+            "Range of directions that count, half of it to either side",
             unit="rad",
             low=0.0,
             high=2.0 * math.pi,
@@ -103,7 +99,7 @@ class FacingDensity(DensitySource):
     )
     falloff: float = field(
         default=math.radians(45.0),
-        metadata=setting("How far beside these directions the density fades out", unit="rad", low=0.0, high=math.pi),
+        metadata=setting("How far beyond these directions the density fades out", unit="rad", low=0.0, high=math.pi),
     )
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:
@@ -138,14 +134,14 @@ class NoiseDensity(DensitySource):
     softness: float = field(
         default=0.5,
         metadata=setting(
-            "How soft the edges of the patches are: 0 is sharp, 1 goes evenly from none to many",
+            "How soft the edges of the patches are: 0 is sharp, 1 fades gradually from none to many",
             unit="share",
             low=0.0,
             high=1.0,
         ),
     )
     seed: int = field(
-        default=0, metadata=setting("Other patches for each number", low=0, high=2**31 - 1, soft_high=1000)
+        default=0, metadata=setting("Each number gives different patches", low=0, high=2**31 - 1, soft_high=1000)
     )
 
     def values(self, reader: DensityReader, _key: str) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from ..engine.errors import ProblemError
 from ..engine.problem.color_separation import MODELS, Ink, separate
 from ..engine.surface.chart import Chart
-from .densities import image_pixels
+from .image_pixels import image_pixels
 
 __all__ = ["add_ink_classes"]
 

@@ -17,6 +17,7 @@ __all__ = [
     "CLASSES_OF_POINTS",
     "PLACED_AT",
     "SEED",
+    "TO_ORIGIN",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
@@ -34,8 +35,10 @@ CLASSES_OF_POINTS = "esh_scatter_classes"
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
 # Where the last run has put every point [m]: one that is elsewhere was moved by hand.
 PLACED_AT = "placed_at"
+# The way from point to origin [m], under the name that saved files know.
+TO_ORIGIN = "lift"
 
-_NORMAL, _HEADING, _LONG, _FIT, _MIDDLE, _LIFT = "ground_normal", "heading", "long", "fit", "middle", "lift"
+_NORMAL, _HEADING, _LONG, _FIT, _MIDDLE = "ground_normal", "heading", "long", "fit", "middle"
 _LAID = "laid"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
@@ -47,12 +50,12 @@ _FIELDS: dict[str, tuple[str, int, Any]] = {
 }
 
 
-def ground_attributes(ground: Ground, lift: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
     """Return the attributes that keep what is known of the points; of the rarer ones, those that say something."""
     kept = {
         _NORMAL: ("FLOAT_VECTOR", ground.normal),
         _HEADING: ("FLOAT", ground.heading),
-        _LIFT: ("FLOAT_VECTOR", lift),
+        TO_ORIGIN: ("FLOAT_VECTOR", to_origin),
     }
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
@@ -69,7 +72,7 @@ def can_stand_anew(result: bpy.types.Object) -> bool:
     return (
         result.mode != "EDIT"
         and SEED in result.data
-        and all(name in result.data.attributes for name in ("id", _NORMAL, _HEADING, _LIFT, ROTATION, SCALE))
+        and all(name in result.data.attributes for name in ("id", _NORMAL, _HEADING, TO_ORIGIN, ROTATION, SCALE))
     )
 
 
@@ -90,16 +93,16 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
         read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
-    lift, position = read_attribute(mesh, _LIFT), read_attribute(mesh, "position")
-    position[own] += new.lift - lift[own]
+    to_origin, position = read_attribute(mesh, TO_ORIGIN), read_attribute(mesh, "position")
+    position[own] += new.to_origin - to_origin[own]
     if PLACED_AT in mesh.attributes:
         placed = read_attribute(mesh, PLACED_AT)
-        placed[own] += new.lift - lift[own]
+        placed[own] += new.to_origin - to_origin[own]
         write_attribute(mesh, PLACED_AT, placed)
-    lift[own] = new.lift
+    to_origin[own] = new.to_origin
     rotation, scale = read_attribute(mesh, ROTATION), read_attribute(mesh, SCALE)
     rotation[own], scale[own] = new.rotation, new.scale[:, None]
-    for name, values in (("position", position), (_LIFT, lift), (ROTATION, rotation), (SCALE, scale)):
+    for name, values in (("position", position), (TO_ORIGIN, to_origin), (ROTATION, rotation), (SCALE, scale)):
         write_attribute(mesh, name, values)
     if ALIGN in mesh.attributes:
         align = read_attribute(mesh, ALIGN)
@@ -159,7 +162,7 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
         return None
     mesh = result.data
     world = np.array(result.matrix_world)
-    position = (read_attribute(mesh, "position") - read_attribute(mesh, _LIFT)) @ world[:3, :3].T + world[:3, 3]
+    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)) @ world[:3, :3].T + world[:3, 3]
     return KeptPlaces(
         position,
         read_attribute(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 import zlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -23,9 +23,11 @@ from .references import Reference
 if TYPE_CHECKING:
     from .api import ScatterJob
     from .live_worker import LiveWorker, Outcome
-    from .properties.scatter import ESH_PG_scatter
 
 __all__ = ["end", "is_busy", "is_live", "reset", "status", "switched", "wake"]
+
+# A scatter of the sidebar. Its switch calls this module, which therefore does not import its class.
+Scatter: TypeAlias = bpy.types.PropertyGroup
 
 # Seconds between two looks at what lives, and between two at whether anything has changed while nothing says so.
 TICK, AT_REST = 0.05, 0.3
@@ -59,7 +61,7 @@ class _Live:
         seconds: How long the last update took, from reading to being shown [s].
     """
 
-    def __init__(self, scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> None:
+    def __init__(self, scene: bpy.types.Scene, scatter: Scatter) -> None:
         from .live_worker import LiveWorker
         from .survey import Survey
 
@@ -115,7 +117,7 @@ class _Live:
         if scatter is None or _points_of(scatter.result) != self._points:
             self.reset()
 
-    def _look(self, context: bpy.types.Context, scatter: ESH_PG_scatter) -> bool:
+    def _look(self, context: bpy.types.Context, scatter: Scatter) -> bool:
         if running.session is not None:
             # What it makes is where to go on from.
             self.reset()
@@ -136,7 +138,7 @@ class _Live:
                     self._submit(context, scatter)
         return True
 
-    def _gone(self, context: bpy.types.Context, scatter: ESH_PG_scatter) -> str:
+    def _gone(self, context: bpy.types.Context, scatter: Scatter) -> str:
         """Return what is no longer there, as a sentence; empty where all is."""
         targets = scatter.targets
         if not targets or any(context.scene.objects.get(target.name) != target for target in targets):
@@ -158,7 +160,7 @@ class _Live:
         # Weights and shapes are read whole, and that only when the brush is lifted; pixels during the stroke, if that is quick.
         return stroke is None or (stroke in _PIXELS and self._reading < FOLLOWS_STROKES)
 
-    def _submit(self, context: bpy.types.Context, scatter: ESH_PG_scatter) -> None:
+    def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
         from .api import ScatterJob
         from .kept_ground import kept_places
@@ -191,7 +193,7 @@ class _Live:
         self._submitted_at = time.perf_counter()
         self._worker.submit(Request(job, made_with, anew, None if anew else places, ready_only))
 
-    def _show(self, context: bpy.types.Context, scatter: ESH_PG_scatter, outcome: Outcome) -> None:
+    def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""
         if outcome.error is not None:
             self._say(_sentence(outcome.error))
@@ -226,7 +228,7 @@ class _Live:
 _stopped: dict[tuple[int, int], str] = {}
 
 
-def switched(scatter: ESH_PG_scatter, _context: object) -> None:
+def switched(scatter: Scatter, _context: object) -> None:
     """Follow a scatter, or no longer; called when its switch is used."""
     scene = scatter.id_data
     _stopped.pop((scene.session_uid, scatter.uid), None)
@@ -240,12 +242,12 @@ def wake() -> None:
         bpy.app.timers.register(_tick, persistent=True)
 
 
-def is_live(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> bool:
+def is_live(scene: bpy.types.Scene, scatter: Scatter) -> bool:
     """Tell whether a scatter is followed."""
     return (scene.session_uid, scatter.uid) in _followed
 
 
-def status(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
+def status(scene: bpy.types.Scene, scatter: Scatter) -> str:
     """Return what there is to say of a scatter that lives, or that has stopped; empty where there is nothing."""
     key = scene.session_uid, scatter.uid
     live = _followed.get(key)
@@ -254,13 +256,13 @@ def status(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> str:
     return live.message
 
 
-def is_busy(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> bool:
+def is_busy(scene: bpy.types.Scene, scatter: Scatter) -> bool:
     """Tell whether a scatter that lives is being solved."""
     live = _followed.get((scene.session_uid, scatter.uid))
     return live is not None and live.busy
 
 
-def reset(scene: bpy.types.Scene, scatter: ESH_PG_scatter) -> None:
+def reset(scene: bpy.types.Scene, scatter: Scatter) -> None:
     """Have a scatter go on from its result as it is now: somebody else has written it."""
     live = _followed.get((scene.session_uid, scatter.uid))
     if live is not None:
@@ -313,12 +315,12 @@ def _find() -> None:
                 _followed[key] = _Live(scene, scatter)
 
 
-def _scatter_of(scene: bpy.types.Scene | None, uid: int) -> ESH_PG_scatter | None:
+def _scatter_of(scene: bpy.types.Scene | None, uid: int) -> Scatter | None:
     scatters = scene.esh_scatter.scatters if scene is not None else ()
     return next((scatter for scatter in scatters if scatter.uid == uid), None)
 
 
-def _may_write(scatter: ESH_PG_scatter) -> bool:
+def _may_write(scatter: Scatter) -> bool:
     """Tell whether the result can be written now: not while it is rendered, nor while its points are edited."""
     result = scatter.result
     return not bpy.app.is_job_running("RENDER") and (result is None or result.mode == "OBJECT")
@@ -336,7 +338,7 @@ def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:
     return drawn(before) != drawn(now)
 
 
-def _show_since(scatter: ESH_PG_scatter, job: ScatterJob, result: bpy.types.Object) -> None:
+def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> None:
     """Give a result what was changed at once while it was solved: how objects stand, and colours."""
     from .kept_ground import CLASSES_OF_POINTS, can_stand_anew, paint_points, stand_anew
 

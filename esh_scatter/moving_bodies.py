@@ -18,8 +18,8 @@ __all__ = ["MovingBodies"]
 MOST_PER_SECOND, MOST_DRAWN = 15.0, 50_000
 # Size of a point [pixels]: this over the square root of their number, within limits, so that many do not cover the ground.
 POINT_SIZE, SMALLEST_POINT, LARGEST_POINT = 300.0, 2.0, 7.0
-# How far points are lifted off the surface, as a share of its extent.
-LIFT = 0.002
+# How far above the surface points are drawn, as a share of its extent.
+HEIGHT = 0.002
 NO_COLOR = (0.9, 0.9, 0.9, 1.0)
 
 
@@ -52,7 +52,7 @@ class MovingBodies:
             chosen = slice(None, None, -(-len(position) // MOST_DRAWN) or 1)
             if self._colors is None:
                 self._colors = self._job.colors_of_bodies()[chosen]
-            self.points = self._job.places_of_bodies(position[chosen], LIFT)
+            self.points = self._job.positions_in_world(position[chosen], HEIGHT)
 
     def show(self) -> None:
         """Have the viewports drawn where something has moved; on the main thread."""

@@ -54,13 +54,13 @@ class ScatterObstacle(Settings):
     width: float = field(
         default=0.0,
         metadata=setting(
-            "How wide curves are, and other edges without faces", unit="m", low=0.0, soft_high=100.0, label="Width"
+            "Width given to curves, and to other edges without faces", unit="m", low=0.0, soft_high=100.0, label="Width"
         ),
     )
     margin: float = field(
         default=0.0,
         metadata=setting(
-            "How far objects keep off its edge",
+            "Distance that objects keep from its edge",
             more="Their whole footprints where overlap is avoided, their middles elsewhere",
             unit="m",
             low=0.0,
@@ -162,7 +162,7 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
 
 
 def _read_result(item: bpy.types.Object) -> _Stood:
-    from .footprint import read_source
+    from .object_outline import read_source
 
     mesh = item.data
     count = len(mesh.vertices)

@@ -21,7 +21,7 @@ from ..engine.surface.whole_surface import WholeSurface
 from .amount import Amount
 
 if TYPE_CHECKING:
-    from .api import ScatterClass
+    from .scatter_class import ScatterClass
 
 __all__ = ["class_on_surface", "headings", "mean_footprint"]
 

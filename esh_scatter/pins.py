@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..engine.problem.fixed_bodies import FixedBodies
-from .kept_ground import BODY_ANGLE, BODY_LENGTH, PLACED_AT, read_attribute, write_attribute
+from .kept_ground import BODY_ANGLE, BODY_LENGTH, PLACED_AT, TO_ORIGIN, read_attribute, write_attribute
 from .node_group import INSTANCE_INDEX, SCALE, placed_objects
 
 # Warp is not imported before something is computed.
@@ -116,7 +116,7 @@ def read_pins(
         numbers: By class of the result, which of those that are placed now it is; None for none of them.
     """
     mesh = result.data
-    if result.mode == "EDIT" or PLACED_AT not in mesh.attributes or "lift" not in mesh.attributes:
+    if result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
         return None
     stays = np.flatnonzero(staying(mesh))
     class_index, size_index = read_attribute(mesh, "class_index")[stays], read_attribute(mesh, "size_index")[stays]
@@ -137,7 +137,9 @@ def read_pins(
     if not len(stays):
         return None
     world = np.array(result.matrix_world)
-    position = (read_attribute(mesh, "position") - read_attribute(mesh, "lift"))[stays] @ world[:3, :3].T + world[:3, 3]
+    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[stays] @ world[:3, :3].T + world[
+        :3, 3
+    ]
 
     def of(name: str) -> np.ndarray:
         return read_attribute(mesh, name)[stays] if name in mesh.attributes else np.zeros(len(stays), np.float32)
@@ -204,7 +206,7 @@ def unpin(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
 
 def can_be_edited(result: bpy.types.Object) -> bool:
     """Tell whether a result knows where its points were put; those of earlier versions do not. In Edit Mode it does."""
-    return result.mode == "EDIT" or (PLACED_AT in result.data.attributes and "lift" in result.data.attributes)
+    return result.mode == "EDIT" or (PLACED_AT in result.data.attributes and TO_ORIGIN in result.data.attributes)
 
 
 def discs_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:

@@ -83,7 +83,7 @@ def _fill(body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.ty
 
 
 def _count_of(source: bpy.types.Object, covered: float) -> int:
-    from .footprint import measure_footprint
+    from .object_outline import measure_footprint
 
     try:
         return min(MOST, math.ceil(covered / measure_footprint(source).area))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -12,13 +12,10 @@ import numpy as np
 from ..engine.errors import ProblemError
 from ..engine.problem.settings import Choice, described, setting
 from ..engine.problem.validation import show
-from .density_source import DensitySource, Known
+from .density_source import DensityReader, DensitySource, Known
 from .flat_shapes import Shapes, check_shapes, read_shapes
 from .ground_densities import within
 from .target import check_exists, world_matrix
-
-if TYPE_CHECKING:
-    from .densities import DensityReader
 
 __all__ = ["CameraDensity", "DistanceDensity", "InsideDensity"]
 
@@ -117,7 +114,7 @@ class InsideDensity(DensitySource):
     )
     falloff: float = field(
         default=0.0,
-        metadata=setting("How far outside of it the density fades out", unit="m", low=0.0, soft_high=100.0),
+        metadata=setting("How far outside the curves the density fades out", unit="m", low=0.0, soft_high=100.0),
     )
 
     @property
@@ -180,7 +177,7 @@ class CameraDensity(DensitySource):
     distance: float = field(
         default=0.0,
         metadata=setting(
-            "How far from the camera the density begins to fade out. 0 has no such limit",
+            "Distance from the camera at which the density begins to fade out. 0 means no limit",
             unit="m",
             low=0.0,
             soft_high=1000.0,
@@ -188,7 +185,7 @@ class CameraDensity(DensitySource):
     )
     falloff: float = field(
         default=10.0,
-        metadata=setting("Over which distance it fades out then", unit="m", low=0.0, soft_high=1000.0),
+        metadata=setting("Distance over which it then fades out", unit="m", low=0.0, soft_high=1000.0),
     )
 
     @property

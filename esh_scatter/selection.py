@@ -11,13 +11,13 @@ import numpy as np
 
 from ..engine.errors import ProblemError
 from ..engine.problem.scatter_settings import TargetSettings
-from .footprint import measure_footprint, read_source
+from .object_outline import measure_footprint, read_source
 from .references import Reference
 from .survey import Survey
 from .target import check_target, is_result, read_target
 
 if TYPE_CHECKING:
-    from ..engine.surface.footprint import Outline
+    from ..engine.surface.mesh_outline import Outline
     from ..engine.surface.triangle_mesh import TriangleMesh
     from .properties.body_class import ESH_PG_class
     from .properties.scatter import ESH_PG_scatter

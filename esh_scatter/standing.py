@@ -54,7 +54,7 @@ class Stand(NamedTuple):
 
     rotation: np.ndarray
     scale: np.ndarray
-    lift: np.ndarray
+    to_origin: np.ndarray
 
 
 def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -92,10 +92,10 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
         lean = np.random.default_rng([seed, 6]).random((most, 2))[ground.identity]
         tilt = standing.tilt * np.sqrt(lean[:, 0]), 2.0 * math.pi * lean[:, 1]
     rotation = body_rotations(ground.normal, standing.align_to_normal, turn, tilt)
-    lift = standing.offset * ground.normal.astype(np.float64)
+    to_origin = standing.offset * ground.normal.astype(np.float64)
     moved = np.flatnonzero(ground.middle.any(axis=1))
     if len(moved):
         middle = np.zeros((len(moved), 3))
         middle[:, :2] = scale[moved, None] * ground.middle[moved]
-        lift[moved] -= rotate(rotation[moved], middle)
-    return Stand(rotation.astype(np.float32), scale, lift.astype(np.float32))
+        to_origin[moved] -= rotate(rotation[moved], middle)
+    return Stand(rotation.astype(np.float32), scale, to_origin.astype(np.float32))

@@ -10,12 +10,11 @@ from ..engine.problem.domain import Domain
 from ..engine.problem.scatter_settings import TargetSettings
 from ..engine.problem.surface import Surface
 from ..engine.surface.chart import RESOLUTION, Chart
-from ..engine.surface.footprint import Outline
+from ..engine.surface.mesh_outline import Outline
 from ..engine.surface.triangle_mesh import TriangleMesh
 from ..engine.surface.whole_surface import WholeSurface
-from .densities import DensityReader
-from .density_source import checksum
-from .footprint import outline_of
+from .density_source import DensityReader, checksum
+from .object_outline import outline_of
 from .targets import chart_of
 
 __all__ = ["Survey"]

@@ -12,7 +12,7 @@ from ..engine.errors import ProblemError
 from ..engine.problem.scatter_settings import TargetSettings
 from ..engine.problem.validation import show
 from ..engine.surface.chart import RESOLUTION, Chart
-from ..engine.surface.joined_mesh import joined, limited, two_sided
+from ..engine.surface.joined_mesh import joined, part_of_mesh, two_sided
 from ..engine.surface.surface_points import SurfacePoints
 from ..engine.surface.triangle_mesh import TriangleMesh
 from ..engine.surface.whole_surface import WholeSurface
@@ -181,7 +181,7 @@ def _chosen(
     middle = SurfacePoints(_Faces(mesh), np.arange(count), np.full((count, 3), 1.0 / 3.0, np.float32), np.empty((0, 3)))
     values = read(middle, name, f"`{key}`")
     mean = np.bincount(mesh.face, values) / np.maximum(np.bincount(mesh.face), 1)
-    chosen = limited(mesh, (mean > CHOSEN)[mesh.face])
+    chosen = part_of_mesh(mesh, (mean > CHOSEN)[mesh.face])
     if not len(chosen.triangle):
         raise ProblemError(f'`{key}` must leave faces of {mesh.name}; "{name}" is above {CHOSEN:g} on none of them')
     return chosen
@@ -192,7 +192,7 @@ def _of_material(mesh: TriangleMesh, name: str) -> TriangleMesh:
     if name not in mesh.material:
         known = ", ".join(f'"{one}"' for one in mesh.material) or "none"
         raise ProblemError(f'`face_material`: {mesh.name} has no material "{name}"; it has {known}')
-    chosen = limited(mesh, (mesh.material_of_face == mesh.material.index(name))[mesh.face])
+    chosen = part_of_mesh(mesh, (mesh.material_of_face == mesh.material.index(name))[mesh.face])
     if not len(chosen.triangle):
         raise ProblemError(f'`face_material` must leave faces of {mesh.name}; none of them has "{name}"')
     return chosen

@@ -16,10 +16,13 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Before anything imports bpy: Blender reads the folder once. Warp's kernel cache is left where it is, in the user's
 # cache folder, so that kernels are compiled once and not once a run.
+_blender_folder = tempfile.mkdtemp(prefix="esh-test-blender-")
 if "bpy" not in sys.modules:
-    _blender_folder = tempfile.mkdtemp(prefix="esh-test-blender-")
     os.environ["BLENDER_USER_RESOURCES"] = _blender_folder
-    atexit.register(shutil.rmtree, _blender_folder, ignore_errors=True)
+atexit.register(shutil.rmtree, _blender_folder, ignore_errors=True)
+
+
+_EXIT_STATUS = pytest.StashKey[int]()
 
 
 class RootAsPlainFolder:
@@ -34,6 +37,11 @@ class RootAsPlainFolder:
 def pytest_configure(config: pytest.Config) -> None:
     """Let a checkout lie in a folder of any name, such as ``esh-scatter``."""
     config.pluginmanager.register(RootAsPlainFolder())
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Keep the status for :func:`pytest_unconfigure`."""
+    session.config.stash[_EXIT_STATUS] = int(exitstatus)
 
 
 # The same inputs in every run of continuous integration: what fails there, fails again.
@@ -54,3 +62,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not wp.is_cuda_available():
             for item in marked:
                 item.add_marker(pytest.mark.skip(reason="no CUDA device on this machine"))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End at once where Blender 4.5 was imported.
+
+    Its module waits for ever at the end of Python for a thread of its own (for sound) if anything still refers to it, such as
+    the traceback of a test that failed; 5.0 has mended that.
+    """
+    bpy = sys.modules.get("bpy")
+    if bpy is None or bpy.app.version >= (5, 0):
+        return
+    # What Python would do on its way out, but for Blender's part.
+    shutil.rmtree(_blender_folder, ignore_errors=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(config.stash.get(_EXIT_STATUS, pytest.ExitCode.INTERNAL_ERROR))

@@ -1,4 +1,4 @@
-"""What the pages and the docstrings name exists: identifiers, files and folders, and the targets of references."""
+"""What the pages and the docstrings name exists: identifiers, files and folders, targets of references; and papers are named."""
 
 from __future__ import annotations
 
@@ -160,3 +160,24 @@ def test_references_of_docstrings_have_a_target(module: str):
             own = target.lstrip(".").split(".")
             known = known or (len(own) == 2 and any(exists(f"{name}.{'.'.join(own)}") for name in modules()))
             assert known, f"{module} refers to {target}, which is not there"
+
+
+# What points into a paper, and how a paper is named: authors and year.
+INTO_A_PAPER = r"\b(?:sections?|equations?|eqs?\.|figures?) \d|\bthe paper\b|\bpaper's\b"
+NAME_OF_A_PAPER = r"[A-Z][a-z]+ (?:et al\. )?(?:19|20)\d\d\b"
+
+
+@pytest.mark.parametrize(
+    "path",
+    sorted(path for folder in ("engine", "esh_scatter", "benchmarks") for path in (ROOT / folder).rglob("*.py")),
+    ids=lambda path: path.relative_to(ROOT).as_posix(),
+)
+def test_modules_that_point_into_a_paper_name_it(path: Path):
+    text = path.read_text(encoding="utf-8")
+    found = re.search(INTO_A_PAPER, text, re.IGNORECASE)
+    if found is not None:
+        line = text.count("\n", 0, found.start()) + 1
+        named = re.search(NAME_OF_A_PAPER, ast.get_docstring(ast.parse(text)) or "")
+        assert named, (
+            f'{path.name}, line {line}: "{found[0]}" of which paper? Its module docstring must name authors and year'
+        )

@@ -240,6 +240,41 @@ def test_every_page_and_picture_of_the_documentation_is_shown_somewhere():
             assert f"({path.name})" in TEXT["docs/index.md"]
 
 
+INCLUDE = r"^```\{literalinclude\} (\S+)\n((?:^:.*\n)*)```$"
+
+
+def included(page: str, path: str, options: str) -> str:
+    """The lines of a file that a page shows, by the same rules as Sphinx; fails where they are not there."""
+    text = ((ROOT / page).parent / path).read_text(encoding="utf-8")
+    chosen = dict(re.findall(r"^:([\w-]+): (.*)$", options, re.MULTILINE))
+    if name := chosen.get("pyobject"):
+        (found,) = [n for n in ast.parse(text).body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name]
+        text = ast.get_source_segment(text, found) or ""
+    for option, part in (("start-after", 2), ("end-before", 0)):
+        if marker := chosen.get(option, "").strip('"'):
+            assert marker in text, f"{page}: {path} has no {marker}"
+            text = text.partition(marker)[part]
+    return text
+
+
+@pytest.mark.parametrize("page", [page for page, text in TEXT.items() if "{literalinclude}" in text])
+def test_code_that_a_page_includes_is_there(page: str):
+    shown = re.findall(INCLUDE, TEXT[page], re.MULTILINE)
+    assert len(shown) == TEXT[page].count("{literalinclude}")
+    for path, options in shown:
+        assert included(page, path, options).strip(), f"{page} shows nothing of {path}"
+
+
+def test_every_picture_of_the_gallery_stands_above_what_makes_it():
+    parts = re.split(r"^!\[.*\]\((\S+)\)$", TEXT["docs/gallery.md"], flags=re.MULTILINE)
+    assert len(parts) > 40
+    for picture, below in zip(parts[1::2], parts[2::2], strict=True):
+        below = below.partition("\n## ")[0]
+        assert re.search(r"^    \S", below, re.MULTILINE), f"no command below {picture}"
+        if script := re.search(r"^    python (\S+\.py)$", below, re.MULTILINE):
+            assert f"{{literalinclude}} ../{script[1]}\n" in below, f"no code below {picture}"
+
+
 def test_the_measured_block_keeps_its_markers():
     text = TEXT["docs/measured.md"]
     assert text.count("<!-- measured: begin -->") == text.count("<!-- measured: end -->") == 1

@@ -111,24 +111,24 @@ class Cascade:
         device = launcher.device
         self._facets = on_device
         self.group_count = len(interaction)
-        self._column_count = len(share)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._attraction = wp.array(attraction.ravel(), dtype=float, device=device)
         self._charge = wp.array(charge, dtype=float, device=device)
         self._group = wp.array(charge_group, dtype=wp.int32, device=device)
-        self._make_table()
+        table, table_of_target = self._make_tables()
 
         tiles = empty_points(launcher, facets.tile_count)
         launcher.launch(
-            kernels_facets.place_tiles,
+            kernels_facets.locate_tiles,
             facets.tile_count,
             [facets.count, on_device],
             [tiles.position, tiles.normal, tiles.label],
         )
         full = np.flatnonzero(share.max(axis=0) > 0.0)
         sources = chosen(launcher, tiles, full)
-        self._corner_count = facets.corner_count
-        self._find_near_target(facets, tiles, full, share[:, full])
+        self._target_nearby = kernels_cascade.NearTarget()
+        self._target_nearby.force = self._find_near_target(facets, tiles, full, share[:, full], table_of_target)
+        self._target_nearby.corner_count, self._target_nearby.column_count = facets.corner_count, len(share)
+        self._target_nearby.attraction = wp.array(attraction.ravel(), dtype=float, device=device)
 
         width, length = WIDTH, 1.0
         self._nodes = nodes = chosen(launcher, sources, thinned(launcher, sources, NODE_DISTANCE * length))
@@ -137,8 +137,11 @@ class Cascade:
         of_tile = np.full(facets.tile_count, -1, np.int32)
         of_tile[full] = home.numpy()
         self.home = wp.array(of_tile, dtype=wp.int32, device=device)
-        self._near = lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length)
-        self._pair = lists_of(launcher, nodes, nodes, self._cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE)
+        self._weights = _weights_of(launcher, nodes, width, length)
+        pairs = lists_of(launcher, nodes, nodes, table.cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE)
+        self._nearby = kernels_cascade.NearPart()
+        self._nearby.start, self._nearby.pair = pairs.start, pairs.entry
+        self._nearby.table, self._nearby.interaction = table, self._interaction
         columns = np.concatenate([share[:, full], facets.tile_area[None, full]])
         on_nodes = self._shared_out(sources, home, columns)
         self.node_share, self.node_area = on_nodes[:-1], on_nodes[-1]
@@ -148,8 +151,7 @@ class Cascade:
 
         n = len(charge)
         self._sort = CellSort(launcher, n, self.node_count)
-        self._sorted = empty_points(launcher, n)
-        self._row = launcher.empty(n, kernels_cascade.Row)
+        self._sorted = _room_for_sorted(launcher, n)
         self._node_charge = launcher.zeros(self.node_count * self.group_count, float)
 
     def evaluate(self, charges: Points, facet: wp.array, weight: wp.array, home: wp.array, field: wp.array) -> None:
@@ -162,22 +164,22 @@ class Cascade:
             home: Their homes: see :attr:`home`.
             field: Receives the result, ``wp.vec3``, shape ``[n]``.
         """
-        launch, n, nodes, near = self.launcher.launch, len(self._charge), self._nodes, self._near
+        launch, n = self.launcher.launch, len(self._charge)
         with self.launcher.phase("sort"):
             self._sort.sort(kernels_cascade.find_homes, [home])
-        order, charge_start = self._sort.order, self._sort.cell_start
+        homed = _homed(charges, home, self._sort)
         with self.launcher.phase("deposit"):
             launch(
                 kernels_cascade.fit_rows,
                 n,
-                [order, charges, self._charge, self._group, home, nodes, near.start, near.entry, WIDTH],
-                [self._sorted, self._row],
+                [homed, self._charge, self._group, self._weights],
+                [self._sorted],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             launch(
                 kernels_cascade.deposit,
                 self.node_count,
-                [self._sorted, self._row, charge_start, nodes, near.start, near.entry, WIDTH, self.group_count],
+                [self._sorted, homed.start, self._weights, self.group_count],
                 [self._node_charge],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
@@ -188,30 +190,16 @@ class Cascade:
                 kernels_cascade.evaluate,
                 n,
                 [
-                    order,
-                    home,
+                    homed,
                     self._sorted,
-                    self._row,
-                    charge_start,
-                    nodes,
-                    near.start,
-                    near.entry,
-                    WIDTH,
+                    self._weights,
                     self._levels[0].potential,
                     self.group_count,
-                    self._pair.start,
-                    self._pair.entry,
-                    self._cutoff,
-                    self._table,
-                    self._table_scale,
-                    self._interaction,
+                    self._nearby,
                     facet,
                     weight,
                     self._facets,
-                    self._near_target,
-                    self._corner_count,
-                    self._column_count,
-                    self._attraction,
+                    self._target_nearby,
                 ],
                 [field],
                 grain=GRAIN_OF_NEIGHBOURS,
@@ -245,32 +233,44 @@ class Cascade:
             if level.up is not None:
                 multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
 
-    def _make_table(self) -> None:
-        """The near part: distance times force, for squares of distances up to where it ends."""
-        self._cutoff = NEAR_REACH / math.sqrt(2.0)
+    def _make_tables(self) -> tuple[kernels_cascade.NearTable, kernels_cascade.NearTable]:
+        """The near part between charges, and that between a charge and the target, up to where they end."""
         squares = 4.0 ** (0.5 - np.arange(1, NEAR_OCTAVES + 1))
         blurred = squares + BLUR**2
-        self._target_cutoff = NEAR_REACH * math.sqrt(blurred[0])
+        near = self._tabulated(NEAR_REACH / math.sqrt(2.0), squares, np.ones(NEAR_OCTAVES), first=1.0)
+        of_target = self._tabulated(NEAR_REACH * math.sqrt(blurred[0]), blurred, squares / blurred)
+        return near, of_target
 
-        def tabulated(cutoff: float, squares: np.ndarray, heights: np.ndarray) -> np.ndarray:
-            ratio = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None] / squares
-            return (math.log(2.0) * heights * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
+    def _tabulated(
+        self, cutoff: float, squares: np.ndarray, heights: np.ndarray, first: float = 0.0
+    ) -> kernels_cascade.NearTable:
+        """Distance times force of Gaussians of these squared widths and heights; ``first`` is that at no distance.
 
-        force = tabulated(self._cutoff, squares, np.ones(NEAR_OCTAVES))
-        # All of the octaves that are left out together.
-        force[0] = 1.0
-        of_target = tabulated(self._target_cutoff, blurred, squares / blurred)
-        self._table = wp.array(force, dtype=float, device=self.launcher.device)
-        self._target_table = wp.array(of_target, dtype=float, device=self.launcher.device)
-        self._table_scale = TABLE_SIZE / self._cutoff**2
+        Between charges that is 1: all of the octaves that are left out together.
+        """
+        ratio = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None] / squares
+        force = (math.log(2.0) * heights * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
+        force[0] = first
+        table = kernels_cascade.NearTable()
+        table.force = wp.array(force, dtype=float, device=self.launcher.device)
+        table.scale, table.cutoff = TABLE_SIZE / cutoff**2, cutoff
+        return table
 
-    def _find_near_target(self, facets: Facets, tiles: Points, full: np.ndarray, share: np.ndarray) -> None:
-        launcher, count, device = self.launcher, self._corner_count, self.launcher.device
+    def _find_near_target(
+        self,
+        facets: Facets,
+        tiles: Points,
+        full: np.ndarray,
+        share: np.ndarray,
+        table: kernels_cascade.NearTable,
+    ) -> wp.array:
+        """The near part of the target's force at the corners of all tiles, image after image, ``wp.vec3``."""
+        launcher, count, device = self.launcher, facets.corner_count, self.launcher.device
         position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
-        launcher.launch(kernels_facets.place_corners, count, [facets.count, self._facets], [position, tile])
+        launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], [position, tile])
         sources = empty_points(launcher, 4 * len(full))
         launcher.launch(
-            kernels_facets.place_quarters,
+            kernels_facets.locate_quarters,
             4 * len(full),
             [wp.array(full.astype(np.int32), dtype=wp.int32, device=device), facets.count, self._facets],
             [sources.position, sources.normal, sources.label],
@@ -289,7 +289,7 @@ class Cascade:
         # Corners of neighbouring facets that lie in one place, and look to nearly the same side, have the same force.
         at, look, of_tile = position.numpy(), tiles.normal.numpy(), tile.numpy()
         first, which = _alike(at, look[of_tile], tiles.label.numpy()[of_tile])
-        force = launcher.empty(self._column_count * len(first), wp.vec3)
+        force = launcher.empty(len(share) * len(first), wp.vec3)
         launcher.launch(
             kernels_cascade.near_target,
             len(first),
@@ -299,19 +299,15 @@ class Cascade:
                 tiles,
                 sources,
                 wp.array(charge.ravel(), dtype=float, device=device),
-                charge.shape[1],
-                self._column_count,
-                grid_of(launcher, sources.position, self._target_cutoff),
-                self._target_cutoff,
-                self._target_table,
-                TABLE_SIZE / self._target_cutoff**2,
-                len(first),
+                len(share),
+                grid_of(launcher, sources.position, table.cutoff),
+                table,
             ],
             [force],
             grain=GRAIN_OF_NEIGHBOURS,
         )
-        everywhere = force.numpy().reshape(self._column_count, len(first), 3)[:, which]
-        self._near_target = wp.array(everywhere.reshape(-1, 3), dtype=wp.vec3, device=device)
+        everywhere = force.numpy().reshape(len(share), len(first), 3)[:, which]
+        return wp.array(everywhere.reshape(-1, 3), dtype=wp.vec3, device=device)
 
     def _shared_out(self, points: Points, home: wp.array, columns: np.ndarray) -> np.ndarray:
         """Share numbers at points out among the nodes, as charges are, column by column."""
@@ -319,23 +315,23 @@ class Cascade:
         count = len(points.position)
         sort = CellSort(launcher, count, self.node_count)
         sort.sort(kernels_cascade.find_homes, [home])
-        rows, in_order = launcher.empty(count, kernels_cascade.Row), empty_points(launcher, count)
-        group, near = launcher.zeros(count, wp.int32), self._near
+        homed, in_order = _homed(points, home, sort), _room_for_sorted(launcher, count)
+        group = launcher.zeros(count, wp.int32)
         result = np.empty((len(columns), self.node_count))
         for column, values in enumerate(columns):
             number = wp.array(values, dtype=float, device=device)
             launcher.launch(
                 kernels_cascade.fit_rows,
                 count,
-                [sort.order, points, number, group, home, self._nodes, near.start, near.entry, WIDTH],
-                [in_order, rows],
+                [homed, number, group, self._weights],
+                [in_order],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             received = launcher.empty(self.node_count, float)
             launcher.launch(
                 kernels_cascade.deposit,
                 self.node_count,
-                [in_order, rows, sort.cell_start, self._nodes, near.start, near.entry, WIDTH, 1],
+                [in_order, homed.start, self._weights, 1],
                 [received],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
@@ -369,36 +365,52 @@ class Cascade:
         """What finer nodes share out among coarser ones, as lists by both."""
         launcher = self.launcher
         count, coarse_count = len(fine.position), len(coarse.position)
-        near = lists_of(launcher, coarse, coarse, WEIGHT_REACH * width + HOME_DISTANCE * length)
+        weights = _weights_of(launcher, coarse, width, length)
         home = nearest_of(launcher, fine, coarse, HOME_REACH * length, HOME_TURN * length)
         sort = CellSort(launcher, count, coarse_count)
         sort.sort(kernels_cascade.find_homes, [home])
+        homed = _homed(fine, home, sort)
         row = launcher.empty(count, kernels_cascade.Row)
-        launcher.launch(
-            kernels_cascade.fit_rows_in_place,
-            count,
-            [fine, home, coarse, near.start, near.entry, width],
-            [row],
-            grain=GRAIN_OF_NEIGHBOURS,
-        )
+        launcher.launch(kernels_cascade.fit_rows_in_place, count, [homed, weights], [row], grain=GRAIN_OF_NEIGHBOURS)
         result = []
         for to_nodes, number in ((0, count), (1, coarse_count)):
-            where = [home, sort.order, sort.cell_start, coarse, near.start, near.entry, width]
             found = launcher.empty(number, wp.int32)
             launcher.launch(
-                kernels_cascade.count_shares, number, [to_nodes, fine, *where], [found], grain=GRAIN_OF_NEIGHBOURS
+                kernels_cascade.count_shares, number, [to_nodes, homed, weights], [found], grain=GRAIN_OF_NEIGHBOURS
             )
             start, total = running_sum(launcher, found)
             entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
             launcher.launch(
                 kernels_cascade.list_shares,
                 number,
-                [to_nodes, fine, row, *where, start],
+                [to_nodes, homed, row, weights, start],
                 [entry, value],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             result += [Lists(start, entry), value]
         return tuple(result)
+
+
+def _homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Homed:
+    """Points with their homes, as they are sorted by these."""
+    homed = kernels_cascade.Homed()
+    homed.points, homed.home, homed.order, homed.start = points, home, sort.order, sort.cell_start
+    return homed
+
+
+def _room_for_sorted(launcher: Launcher, count: int) -> kernels_cascade.SortedCharges:
+    """Room for charges in the order of their homes."""
+    charges = kernels_cascade.SortedCharges()
+    charges.points, charges.row = empty_points(launcher, count), launcher.empty(count, kernels_cascade.Row)
+    return charges
+
+
+def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_cascade.Weights:
+    """What points are shared out among: nodes of a level of a length, by weights of a width."""
+    near = lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length)
+    weights = kernels_cascade.Weights()
+    weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
+    return weights
 
 
 def _alike(place: np.ndarray, side: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,6 +30,66 @@ class Row:
     charge: wp.float32
 
 
+@wp.struct
+class Weights:
+    """Nodes, the nodes near each of them (``near`` from ``start`` on), and the width of the weights by which points are shared out."""
+
+    nodes: Points
+    start: wp.array(dtype=wp.int32)
+    near: wp.array(dtype=wp.int32)
+    width: wp.float32
+
+
+@wp.struct
+class Homed:
+    """Points and the nodes that are their homes; ``order`` has them home after home, those of a node from ``start`` on."""
+
+    points: Points
+    home: wp.array(dtype=wp.int32)
+    order: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class SortedCharges:
+    """Charges home after home, and how each is shared out; the label of a point is its group."""
+
+    points: Points
+    row: wp.array(dtype=Row)
+
+
+@wp.struct
+class NearTable:
+    """Distance times force between two unit charges by the square of their distance, and where it ends.
+
+    ``scale`` is the number of entries per square of a distance.
+    """
+
+    force: wp.array(dtype=float)
+    scale: wp.float32
+    cutoff: wp.float32
+
+
+@wp.struct
+class NearPart:
+    """What is summed over pairs: the homes near each home (``pair`` from ``start`` on), the force, and M, flat."""
+
+    start: wp.array(dtype=wp.int32)
+    pair: wp.array(dtype=wp.int32)
+    table: NearTable
+    interaction: wp.array(dtype=float)
+
+
+@wp.struct
+class NearTarget:
+    """The near part of the target's force at corners of tiles, image after image, and the charge of each that every group sees."""
+
+    force: wp.array(dtype=wp.vec3)
+    corner_count: wp.int32
+    column_count: wp.int32
+    attraction: wp.array(dtype=float)
+
+
 @wp.func
 def side_factor(one: wp.vec3, other: wp.vec3):
     """How much two places of a surface see of each other: 1 on one sheet, 1/2 across a right angle, 0 through a thin wall."""
@@ -315,30 +375,22 @@ def sum_near(
 
 
 @wp.func
-def fitted_row(
-    position: wp.vec3,
-    normal: wp.vec3,
-    home: int,
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
-):
+def fitted_row(position: wp.vec3, normal: wp.vec3, home: int, weights: Weights):
     """The row of a charge: weights of the nodes near it are corrected so that they are exact for linear functions."""
     along = across(normal)
     beside = wp.cross(normal, along)
-    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
-    inverse_width = 1.0 / width
+    inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
+    inverse_width = 1.0 / weights.width
     m = moments_of(
         position,
         normal,
         along,
         beside,
-        start[home],
-        start[home + 1],
-        near,
-        nodes.position,
-        nodes.normal,
+        weights.start[home],
+        weights.start[home + 1],
+        weights.near,
+        weights.nodes.position,
+        weights.nodes.normal,
         inverse_reach,
         inverse_width,
     )
@@ -381,42 +433,32 @@ def find_homes(
 @wp.kernel
 def fit_rows(
     first: int,
-    order: wp.array(dtype=wp.int32),
-    charges: Points,
+    charges: Homed,
     charge: wp.array(dtype=float),
     charge_group: wp.array(dtype=wp.int32),
-    home: wp.array(dtype=wp.int32),
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
+    weights: Weights,
     # outputs
-    sorted_charges: Points,
-    row: wp.array(dtype=Row),
+    sorted_charges: SortedCharges,
 ):
-    """Copy charges into the order of their homes, and find their rows. The label of a sorted charge is its group."""
+    """Copy charges into the order of their homes, and find their rows."""
     s = first + wp.tid()
-    i = order[s]
-    position = charges.position[i]
-    normal = charges.normal[i]
-    own = fitted_row(position, normal, home[i], nodes, start, near, width)
+    i = charges.order[s]
+    position = charges.points.position[i]
+    normal = charges.points.normal[i]
+    own = fitted_row(position, normal, charges.home[i], weights)
     own.charge = charge[i]
-    row[s] = own
-    sorted_charges.position[s] = position
-    sorted_charges.normal[s] = normal
-    sorted_charges.label[s] = charge_group[i]
+    sorted_charges.row[s] = own
+    sorted_charges.points.position[s] = position
+    sorted_charges.points.normal[s] = normal
+    sorted_charges.points.label[s] = charge_group[i]
 
 
 @wp.kernel
 def deposit(
     first: int,
-    sorted_charges: Points,
-    row: wp.array(dtype=Row),
+    sorted_charges: SortedCharges,
     charge_start: wp.array(dtype=wp.int32),
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
+    weights: Weights,
     group_count: int,
     # outputs
     node_charge: wp.array(dtype=float),
@@ -427,17 +469,17 @@ def deposit(
         node_charge[j * group_count + g] = 0.0
     gather_at_node(
         j,
-        nodes.position[j],
-        nodes.normal[j],
-        start[j],
-        start[j + 1],
-        near,
+        weights.nodes.position[j],
+        weights.nodes.normal[j],
+        weights.start[j],
+        weights.start[j + 1],
+        weights.near,
         charge_start,
-        sorted_charges.position,
-        sorted_charges.normal,
-        sorted_charges.label,
-        row,
-        1.0 / (REACH_SQUARED * width * width),
+        sorted_charges.points.position,
+        sorted_charges.points.normal,
+        sorted_charges.points.label,
+        sorted_charges.row,
+        1.0 / (REACH_SQUARED * weights.width * weights.width),
         group_count,
         node_charge,
     )
@@ -447,30 +489,24 @@ def deposit(
 def count_shares(
     first: int,
     to_nodes: int,
-    points: Points,
-    home: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),
-    home_start: wp.array(dtype=wp.int32),
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
+    fine: Homed,
+    weights: Weights,
     # outputs
     count: wp.array(dtype=wp.int32),
 ):
     """Count the coarser nodes that each finer one is shared out among; or, ``to_nodes``, the finer ones that a coarser one gets of."""
     i = first + wp.tid()
-    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
+    inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
     found = int(0)
     if to_nodes == 0:
-        for k in range(start[home[i]], start[home[i] + 1]):
-            way = nodes.position[near[k]] - points.position[i]
+        for k in range(weights.start[fine.home[i]], weights.start[fine.home[i] + 1]):
+            way = weights.nodes.position[weights.near[k]] - fine.points.position[i]
             if wp.dot(way, way) * inverse_reach < 1.0:
                 found += 1
     else:
-        for k in range(start[i], start[i + 1]):
-            for s in range(home_start[near[k]], home_start[near[k] + 1]):
-                way = nodes.position[i] - points.position[order[s]]
+        for k in range(weights.start[i], weights.start[i + 1]):
+            for s in range(fine.start[weights.near[k]], fine.start[weights.near[k] + 1]):
+                way = weights.nodes.position[i] - fine.points.position[fine.order[s]]
                 if wp.dot(way, way) * inverse_reach < 1.0:
                     found += 1
     count[i] = found
@@ -480,15 +516,9 @@ def count_shares(
 def list_shares(
     first: int,
     to_nodes: int,
-    points: Points,
+    fine: Homed,
     row: wp.array(dtype=Row),
-    home: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),
-    home_start: wp.array(dtype=wp.int32),
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
+    weights: Weights,
     entry_start: wp.array(dtype=wp.int32),
     # outputs
     entry: wp.array(dtype=wp.int32),
@@ -496,24 +526,25 @@ def list_shares(
 ):
     """List what :func:`count_shares` counts, and the shares. Rows are in the order of the points themselves."""
     i = first + wp.tid()
-    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
+    nodes = weights.nodes
+    inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
     at = entry_start[i]
     if to_nodes == 0:
-        for k in range(start[home[i]], start[home[i] + 1]):
-            j = near[k]
-            way = nodes.position[j] - points.position[i]
+        for k in range(weights.start[fine.home[i]], weights.start[fine.home[i] + 1]):
+            j = weights.near[k]
+            way = nodes.position[j] - fine.points.position[i]
             if wp.dot(way, way) * inverse_reach < 1.0:
-                w = node_weight(way, points.normal[i], nodes.normal[j], inverse_reach)
+                w = node_weight(way, fine.points.normal[i], nodes.normal[j], inverse_reach)
                 entry[at] = j
                 value[at] = share_of(row[i], way, w)
                 at += 1
     else:
-        for k in range(start[i], start[i + 1]):
-            for s in range(home_start[near[k]], home_start[near[k] + 1]):
-                j = order[s]
-                way = nodes.position[i] - points.position[j]
+        for k in range(weights.start[i], weights.start[i + 1]):
+            for s in range(fine.start[weights.near[k]], fine.start[weights.near[k] + 1]):
+                j = fine.order[s]
+                way = nodes.position[i] - fine.points.position[j]
                 if wp.dot(way, way) * inverse_reach < 1.0:
-                    w = node_weight(way, nodes.normal[i], points.normal[j], inverse_reach)
+                    w = node_weight(way, nodes.normal[i], fine.points.normal[j], inverse_reach)
                     entry[at] = j
                     value[at] = share_of(row[j], way, w)
                     at += 1
@@ -522,17 +553,13 @@ def list_shares(
 @wp.kernel
 def fit_rows_in_place(
     first: int,
-    points: Points,
-    home: wp.array(dtype=wp.int32),
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
+    fine: Homed,
+    weights: Weights,
     # outputs
     row: wp.array(dtype=Row),
 ):
     i = first + wp.tid()
-    row[i] = fitted_row(points.position[i], points.normal[i], home[i], nodes, start, near, width)
+    row[i] = fitted_row(fine.points.position[i], fine.points.normal[i], fine.home[i], weights)
 
 
 @wp.kernel
@@ -600,11 +627,11 @@ def multiply(
 
 
 @wp.func
-def near_force(square: float, table: wp.array(dtype=float), table_scale: float):
+def near_force(square: float, table: NearTable):
     """Distance times force of the near part between two unit charges, by the square of their distance."""
-    at = square * table_scale
-    k = wp.min(int(at), table.shape[0] - 2)
-    return table[k] + (at - float(k)) * (table[k + 1] - table[k])
+    at = square * table.scale
+    k = wp.min(int(at), table.force.shape[0] - 2)
+    return table.force[k] + (at - float(k)) * (table.force[k + 1] - table.force[k])
 
 
 @wp.kernel
@@ -615,13 +642,9 @@ def near_target(
     tiles: Points,
     sources: Points,
     source_charge: wp.array(dtype=float),
-    source_count: int,
     column_count: int,
     grid: PointGrid,
-    cutoff: float,
-    table: wp.array(dtype=float),
-    table_scale: float,
-    corner_count: int,
+    table: NearTable,
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
@@ -630,6 +653,7 @@ def near_target(
     own = position[i]
     normal = tiles.normal[tile[i]]
     label = tiles.label[tile[i]]
+    corner_count = position.shape[0]
     for c in range(column_count):
         force[c * corner_count + i] = wp.vec3(0.0, 0.0, 0.0)
     cell = cell_at(own, grid.inverse_size)
@@ -640,106 +664,102 @@ def near_target(
             j = grid.order[s]
             way = own - sources.position[j]
             square = wp.dot(way, way)
-            met = square < cutoff * cutoff and sources.label[j] == label
+            met = square < table.cutoff * table.cutoff and sources.label[j] == label
             if met and same_cell(cell_at(sources.position[j], grid.inverse_size), around):
                 factor = side_factor(normal, sources.normal[j])
-                f = near_force(square, table, table_scale) / wp.max(square, 1.0e-12) * factor
+                f = near_force(square, table) / wp.max(square, 1.0e-12) * factor
                 for c in range(column_count):
                     at = c * corner_count + i
-                    force[at] = force[at] + (f * source_charge[c * source_count + j]) * way
+                    force[at] = force[at] + (f * source_charge[c * sources.position.shape[0] + j]) * way
 
 
-@wp.kernel
-def evaluate(
-    first: int,
-    order: wp.array(dtype=wp.int32),
-    home: wp.array(dtype=wp.int32),
-    sorted_charges: Points,
-    row: wp.array(dtype=Row),
-    charge_start: wp.array(dtype=wp.int32),
-    nodes: Points,
-    start: wp.array(dtype=wp.int32),
-    near: wp.array(dtype=wp.int32),
-    width: float,
-    potential: wp.array(dtype=float),
-    group_count: int,
-    pair_start: wp.array(dtype=wp.int32),
-    pair: wp.array(dtype=wp.int32),
-    cutoff: float,
-    table: wp.array(dtype=float),
-    table_scale: float,
-    interaction: wp.array(dtype=float),
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
-    facets: Facets,
-    target_force: wp.array(dtype=wp.vec3),
-    corner_count: int,
-    column_count: int,
-    attraction: wp.array(dtype=float),
-    # outputs
-    field: wp.array(dtype=wp.vec3),
+@wp.func
+def force_of_nodes(
+    s: int, home: int, charges: SortedCharges, weights: Weights, potential: wp.array(dtype=float), group_count: int
 ):
-    """The force per unit charge at every charge, along the surface."""
-    s = first + wp.tid()
-    i = order[s]
-    own = sorted_charges.position[s]
-    normal = sorted_charges.normal[s]
-    group = sorted_charges.label[s]
-    at_home = home[i]
-
-    # The potential's slope, fitted to the nodes near it.
+    """What leads down the potential's slope, fitted to the nodes near a charge."""
+    normal = charges.points.normal[s]
     along = across(normal)
     beside = wp.cross(normal, along)
-    inverse_reach = 1.0 / (REACH_SQUARED * width * width)
-    inverse_width = 1.0 / width
+    inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
+    inverse_width = 1.0 / weights.width
     fitted = potential_of(
-        own,
+        charges.points.position[s],
         normal,
         along,
         beside,
-        start[at_home],
-        start[at_home + 1],
-        near,
-        nodes.position,
-        nodes.normal,
+        weights.start[home],
+        weights.start[home + 1],
+        weights.near,
+        weights.nodes.position,
+        weights.nodes.normal,
         potential,
         group_count,
-        group,
+        charges.points.label[s],
         inverse_reach,
         inverse_width,
     )
     s0 = fitted[0]
     s1 = fitted[1]
     s2 = fitted[2]
-    inverse = row[s]
+    inverse = charges.row[s]
     to_space = wp.vec3(inverse.value[0], inverse.value[1], inverse.value[2])
     slope_along = wp.dot(to_space, along) * s0 + (inverse.slope[0] * s1 + inverse.slope[1] * s2) * inverse_width
     slope_beside = wp.dot(to_space, beside) * s0 + (inverse.slope[1] * s1 + inverse.slope[2] * s2) * inverse_width
-    force = -slope_along * along - slope_beside * beside
+    return -slope_along * along - slope_beside * beside
 
-    # Charges that are near.
-    force += sum_near(
-        own,
-        normal,
-        group,
-        pair_start[at_home],
-        pair_start[at_home + 1],
-        pair,
-        charge_start,
-        sorted_charges.position,
-        sorted_charges.normal,
-        sorted_charges.label,
-        row,
-        cutoff * cutoff,
-        table,
-        table_scale,
-        interaction,
+
+@wp.func
+def force_of_near_charges(
+    s: int, home: int, charges: SortedCharges, start: wp.array(dtype=wp.int32), near: NearPart, group_count: int
+):
+    """What the charges of the homes near that of a charge do; those of a home begin at ``start``."""
+    return sum_near(
+        charges.points.position[s],
+        charges.points.normal[s],
+        charges.points.label[s],
+        near.start[home],
+        near.start[home + 1],
+        near.pair,
+        start,
+        charges.points.position,
+        charges.points.normal,
+        charges.points.label,
+        charges.row,
+        near.table.cutoff * near.table.cutoff,
+        near.table.force,
+        near.table.scale,
+        near.interaction,
         group_count,
     )
 
-    # And the target that is.
-    for c in range(column_count):
-        amount = attraction[group * column_count + c]
+
+@wp.kernel
+def evaluate(
+    first: int,
+    charges: Homed,
+    sorted_charges: SortedCharges,
+    weights: Weights,
+    potential: wp.array(dtype=float),
+    group_count: int,
+    near: NearPart,
+    facet: wp.array(dtype=wp.int32),
+    weight: wp.array(dtype=wp.vec2),
+    facets: Facets,
+    target: NearTarget,
+    # outputs
+    field: wp.array(dtype=wp.vec3),
+):
+    """The force per unit charge at every charge, along the surface."""
+    s = first + wp.tid()
+    i = charges.order[s]
+    normal = sorted_charges.points.normal[s]
+    group = sorted_charges.points.label[s]
+    home = charges.home[i]
+    force = force_of_nodes(s, home, sorted_charges, weights, potential, group_count)
+    force += force_of_near_charges(s, home, sorted_charges, charges.start, near, group_count)
+    for c in range(target.column_count):
+        amount = target.attraction[group * target.column_count + c]
         if amount != 0.0:
-            force -= amount * interpolated(facet[i], weight[i], target_force, c * corner_count, facets)
+            force -= amount * interpolated(facet[i], weight[i], target.force, c * target.corner_count, facets)
     field[i] = force - wp.dot(force, normal) * normal

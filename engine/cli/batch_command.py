@@ -6,10 +6,11 @@ import argparse
 import contextlib
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
 
 if TYPE_CHECKING:
@@ -70,19 +71,11 @@ def add_batch(commands: Any, whole: Any) -> None:
         "--part", metavar="I/N", type=_part, default=(1, 1), help="make only every N-th scene, from the I-th on"
     )
     parser.add_argument("--collect", action="store_true", help="make no scene; write the table if all are done")
-    parser.add_argument(
-        "--workers", metavar="N", type=whole(0), help="processes (default: one per processor; on a GPU: none)"
-    )
-    parser.add_argument("--ray", metavar="ADDRESS", help='solve on a Ray cluster: "auto", "local" or an address')
-    parser.add_argument(
-        "--gpus", metavar="G", type=_share, default=0.0, help="GPUs that a scene asks of Ray (default: 0)"
-    )
     parser.add_argument("--retry", action="store_true", help="try scenes again that failed")
-    parser.add_argument("--device", metavar="D", default="auto", help='"auto" (default), "cpu" or "cuda:0"')
     parser.add_argument(
         "--max-steps", metavar="N", type=whole(1), default=100, help="largest number of steps (default: 100)"
     )
-    parser.add_argument("--quiet", action="store_true", help="show no progress and no summary")
+    add_run_options(parser, whole, "a scene")
 
 
 def batch(options: argparse.Namespace) -> int:
@@ -98,34 +91,18 @@ def batch(options: argparse.Namespace) -> int:
         tuple(dict.fromkeys(options.endings or [".npz"])),
         options.max_steps,
     )
-    reached: list[BatchState] = []
-    show_bar = sys.stderr.isatty() and not options.quiet
-    with _progress_bar() if show_bar else contextlib.nullcontext() as bar:
-
-        def on_progress(state: BatchState) -> None:
-            reached[:] = [state]
-            if bar is not None:
-                bar(state)
-
-        try:
-            state = run_batch(
-                asked,
-                device=options.device,
-                workers=options.workers,
-                ray=options.ray,
-                gpus=options.gpus,
-                part=options.part,
-                collect=options.collect,
-                retry=options.retry,
-                progress=on_progress,
-            )
-        except KeyboardInterrupt:
-            done = (
-                f"; {reached[0].done:,} of {reached[0].scenes:,} scenes are done, the same command goes on"
-                if reached
-                else ""
-            )
-            raise KeyboardInterrupt(done) from None
+    with following(options, _progress_bar, _done) as follow:
+        state = run_batch(
+            asked,
+            device=options.device,
+            workers=options.workers,
+            ray=options.ray,
+            gpus=options.gpus,
+            part=options.part,
+            collect=options.collect,
+            retry=options.retry,
+            progress=follow,
+        )
     if not options.quiet:
         print(_summary(state, options.output))
     for number, why in list(state.failed.items())[:LISTED]:
@@ -142,8 +119,12 @@ def _summary(state: BatchState, folder: Path) -> str:
     return f"{state.done:,} of {state.scenes:,} scenes are done ({state.made:,} in this run){failed}; the table comes with the last"
 
 
+def _done(state: BatchState) -> str:
+    return f"{state.done:,} of {state.scenes:,} scenes are done"
+
+
 @contextlib.contextmanager
-def _progress_bar() -> Iterator[Any]:
+def _progress_bar() -> Iterator[Callable[[BatchState], None]]:
     with progress_bar("scenes", "solving") as change:
 
         def show(state: BatchState) -> None:
@@ -164,13 +145,3 @@ def _part(text: str) -> tuple[int, int]:
     if not match or not 1 <= int(match[1]) <= int(match[2]):
         raise argparse.ArgumentTypeError(f"must be I/N, whole numbers with I from 1 to N; got {text!r}")
     return int(match[1]), int(match[2])
-
-
-def _share(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = -1.0
-    if not 0.0 <= number <= 64.0:
-        raise argparse.ArgumentTypeError(f"must be a number of at least 0; got {text!r}")
-    return number

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
 
 if TYPE_CHECKING:
@@ -55,19 +55,7 @@ def add_tiles(commands: Any, whole: Any) -> None:
         type=_steps,
         help="steps of the three passes (default: 60,40,40; fewer are faster and a little less even)",
     )
-    parser.add_argument(
-        "--workers", metavar="N", type=whole(0), help="processes (default: one per processor; on a GPU: none)"
-    )
-    parser.add_argument(
-        "--ray",
-        metavar="ADDRESS",
-        help='solve on a Ray cluster, "auto", "local" or an address; its machines must all see recipe and folder',
-    )
-    parser.add_argument(
-        "--gpus", metavar="G", type=float, default=0.0, help="GPUs that a window asks of Ray (default: 0)"
-    )
-    parser.add_argument("--device", metavar="D", default="auto", help='"auto" (default), "cpu" or "cuda:0"')
-    parser.add_argument("--quiet", action="store_true", help="show no progress and no summary")
+    add_run_options(parser, whole, "a window", "; its machines must all see recipe and folder")
 
 
 def tiles(options: argparse.Namespace) -> int:
@@ -78,36 +66,20 @@ def tiles(options: argparse.Namespace) -> int:
 
     if options.ending not in TILE_WRITERS:
         raise EshError(f"--as must be {' or '.join(TILE_WRITERS)}; got {options.ending!r}")
-    reached: list[TileState] = []
-    show_bar = sys.stderr.isatty() and not options.quiet
-    with _progress_bar() if show_bar else contextlib.nullcontext() as bar:
-
-        def on_progress(state: TileState) -> None:
-            reached[:] = [state]
-            if bar is not None:
-                bar(state)
-
-        try:
-            state = solve_tiles(
-                options.recipe,
-                options.output,
-                tile=options.tile,
-                seed=options.seed,
-                steps=options.steps or STEPS,
-                ending=options.ending,
-                device=options.device,
-                workers=options.workers,
-                ray=options.ray,
-                gpus=options.gpus,
-                progress=on_progress,
-            )
-        except KeyboardInterrupt:
-            done = (
-                f"; stage {reached[0].stage} of {reached[0].stages} is half done, the same command goes on"
-                if reached
-                else ""
-            )
-            raise KeyboardInterrupt(done) from None
+    with following(options, _progress_bar, _done) as follow:
+        state = solve_tiles(
+            options.recipe,
+            options.output,
+            tile=options.tile,
+            seed=options.seed,
+            steps=options.steps or STEPS,
+            ending=options.ending,
+            device=options.device,
+            workers=options.workers,
+            ray=options.ray,
+            gpus=options.gpus,
+            progress=follow,
+        )
     if not options.quiet:
         columns, rows = state.tiles
         print(
@@ -117,8 +89,12 @@ def tiles(options: argparse.Namespace) -> int:
     return 0
 
 
+def _done(state: TileState) -> str:
+    return f"stage {state.stage} of {state.stages} is half done"
+
+
 @contextlib.contextmanager
-def _progress_bar() -> Iterator[Any]:
+def _progress_bar() -> Iterator[Callable[[TileState], None]]:
     with progress_bar("windows", "tiles") as change:
         shown = [""]
 

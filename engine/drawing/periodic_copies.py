@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..problem.body_footprints import footprints_of_placement
+from ..problem.placement_footprints import footprints_of_placement
 
 if TYPE_CHECKING:
     from ..problem.placement import Placement

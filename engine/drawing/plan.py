@@ -16,8 +16,8 @@ import numpy as np
 
 from ..errors import EshError
 from ..files.placement_files import write_files
-from ..problem.body_footprints import footprints_of_placement
 from ..problem.body_kind import disc_radius
+from ..problem.placement_footprints import footprints_of_placement
 from .halftone import line_axis
 from .periodic_copies import copies_of_bodies
 

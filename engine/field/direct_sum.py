@@ -1,7 +1,7 @@
 """The paper's direct summation in float64 with NumPy: the reference that the fast field is measured against.
 
 O(n²) in time. Tests, benchmarks and the table of quality figures use it; :func:`~esh.engine.solve.solve` does not. The paper,
-whose equations are named below, is Schmaltz, Gwosdek and Weickert, Multi-Class (Anisotropic) Electrostatic Halftoning, 2012.
+whose equations are named below, is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ def direct_field(
     blur: float,
     variance: Callable[[np.ndarray], np.ndarray] | None = None,
     core: tuple[float, float] = (0.0, 1.0),
+    chosen: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Force per unit charge on every charge, equations 1, 2 and 7 of the paper.
+    """Force per unit charge on charges, equations 1, 2 and 7 of the paper.
 
     Args:
         position: Charge positions, shape ``[n, 2]``.
@@ -48,9 +49,10 @@ def direct_field(
         variance: Where the blur differs from place to place: that of a charge or a piece of target at positions, shape
             ``[m, 2]``; what acts between two has the sum of their variances. ``blur`` then is the narrowest.
         core: Strength of the charges' core, and where it ends; see :func:`.blur.core`.
+        chosen: Indices of the charges whose field is wanted, shape ``[m]``; None for all. All charges act on them.
 
     Returns:
-        Field, shape ``[n, 2]``, float64.
+        Field, shape ``[n, 2]`` or ``[m, 2]``, float64.
     """
     size = space.size
     # Whole cells per pixel, so that every cell has one density and its charge lies at its middle.
@@ -65,9 +67,11 @@ def direct_field(
     # A point stands for a cell of the grid; a Gaussian that is wider by the cell's own variance makes up for its extent.
     of_point = of_point + (size[0] / columns * size[1] / rows) / 12.0
     image_charge = np.stack([t.charge * box_integrals(t.image, (rows, columns)).ravel() for t in targets])
-    result = np.zeros((len(position), 2))
+    chosen = np.arange(len(position)) if chosen is None else np.asarray(chosen)
+    result = np.zeros((len(chosen), 2))
     for g in range(len(targets)):
-        own = np.flatnonzero(charge_group == g)
+        in_group = charge_group[chosen] == g
+        own = chosen[in_group]
         pulling = -interaction[g] @ image_charge
         pushing = charge * interaction[g, charge_group]
         sources = ((position, pushing, of_charge, core), (points, pulling, of_point, (0.0, 1.0)))
@@ -77,7 +81,7 @@ def direct_field(
                 total += _periodic_sum(position[own], of_charge[own], source, strength, variances, cores, size)
             else:
                 total += _plane_sum(position[own], of_charge[own], source, strength, variances, cores)
-        result[own] = total
+        result[in_group] = total
     return result
 
 

@@ -62,6 +62,8 @@ class Field:
         family: Of every group, shape ``[group_count]``; None for one. Charges of two families are blurred less.
         sharper: By how much the variance between them is divided.
         fewest_nodes: Of the targets' mesh; None for the usual.
+        smooth: Whether charges have no core, see :mod:`.blur`, and are blurred so widely however few they are: the near part, which
+            bounds the blur otherwise, reaches farther.
 
     Attributes:
         layout: The charges' mesh.
@@ -93,6 +95,7 @@ class Field:
         family: np.ndarray | None = None,
         sharper: float = SHARPER_BETWEEN,
         fewest_nodes: int | None = None,
+        smooth: bool = False,
     ) -> None:
         self.launcher = launcher
         self.space = space
@@ -111,7 +114,7 @@ class Field:
             on_gpu=device.is_cuda,
             blur_over_spacing=blur_over_spacing,
         )
-        self.cutoff = cutoff_of(self.layout)
+        self.cutoff = cutoff_of(self.layout, blur_over_spacing * spacing if smooth else 0.0)
         self.mesh = self.layout.for_kernels()
         self.node_count = node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
@@ -122,10 +125,7 @@ class Field:
 
         n = self.charge_count
         self._cell_sort = CellSort(launcher, n, self.cells.count_x * self.cells.count_y)
-        self._weight_stride = n + kernels_field.LANES
-        self._sorted = [launcher.zeros(self._weight_stride, float) for _ in range(3)]
-        self._weight = launcher.zeros(self.group_count * self._weight_stride, float)
-        self._sorted_group = launcher.empty(n, wp.int32)
+        self._sorted = self._room_for_sorted()
         self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
         self._potential = launcher.empty(self.group_count * node_count, float)
 
@@ -158,14 +158,33 @@ class Field:
         )
         self.blur = self._correction.blur
         self.fine_layout = self._correction.layout
-        self._fine_mesh = self.fine_layout.for_kernels()
-        self._sharper = sharper
         self.core, self.core_end = blur.core(blur_over_spacing, uniform)
+        if smooth:
+            self.core = 0.0
         self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
-        self._family = launcher.zeros(self._weight_stride, wp.int32)
-        self._levels = wp.array(self.blur.levels, dtype=float, device=device)
+        self._blurred = self._blurred_by(sharper)
+        self._corrected = self._correction.for_kernels()
+
+    def _room_for_sorted(self) -> kernels_cells.SortedCharges:
+        """Room for the charges in the order of their cells."""
+        launcher, room = self.launcher, self.charge_count + kernels_field.LANES
+        charges = kernels_cells.SortedCharges()
+        charges.order, charges.cell_start = self._cell_sort.order, self._cell_sort.cell_start
+        charges.x, charges.y, charges.charge = (launcher.zeros(room, float) for _ in range(3))
+        charges.group = launcher.empty(self.charge_count, wp.int32)
+        charges.weight, charges.weight_stride = launcher.zeros(self.group_count * room, float), room
+        return charges
+
+    def _blurred_by(self, sharper: float) -> kernels_field.Blurred:
+        """How sorted charges are blurred; ``sharper`` is what the variance between two families is divided by."""
+        room = self.charge_count + kernels_field.LANES
+        blurred = kernels_field.Blurred()
+        blurred.family = self.launcher.zeros(room, wp.int32)
         # Where the blur is everywhere the same, this never changes.
-        self._variance = wp.full(self._weight_stride, self.blur.levels[0], dtype=float, device=device)
+        blurred.variance = wp.full(room, self.blur.levels[0], dtype=float, device=self.launcher.device)
+        blurred.alike = int(self.blur.constant and self._family_of_group is None)
+        blurred.sharper, blurred.core, blurred.per_core = sharper, self.core, 1.0 / self.core_end
+        return blurred
 
     def _choose_cells(self) -> None:
         along = kernels_field.COLUMNS_PER_CUTOFF, kernels_field.ROWS_PER_CUTOFF
@@ -194,26 +213,13 @@ class Field:
                 kernels_field.evaluate_field,
                 self.charge_count,
                 [
-                    self._cell_sort.order,
-                    *self._sorted[:2],
-                    self._sorted_group,
-                    self._weight,
-                    self._weight_stride,
-                    self._variance,
-                    self._family,
-                    self._sharper,
-                    self.core,
-                    1.0 / self.core_end,
-                    self._cell_sort.cell_start,
+                    self._sorted,
+                    self._blurred,
                     self.cells,
                     self.cutoff,
                     self.mesh,
                     self._potential,
-                    self._fine_mesh,
-                    self._correction.potential,
-                    self._correction.row,
-                    self._correction.scale,
-                    self._levels,
+                    self._corrected,
                 ],
                 [field],
                 grain=GRAIN_OF_NEIGHBOURS,
@@ -224,41 +230,32 @@ class Field:
         self.launcher.launch(
             kernels_cells.gather_charges,
             self.charge_count,
-            [
-                self._cell_sort.order,
-                position,
-                self._charge,
-                self._charge_group,
-                self._interaction,
-                self.group_count,
-                self._weight_stride,
-            ],
-            [*self._sorted, self._sorted_group, self._weight],
+            [position, self._charge, self._charge_group, self._interaction, self.group_count],
+            [self._sorted],
         )
         if self._family_of_group is not None:
             self.launcher.launch(
                 kernels_blur.gather_families,
                 self.charge_count,
-                [self._sorted_group, self._family_of_group],
-                [self._family],
+                [self._sorted, self._family_of_group],
+                [self._blurred.family],
             )
         if not self.blur.constant:
             self.launcher.launch(
                 kernels_blur.gather_variances,
                 self.charge_count,
-                [*self._sorted, self._fine_mesh, self.blur.variance, LEAST_OF_SMALL],
-                [self._variance],
+                [self._sorted, self._corrected.mesh, self.blur.variance, LEAST_OF_SMALL],
+                [self._blurred.variance],
             )
 
     def _deposit(self) -> None:
-        inputs = [*self._sorted, self._sorted_group, self.mesh]
+        inputs = [self._sorted, self.mesh]
         if self.launcher.device.is_cuda:
             self.launcher.launch(kernels_splines.deposit_charges, self.charge_count, inputs, [self._node_charge])
             return
         # Threads must not write to one node at once. Charges are sorted by rows of cells, and two rows are higher than the
         # four nodes that a spline reaches: bands of at least two rows never meet once every other one is left out.
-        rows = self.cells.count_y
-        bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, rows // 2))
+        bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, self.cells.count_y // 2))
         # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
         alone = 1 if self.space.periodic and bands % 2 == 1 and bands > 1 else 0
         rounds = [(0, (bands - alone + 1) // 2), (1, (bands - alone) // 2), (bands - 1, alone)]
@@ -266,7 +263,7 @@ class Field:
             self.launcher.launch(
                 kernels_splines.deposit_bands,
                 count,
-                [first_band, bands, rows, self.cells.count_x, self._cell_sort.cell_start, *inputs],
+                [first_band, bands, self.cells, *inputs],
                 [self._node_charge],
                 grain=max(1, GRAIN_OF_NEIGHBOURS * bands // self.charge_count),
             )

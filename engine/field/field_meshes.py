@@ -7,7 +7,15 @@ from ..space.mesh_layout import MeshLayout, open_mesh, periodic_mesh
 from ..space.space import Space
 from .blur import BLUR_OVER_SPACING, LOWEST, WIDEST
 
-__all__ = ["FEWEST_NODES", "FINEST_BLUR_OVER_MESH", "charge_mesh", "cutoff_of", "target_mesh", "widest_blur"]
+__all__ = [
+    "FEWEST_NODES",
+    "FINEST_BLUR_OVER_MESH",
+    "SMALLEST_MESH",
+    "charge_mesh",
+    "cutoff_of",
+    "target_mesh",
+    "widest_blur",
+]
 
 # Cut-off of the split over mesh spacing: wide enough that the forces are wrong by no more than 3e-3 of the local force scale.
 CUTOFF_OVER_MESH = 4.9
@@ -70,9 +78,12 @@ def charge_mesh(
     return layout
 
 
-def cutoff_of(layout: MeshLayout) -> float:
-    """Where the split's near part ends, for the charges' mesh; see :mod:`.splitting`."""
-    return CUTOFF_OVER_MESH * max(layout.spacing)
+def cutoff_of(layout: MeshLayout, blur: float = 0.0) -> float:
+    """Where the split's near part ends, for the charges' mesh, with all of a blur of this width; see :mod:`.splitting`."""
+    least = CUTOFF_OVER_MESH * max(layout.spacing)
+    if layout.space.periodic:
+        blur = min(blur, min(layout.space.size) / (PERIOD_OVER_CUTOFF * CUTOFF_OVER_BLUR))
+    return max(least, CUTOFF_OVER_BLUR * blur)
 
 
 def widest_blur(cutoff: float) -> float:

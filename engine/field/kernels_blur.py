@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_cells import SortedCharges
 from ..space.kernels_mesh import Mesh
 from ..space.kernels_space import wrap
 
@@ -111,9 +112,7 @@ def variance_at(x: float, y: float, mesh: Mesh, variance: wp.array(dtype=float))
 @wp.kernel
 def gather_variances(
     first: int,
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_charge: wp.array(dtype=float),
+    charges: SortedCharges,
     mesh: Mesh,
     variance: wp.array(dtype=float),
     least: float,
@@ -122,17 +121,17 @@ def gather_variances(
 ):
     """Variance of every charge's blur: that of its place, less where it is a small one."""
     i = first + wp.tid()
-    share = wp.clamp(sorted_charge[i], least, 1.0)
-    sorted_variance[i] = share * variance_at(sorted_x[i], sorted_y[i], mesh, variance)
+    share = wp.clamp(charges.charge[i], least, 1.0)
+    sorted_variance[i] = share * variance_at(charges.x[i], charges.y[i], mesh, variance)
 
 
 @wp.kernel
 def gather_families(
     first: int,
-    sorted_group: wp.array(dtype=wp.int32),
+    charges: SortedCharges,
     family_of_group: wp.array(dtype=wp.int32),
     # outputs
     family: wp.array(dtype=wp.int32),
 ):
     i = first + wp.tid()
-    family[i] = family_of_group[sorted_group[i]]
+    family[i] = family_of_group[charges.group[i]]

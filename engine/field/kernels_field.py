@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..space.kernels_cells import CellGrid
+from ..space.kernels_cells import CellGrid, SortedCharges
 from ..space.kernels_mesh import Mesh
 from ..space.kernels_space import period
 from . import splitting
@@ -37,21 +37,68 @@ def _text_of(coefficients: Sequence[float], x: str) -> str:
 
 
 def _eighth_root() -> list[float]:
-    """Coefficients of the cubic whose eighth power is exp(-q), exactly at 0."""
+    """Coefficients of the cubic of 2 q whose eighth power is exp(-q), exactly at 0."""
     q = np.linspace(0.0, LARGEST_Q, 2001)
     # An error of the root weighs as much as the seventh power of it; a little everywhere keeps the end near 0.
     weight = np.exp(-0.875 * q) + 2e-3
     basis = q[:, None] ** np.arange(1, 4)
     fitted = np.linalg.lstsq(basis * weight[:, None], np.expm1(-q / 8.0) * weight, rcond=None)[0]
-    return [1.0, *fitted.tolist()]
+    return [1.0, *(float(np.float32(fitted[k])) / 2.0 ** (k + 1) for k in range(3))]
 
 
 # Native code because this loop is most of the near field's time. A charge is at no distance from itself, and so its term vanishes;
-# the tiny summand, far below the square of float32's smallest distance, only keeps it finite. Of a charge's unit share, what the
-# split spreads farther out than the distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does, and
-# the core is added.
+# the tiny summand, far below the square of float32's smallest distance, only keeps it finite, and its square is still a normal number:
+# some processors take a hundred times as long for others. Of a charge's unit share, what the split spreads farther out than the
+# distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does, and the core is added.
+def _add_ranges(variance: str) -> str:
+    """C++ that goes through all ranges of neighbours; ``variance`` is that of a pair."""
+    return f"""
+    for (int range = 0; range < ranges; ++range)
+    {{
+        const int begin = begins[range], end = ends[range];
+        const float own_x = from_x[range], own_y = from_y[range];
+        for (int j = begin; j < end; j += L)
+        {{
+#if !defined(__CUDA_ARCH__)
+            #pragma clang fp contract(fast)
+#endif
+            const V dx = own_x - *(const V*)(xs + j);
+            const V dy = own_y - *(const V*)(ys + j);
+            const V r2 = dx * dx + dy * dy + tiny;
+            const V v = 1.0f - r2 * per_cutoff;
+            // One division for the inverse of the pair's variance and that of r2.
+            const V both = {variance};
+            const V inverse = 1.0f / (r2 * both);
+            V twice_q = r2 * r2 * inverse;
+#if defined(__CUDA_ARCH__)
+            twice_q = fminf(twice_q, {2.0 * LARGEST_Q}f);
+#else
+            twice_q = __builtin_elementwise_min(twice_q, (V){2.0 * LARGEST_Q}f);
+#endif
+            const V root = {_text_of(_eighth_root(), "twice_q")};
+            const V square = root * root;
+            const V fourth = square * square;
+            const V share = v * {_text_of(splitting.outside_share()[1:], "v")} - fourth * fourth;
+#if defined(__CUDA_ARCH__)
+            const V close = fmaxf(1.0f - twice_q * half_per_core, 0.0f);
+#else
+            const V close = __builtin_elementwise_max(1.0f - twice_q * half_per_core, (V)0.0f);
+#endif
+            const V near = *(const V*)(ws + j) * (share + core * close * close) * (both * inverse);
+#if defined(__CUDA_ARCH__)
+            const V strength = r2 < cutoff2 ? near : 0.0f;
+#else
+            const V strength = ((r2 < cutoff2) & (lane < end - j)) ? near : (V)0.0f;
+#endif
+            sum_x += strength * dx;
+            sum_y += strength * dy;
+        }}
+    }}
+"""
+
+
 _SUM_NEAR = f"""
-    const float tiny = 1e-30f, narrower = 1.0f / sharper;
+    const float tiny = 1e-18f, narrower = 1.0f / sharper, half_per_core = 0.5f * per_core;
     const float* __restrict__ xs = sorted_x.data;
     const float* __restrict__ ys = sorted_y.data;
     const float* __restrict__ ws = weight.data + row_start;
@@ -100,46 +147,14 @@ _SUM_NEAR = f"""
         }}
     }}
     V sum_x = (V)0.0f, sum_y = (V)0.0f;
-    for (int range = 0; range < ranges; ++range)
+    if (alike != 0)
     {{
-        const int begin = begins[range], end = ends[range];
-        const float own_x = from_x[range], own_y = from_y[range];
-        for (int j = begin; j < end; j += L)
-        {{
-#if !defined(__CUDA_ARCH__)
-            #pragma clang fp contract(fast)
-#endif
-            const V dx = own_x - *(const V*)(xs + j);
-            const V dy = own_y - *(const V*)(ys + j);
-            const V r2 = dx * dx + dy * dy + tiny;
-            const V v = 1.0f - r2 * per_cutoff;
-            // The pair's variance, and one division for both its inverse and that of r2.
-            const V both = (own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower);
-            const V inverse = 1.0f / (r2 * both);
-            V q = 0.5f * r2 * r2 * inverse;
-#if defined(__CUDA_ARCH__)
-            q = fminf(q, {LARGEST_Q}f);
-#else
-            q = __builtin_elementwise_min(q, (V){LARGEST_Q}f);
-#endif
-            const V root = {_text_of(_eighth_root(), "q")};
-            const V square = root * root;
-            const V fourth = square * square;
-            const V share = v * {_text_of(splitting.outside_share()[1:], "v")} - fourth * fourth;
-#if defined(__CUDA_ARCH__)
-            const V close = fmaxf(1.0f - q * per_core, 0.0f);
-#else
-            const V close = __builtin_elementwise_max(1.0f - q * per_core, (V)0.0f);
-#endif
-            const V near = *(const V*)(ws + j) * (share + core * close * close) * (both * inverse);
-#if defined(__CUDA_ARCH__)
-            const V strength = r2 < cutoff2 ? near : 0.0f;
-#else
-            const V strength = ((r2 < cutoff2) & (lane < end - j)) ? near : (V)0.0f;
-#endif
-            sum_x += strength * dx;
-            sum_y += strength * dy;
-        }}
+        const V of_all = own_variance + own_variance;
+        {_add_ranges("of_all")}
+    }}
+    else
+    {{
+        {_add_ranges("(own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower)")}
     }}
 #if defined(__CUDA_ARCH__)
     return wp::vec2(sum_x, sum_y);
@@ -166,6 +181,7 @@ def sum_near(
     cutoff: float,
     own_variance: float,
     own_family: int,
+    alike: int,
     sharper: float,
     core: float,
     per_core: float,
@@ -177,72 +193,88 @@ def sum_near(
 ) -> wp.vec2: ...
 
 
+@wp.struct
+class Blurred:
+    """How charges are blurred: variance and family of each, and by how much the variance between two families is divided.
+
+    And the core of every charge: its strength, and 1 over the q at which it ends; see :mod:`.blur`. ``alike`` says whether all
+    charges have one variance and one family.
+    """
+
+    variance: wp.array(dtype=float)
+    family: wp.array(dtype=wp.int32)
+    alike: wp.int32
+    sharper: wp.float32
+    core: wp.float32
+    per_core: wp.float32
+
+
+@wp.struct
+class Correction:
+    """What the charges' mesh lacks of the targets, on a finer one; see :class:`~.target_correction.TargetCorrection`."""
+
+    mesh: Mesh
+    potential: wp.array(dtype=float)
+    row: wp.array(dtype=wp.int32)
+    scale: wp.array(dtype=float)
+    levels: wp.array(dtype=float)
+
+
+@wp.func
+def correction_at(at: wp.vec2, group: int, variance: float, correction: Correction):
+    """What it adds to the force on a charge of a group; between two levels linear in the variance of the charge's blur."""
+    nodes = correction.mesh.count_x * correction.mesh.count_y
+    base = correction.row[group] * correction.levels.shape[0] * nodes
+    scale = correction.scale[group]
+    if correction.levels.shape[0] == 1:
+        return scale * potential_gradient(at, base, correction.mesh, correction.potential)
+    level, place = level_of(variance, correction.levels)
+    base += level * nodes
+    below = potential_gradient(at, base, correction.mesh, correction.potential)
+    above = potential_gradient(at, base + nodes, correction.mesh, correction.potential)
+    return scale * (below + place * (above - below))
+
+
 @wp.kernel
 def evaluate_field(
     first: int,
-    order: wp.array(dtype=wp.int32),
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_group: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=float),
-    weight_stride: int,
-    variance: wp.array(dtype=float),
-    family: wp.array(dtype=wp.int32),
-    sharper: float,
-    core: float,
-    per_core: float,
-    cell_start: wp.array(dtype=wp.int32),
+    charges: SortedCharges,
+    blurred: Blurred,
     grid: CellGrid,
     cutoff: float,
     mesh: Mesh,
     potential: wp.array(dtype=float),
-    fine_mesh: Mesh,
-    correction: wp.array(dtype=float),
-    correction_row: wp.array(dtype=wp.int32),
-    correction_scale: wp.array(dtype=float),
-    levels: wp.array(dtype=float),
+    correction: Correction,
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
-    """Force per unit charge on every charge, written in the order in which the charges were given.
-
-    ``weight`` holds, for every group, the charges as that group sees them; see :func:`~esh.engine.space.kernels_cells.gather_charges`.
-    """
+    """Force per unit charge on every charge, written in the order in which the charges were given."""
     i = first + wp.tid()
-    x = sorted_x[i]
-    y = sorted_y[i]
-    group = sorted_group[i]
-    row_start = wp.int64(group) * wp.int64(weight_stride)
+    x = charges.x[i]
+    y = charges.y[i]
+    group = charges.group[i]
     at = wp.vec2(x, y)
     total = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
     # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
-    fine_nodes = fine_mesh.count_x * fine_mesh.count_y
-    base = correction_row[group] * levels.shape[0] * fine_nodes
-    if levels.shape[0] == 1:
-        total += correction_scale[group] * potential_gradient(at, base, fine_mesh, correction)
-    else:
-        level, place = level_of(variance[i], levels)
-        base += level * fine_nodes
-        below = potential_gradient(at, base, fine_mesh, correction)
-        above = potential_gradient(at, base + fine_nodes, fine_mesh, correction)
-        total += correction_scale[group] * (below + place * (above - below))
+    total += correction_at(at, group, blurred.variance[i], correction)
     total += sum_near(
         x,
         y,
-        row_start,
-        cell_start,
+        wp.int64(group) * wp.int64(charges.weight_stride),
+        charges.cell_start,
         grid,
         period(grid.space),
         cutoff,
-        variance[i],
-        family[i],
-        sharper,
-        core,
-        per_core,
-        variance,
-        family,
-        weight,
-        sorted_x,
-        sorted_y,
+        blurred.variance[i],
+        blurred.family[i],
+        blurred.alike,
+        blurred.sharper,
+        blurred.core,
+        blurred.per_core,
+        blurred.variance,
+        blurred.family,
+        charges.weight,
+        charges.x,
+        charges.y,
     )
-    field[order[i]] = total
+    field[charges.order[i]] = total

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_cells import CellGrid, SortedCharges
 from ..space.kernels_mesh import Mesh
 from ..space.kernels_space import wrap
 
@@ -58,21 +59,18 @@ def add_to_rows(node_charge: wp.array(dtype=wp.int64), start: int, stride: int, 
 @wp.func
 def deposit(
     i: int,
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_charge: wp.array(dtype=float),
-    sorted_group: wp.array(dtype=wp.int32),
+    charges: SortedCharges,
     mesh: Mesh,
     node_charge: wp.array(dtype=wp.int64),
 ):
     """Spread a charge onto the sixteen nodes around it."""
-    u = sorted_x[i] * mesh.inverse_spacing[0] + float(mesh.margin)
-    v = sorted_y[i] * mesh.inverse_spacing[1] + float(mesh.margin)
+    u = charges.x[i] * mesh.inverse_spacing[0] + float(mesh.margin)
+    v = charges.y[i] * mesh.inverse_spacing[1] + float(mesh.margin)
     iu = int(wp.floor(u))
     iv = int(wp.floor(v))
     wx = spline_weights(u - float(iu))
-    wy = spline_weights(v - float(iv)) * (sorted_charge[i] * FIXED_POINT_SCALE)
-    base = sorted_group[i] * mesh.count_x * mesh.count_y
+    wy = spline_weights(v - float(iv)) * (charges.charge[i] * FIXED_POINT_SCALE)
+    base = charges.group[i] * mesh.count_x * mesh.count_y
     if iu >= 1 and iv >= 1 and iu + 2 < mesh.count_x and iv + 2 < mesh.count_y:
         add_to_rows(node_charge, base + (iv - 1) * mesh.count_x + iu - 1, mesh.count_x, wx, wy)
         return
@@ -87,15 +85,12 @@ def deposit(
 @wp.kernel
 def deposit_charges(
     first: int,
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_charge: wp.array(dtype=float),
-    sorted_group: wp.array(dtype=wp.int32),
+    charges: SortedCharges,
     mesh: Mesh,
     # outputs
     node_charge: wp.array(dtype=wp.int64),
 ):
-    deposit(first + wp.tid(), sorted_x, sorted_y, sorted_charge, sorted_group, mesh, node_charge)
+    deposit(first + wp.tid(), charges, mesh, node_charge)
 
 
 @wp.kernel
@@ -103,23 +98,18 @@ def deposit_bands(
     first: int,
     first_band: int,
     bands: int,
-    rows: int,
-    cells_in_row: int,
-    cell_start: wp.array(dtype=wp.int32),
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_charge: wp.array(dtype=float),
-    sorted_group: wp.array(dtype=wp.int32),
+    cells: CellGrid,
+    charges: SortedCharges,
     mesh: Mesh,
     # outputs
     node_charge: wp.array(dtype=wp.int64),
 ):
     """Spread the charges of every other of ``bands`` bands of rows of cells; an element is a band."""
     band = first_band + 2 * (first + wp.tid())
-    begin = cell_start[rows * band / bands * cells_in_row]
-    end = cell_start[rows * (band + 1) / bands * cells_in_row]
+    begin = charges.cell_start[cells.count_y * band / bands * cells.count_x]
+    end = charges.cell_start[cells.count_y * (band + 1) / bands * cells.count_x]
     for i in range(begin, end):
-        deposit(i, sorted_x, sorted_y, sorted_charge, sorted_group, mesh, node_charge)
+        deposit(i, charges, mesh, node_charge)
 
 
 # Nodes that the CPU mixes at once.

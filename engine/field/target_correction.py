@@ -15,7 +15,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import kernels_blur
+from . import kernels_blur, kernels_field
 from .blur import Blur
 from .field_meshes import FINEST_BLUR_OVER_MESH, target_mesh, widest_blur
 from .influence import convolution_of, rest_influence
@@ -98,6 +98,14 @@ class TargetCorrection:
         self._add_potentials(launcher, deposited, own, 1.0, cutoff)
         if others.any():
             self._add_potentials(launcher, deposited, others, sharper, cutoff)
+
+    def for_kernels(self) -> kernels_field.Correction:
+        """The potentials as kernels take them."""
+        correction = kernels_field.Correction()
+        correction.mesh = self.layout.for_kernels()
+        correction.potential, correction.row, correction.scale = self.potential, self.row, self.scale
+        correction.levels = wp.array(self.blur.levels, dtype=float, device=self.potential.device)
+        return correction
 
     def _add_potentials(
         self, launcher: Launcher, deposited: wp.array, rows: np.ndarray, sharper: float, cutoff: float

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import EshError, InputFileError
 from .bodies import Bodies, Prototype, bodies_from_columns
-from .quaternions import multiply, rotate
+from .quaternions import multiply_xyzw, rotate_by_xyzw
 
 __all__ = ["read_glb", "write_glb"]
 
@@ -178,8 +178,8 @@ def _columns(arrays: dict[str, np.ndarray], place: np.ndarray, number: int) -> d
     scale = arrays.get("SCALE", np.ones((count, 3))).astype(np.float64)
     if not np.allclose(place, np.eye(4)):
         shift, turn, factor = _decompose(place)
-        position = shift + rotate(turn, factor * position)
-        rotation, scale = multiply(turn[None, :], rotation), scale * factor
+        position = shift + rotate_by_xyzw(turn, factor * position)
+        rotation, scale = multiply_xyzw(turn[None, :], rotation), scale * factor
     x, y, z = position.T
     columns = {"x": x, "y": -z, "z": y, "prototype_index": np.full(count, number)}
     qx, qy, qz, qw = rotation.T
@@ -315,7 +315,7 @@ def _matrix(node: dict[str, Any]) -> np.ndarray:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     matrix = np.eye(4)
     quaternion = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64)
-    matrix[:3, :3] = rotate(quaternion, np.eye(3)).T * np.array(node.get("scale", [1.0, 1.0, 1.0]))
+    matrix[:3, :3] = rotate_by_xyzw(quaternion, np.eye(3)).T * np.array(node.get("scale", [1.0, 1.0, 1.0]))
     matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return matrix
 
@@ -328,7 +328,7 @@ def _compose(
     turned = not np.allclose(np.abs(turn), [0.0, 0.0, 0.0, 1.0], atol=1e-6)
     if turned and not np.allclose(scale, scale[:, :1]):
         raise EshError(f"{source} must not turn its meshes, because long bodies stretch them: apply its rotations")
-    return position + rotate(rotation, scale * shift), multiply(rotation, turn[None, :]), scale * factor
+    return position + rotate_by_xyzw(rotation, scale * shift), multiply_xyzw(rotation, turn[None, :]), scale * factor
 
 
 def _decompose(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

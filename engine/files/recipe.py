@@ -94,7 +94,7 @@ from ..problem.surface import Surface
 from ..problem.validation import show
 from .image_files import read_color
 from .recipe_keys import WORDS, keys_of, read_group, read_settings
-from .recipe_scene import read_fixed, read_obstacles, scene_files
+from .recipe_scene import files_of_tables, read_fixed, read_obstacles
 from .recipe_surface import read_surface, surface_files
 from .recipe_table import RecipeTable, read_toml
 
@@ -214,7 +214,7 @@ def recipe_densities(path: str | Path | ParsedRecipe) -> list[Path]:
                 names += [line.get("length"), line.get("direction") if line.get("direction") not in WORDS else None]
     image = recipe.get("image")
     names.append(image.get("file") if isinstance(image, dict) else None)
-    names += scene_files(recipe)
+    names += files_of_tables(recipe)
     names += surface_files(recipe)
     return [parsed.path.parent / name for name in names if isinstance(name, str)]
 

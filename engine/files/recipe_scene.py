@@ -17,7 +17,7 @@ from .image_files import read_density
 from .recipe_keys import NameArray
 from .recipe_table import RecipeTable
 
-__all__ = ["read_fixed", "read_obstacles", "scene_files", "written_fixed", "written_obstacles"]
+__all__ = ["files_of_tables", "read_fixed", "read_obstacles", "written_fixed", "written_obstacles"]
 
 
 def read_fixed(recipe: RecipeTable) -> list[FixedBodies]:
@@ -30,7 +30,7 @@ def read_obstacles(recipe: RecipeTable) -> list[Obstacle]:
     return [_read_obstacle(table) for table in recipe.tables("obstacle")] if "obstacle" in recipe.entries else []
 
 
-def scene_files(recipe: dict[str, Any]) -> list[object]:
+def files_of_tables(recipe: dict[str, Any]) -> list[object]:
     """Return the names of files that these tables name; the recipe need not be free of mistakes."""
     names: list[object] = []
     for header, key in (("fixed", "file"), ("obstacle", "image")):

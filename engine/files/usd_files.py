@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import EshError, InputFileError
 from .bodies import Bodies, Prototype, bodies_from_columns, read_names
 from .extras import import_extra
-from .quaternions import multiply
+from .quaternions import multiply_xyzw
 
 __all__ = ["read_usd", "read_usda", "write_usd", "write_usda"]
 
@@ -155,7 +155,7 @@ def _columns(instancer: Any, place: np.ndarray, first: int) -> dict[str, np.ndar
     # The instancer's own place: a rotation, a uniform scale and a shift.
     factor = float(np.cbrt(abs(np.linalg.det(place[:3, :3]))))
     if not np.allclose(place, np.eye(4)):
-        rotation = multiply(_quaternion_of(place[:3, :3].T / factor), rotation)
+        rotation = multiply_xyzw(_quaternion_of(place[:3, :3].T / factor), rotation)
     rotation = rotation[:, [3, 0, 1, 2]]
     columns = {
         **dict(zip("xyz", (position @ place[:3, :3] + place[3, :3]).T, strict=True)),

@@ -1,4 +1,7 @@
-"""How the aims of the sampler are weighed against each other."""
+"""How the aims of the sampler are weighed against each other.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +31,9 @@ class Balance(Settings):
     class_separation: float = field(
         default=0.5,
         metadata=setting(
-            "How far classes keep apart. 0: each class is even by itself. 1: only all classes together are even",
-            more="The paper's alpha",
+            "0: each class is evenly spaced by itself, wherever the others are. 1: only all classes together are evenly spaced, "
+            "so they mix",
+            more="The alpha of Schmaltz, Gwosdek and Weickert 2012",
             label="Separation",
             unit="share",
             low=0.0,
@@ -41,9 +45,9 @@ class Balance(Settings):
         default=2.0,
         metadata=setting(
             "How evenly the larger sizes are spread among themselves. 1 treats all sizes alike",
-            more="The paper's C >= 1, with C_i = C^i for size rank i; or the list C_1, C_2, ... itself, one for each larger size. For "
-            "sizes that are a range, it is the square of C that every doubling of the area adds as a factor: C = 2 is the paper's "
-            "min(A_j², A_k²)",
+            more="The C >= 1 of Schmaltz, Gwosdek and Weickert 2012, with C_i = C^i for size rank i; or the list C_1, C_2, ..., "
+            "one for each larger size. For sizes that are a range, it is the square of C that every doubling of the area adds as a "
+            "factor: C = 2 is the paper's min(A_j², A_k²)",
             low=1.0,
             high=1e6,
             soft_high=8.0,
@@ -54,15 +58,15 @@ class Balance(Settings):
         default=None,
         metadata=setting(
             "Which classes keep apart: 1 where two must, 0 where they may overlap. None keeps all apart",
-            more="One row and column per class, symmetric, 1 on the diagonal (section 5 of the paper). The classes' factors are "
-            "(1 - alpha) identity + alpha non_overlap",
+            more="One row and column per class, symmetric, 1 on the diagonal (section 5 of Schmaltz, Gwosdek and Weickert 2012). "
+            "The classes' factors are (1 - alpha) identity + alpha non_overlap",
             check=validation.check_non_overlap,
         ),
     )
     rare_emphasis: float = field(
         default=1.0,
         metadata=setting(
-            "How evenly classes of few bodies are spread among themselves, beside others of many. 0 treats all classes alike",
+            "How evenly classes with few objects are spread where others have many. 0 treats all classes alike",
             more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
             label="Rare Classes",
             low=0.0,

@@ -1,4 +1,7 @@
-"""A class of bodies as it is asked for: its sizes, the density that it follows, and how many there are to be."""
+"""A class of bodies as it is asked for: its sizes, the density that it follows, and how many there are to be.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +49,8 @@ class ClassSettings(Settings):
     density_correction: bool = field(
         default=False,
         metadata=setting(
-            "Take the density as the share of the ground to cover. Where discs must overlap to cover it, more are placed",
-            more="The density is then 0..1, and raised above 0.907 (section 3 of the paper)",
+            "Treat the density as the share of the ground to cover. Where discs have to overlap to cover it, more are placed",
+            more="The density is then 0..1, and raised above 0.907 (section 3 of Schmaltz, Gwosdek and Weickert 2012)",
             label="Cover Dark Areas",
         ),
     )
@@ -60,8 +63,8 @@ class ClassSettings(Settings):
     clustering: float = field(
         default=0.0,
         metadata=setting(
-            "How much bodies of this class stand in clumps. 0: not at all. 1: nearly all of them. Counts stay as they are, and so "
-            "does the density at large",
+            "How strongly this class forms clumps. 0: no clumps. 1: nearly everything stands in one. Counts and the overall "
+            "density do not change",
             unit="share",
             low=0.0,
             high=1.0,
@@ -70,7 +73,7 @@ class ClassSettings(Settings):
     clump_size: float = field(
         default=0.0,
         metadata=setting(
-            "Diameter of a clump. 0 makes it two and a half mean spacings of the class",
+            "Diameter of a clump. 0 chooses 2.5 times the mean spacing of the class",
             more="It takes ``clustering``",
             unit="m",
             low=0.0,
@@ -81,8 +84,8 @@ class ClassSettings(Settings):
     room: float = field(
         default=1.0,
         metadata=setting(
-            "Factor on the footprints for keeping apart. Above 1 they leave room around them, below 1 they may overlap a little. "
-            "What is seen stays as large as it is",
+            "Scales footprints while objects are kept apart. Above 1 leaves space around them, below 1 lets them overlap a little. "
+            "The objects themselves keep their size",
             more="It takes ``avoid_overlap``, and multiplies the ``room`` that :class:`Footprints` have",
             label="Room",
             low=validation.SMALLEST_ROOM,
@@ -94,7 +97,7 @@ class ClassSettings(Settings):
     gap: float = field(
         default=0.0,
         metadata=setting(
-            "Distance that footprints of this class keep from each other; from other classes half of it, and half of theirs",
+            "Smallest distance between footprints of this class. Between two classes it is half of one gap plus half of the other",
             more="It takes ``avoid_overlap``, and adds to the ``gap`` that :class:`Footprints` have",
             label="Gap",
             unit="m",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,7 @@ from .problem import Problem
 from .size import with_count
 from .slopes import level_share, slope_at
 
-if TYPE_CHECKING:
-    from .placement import Placement
-
-__all__ = ["CAPSULE", "BodyFootprints", "footprints_of", "footprints_of_placement"]
+__all__ = ["CAPSULE", "BodyFootprints", "footprints_of"]
 
 # Stands for the shape of a line without outlines of its own: a capsule, as long and as wide as the line comes to be.
 CAPSULE = -1
@@ -164,12 +160,3 @@ def _seen(slope: np.ndarray, density: np.ndarray) -> float:
     shape = (CELLS, CELLS)
     weight = in_cells(density, shape)
     return float(np.average(in_cells(level_share(slope), shape), weights=weight))
-
-
-def footprints_of_placement(placement: Placement) -> BodyFootprints:
-    """Return the outlines of the bodies of a placement: those that it says, which edits may have brought along."""
-    asked = footprints_of(placement.problem)
-    if len(placement.position) != len(asked.shape):
-        # Ghosts are no part of it.
-        raise ValueError("a placement without its ghosts has no outlines of its problem")
-    return asked.with_outlines(placement.variant, placement.scale)

@@ -164,7 +164,7 @@ def halftone_problem(
         area: Area of a dot [m²].
         sizes: Sizes with shares, used instead of ``area``.
         domain: Where; None makes a pixel of the image a square metre.
-        class_separation: The paper's alpha.
+        class_separation: The alpha of Schmaltz, Gwosdek and Weickert 2012.
         size_emphasis: Its C.
         rare_emphasis: How much more evenly inks of few dots are spread among themselves; 0 is the paper's.
         density_correction: Of every channel (section 3).

@@ -224,7 +224,7 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
             long,
             np.zeros((0, 3)),
         )
-    position, places = _places(parts, domain)
+    position, places = _positions(parts, domain)
     outside = np.zeros(0, np.int64)
     if isinstance(domain, Domain):
         outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
@@ -264,7 +264,7 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
     return FixedTable(*(column[order] for column in columns))
 
 
-def _places(
+def _positions(
     parts: Sequence[FixedBodies], domain: Domain | Surface
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Positions of bodies, and what is known of them on a surface: meshes, triangles and weights."""

@@ -1,4 +1,7 @@
-"""What makes bodies long: charges in a row, a preferred direction, a preferred length."""
+"""What makes bodies long: charges in a row, a preferred direction, a preferred length.
+
+The paper is Schmaltz, Gwosdek and Weickert 2012.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,9 @@ def _check_direction(value: object, key: str) -> str | float | np.ndarray | Call
 @described
 @dataclass(frozen=True, eq=False)
 class Line(Settings):
-    """Makes bodies long: a straight row of charges with a direction and a length (hatching; section 6 of the paper).
+    """Makes bodies long: a straight row of charges with a direction and a length.
+
+    Hatching, as in section 6 of Schmaltz, Gwosdek and Weickert 2012.
 
     The body is a capsule: an axis from the first to the last charge, with round caps of half the width.
 
@@ -46,7 +51,8 @@ class Line(Settings):
         default="density",
         metadata=setting(
             "Preferred direction",
-            more='``"density"`` (along the edges of the class\'s density, by its structure tensor, equation 8 of the paper), '
+            more='``"density"`` (along the edges of the class\'s density, by its structure tensor, equation 8 of '
+            "Schmaltz, Gwosdek and Weickert 2012), "
             '``"none"``, an angle [rad], an image of angles, or an image ``[height, width, 2]`` of vectors (x to the right, y up) '
             "whose lengths 0..1 weigh them. A line has no front: angles count modulo pi. On a surface: "
             '``"density"``, ``"none"``, ``"slope"`` (where water runs), or a function of points, such as '

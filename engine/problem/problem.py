@@ -4,8 +4,7 @@ Conventions used in the whole engine: metres, square metres and radians; x to th
 rectangle ``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y),
 and it is stretched over the whole domain whatever its resolution or aspect.
 
-Sections, equations and symbols are those of the paper: Schmaltz, Gwosdek and Weickert, Multi-Class (Anisotropic) Electrostatic
-Halftoning, 2012.
+Symbols are those of the paper, Schmaltz, Gwosdek and Weickert 2012, Multi-Class (Anisotropic) Electrostatic Halftoning.
 """
 
 from __future__ import annotations
@@ -51,14 +50,14 @@ class SamplingSettings(Settings):
     avoid_overlap: bool = field(
         default=False,
         metadata=setting(
-            "Push footprints apart that touch. Counts stay as they are. The report says how many still overlap"
+            "Push touching footprints apart. Counts do not change. The report says how many still overlap"
         ),
     )
     regularity: float = field(
         default=0.6,
         metadata=setting(
-            "How regular the pattern is. 1: as near to a lattice as bodies come. 0: organic, with rows in no direction. Counts and "
-            "densities are kept",
+            "How regular the pattern is. 1: as regular as possible, close to a lattice. 0: organic, without rows. Counts and "
+            "densities do not change",
             unit="share",
             low=0.0,
             high=1.0,
@@ -77,13 +76,12 @@ class Problem(SamplingSettings):
         balance: How the aims are weighed.
         seed: The same problem, seed and device give the same bytes.
         avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
-        regularity: How regular the pattern is, 1 to 0: from as near to a lattice as bodies come to organic; counts and densities
-            are kept.
+        regularity: How regular the pattern is, from 1, close to a lattice, to 0, organic; counts and densities do not change.
         fixed: Bodies that are there already: they take part in everything, and do not move. The rest of their class makes room:
             where they already are what the density asks for, no more are placed. Kept as a :class:`FixedTable`, in class, then
             size order. A size may have a ``count`` of 0 if there are such bodies of it.
         include_fixed: Whether counts include them. By default counts are those of new bodies, beside them.
-        obstacles: What bodies keep off. Counts stay as they are, less ground is left to follow the density on.
+        obstacles: What bodies keep away from. Counts do not change; there is only less ground for them.
 
     Raises:
         ProblemError: No class, two classes of one name, a seed that is not a whole number >= 0, a balance made for another

@@ -34,7 +34,7 @@ class Standing(Settings):
     random_turn: float = field(
         default=2.0 * math.pi,
         metadata=setting(
-            "How far each object is turned about its own axis at random, half of it to either side. 360° allows any direction, 0 none",
+            "Range of random turns about the object's own axis, half of it to either side. 360° allows any direction, 0 none",
             more="Long bodies lie along their direction instead",
             unit="rad",
             low=0.0,
@@ -45,7 +45,7 @@ class Standing(Settings):
     tilt: float = field(
         default=0.0,
         metadata=setting(
-            "How far each object leans over at random, at most, in any direction",
+            "Largest random lean of each object, in any direction",
             unit="rad",
             low=0.0,
             high=math.pi,
@@ -55,7 +55,7 @@ class Standing(Settings):
     offset: float = field(
         default=0.0,
         metadata=setting(
-            "How far objects are moved away from the ground, along its normal. Below 0 they sink into it",
+            "How far objects are moved away from the ground, along its normal. Negative values sink them into it",
             unit="m",
             soft_low=-1.0,
             soft_high=1.0,
@@ -114,12 +114,14 @@ class TargetSettings(Settings):
         metadata=setting(
             "The part of the target that objects stand on",
             choices=(
-                Choice("above", "From Above", "What is seen from above. Walls get little, undersides nothing", "ABOVE"),
+                Choice(
+                    "above", "From Above", "What is visible from above. Walls get few objects, undersides none", "ABOVE"
+                ),
                 Choice("whole", "Whole Surface", "All of it: walls, undersides, closed meshes", "WHOLE"),
                 Choice(
                     "auto",
                     "Automatic",
-                    "From above if nearly all of it is seen from there, otherwise all of it",
+                    "From above if nearly all of it is visible from there, otherwise the whole surface",
                     "AUTO",
                 ),
             ),
@@ -134,14 +136,12 @@ class TargetSettings(Settings):
     )
     face_material: str = field(
         default="",
-        metadata=setting(
-            "Only faces that have this material. Empty means all of them", label="Faces of Material", text=True
-        ),
+        metadata=setting("Only faces with this material. Empty means all faces", label="Faces of Material", text=True),
     )
     face_group: str = field(
         default="",
         metadata=setting(
-            "Only faces whose corners have more than half of the weight of this vertex group on average. Empty means all of them",
+            "Only faces with an average weight above 0.5 in this vertex group. Empty means all faces",
             label="Faces of Vertex Group",
             text=True,
         ),
@@ -149,7 +149,7 @@ class TargetSettings(Settings):
     face_attribute: str = field(
         default="",
         metadata=setting(
-            "Only faces at which this attribute of the mesh, a selection for example, is true or above 0.5. Empty means all of them",
+            "Only faces where this attribute of the mesh, for example a selection, is true or above 0.5. Empty means all faces",
             label="Faces of Attribute",
             text=True,
         ),

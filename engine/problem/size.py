@@ -59,7 +59,7 @@ class Size(Settings):
     share: float | None = field(
         default=None,
         metadata=setting(
-            "The part of the class's summed footprints that this size gets",
+            "The part of the class's total footprint area that this size gets",
             more="Above 0; the shares of a class add up to 1",
             check=validation.check_share,
         ),

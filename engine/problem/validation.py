@@ -2,6 +2,7 @@
 
 Each takes the name that the value has for whoever wrote it (a field of :mod:`.problem`, a key of a recipe), so that every front
 end names the value in its own words and none repeats the rules.
+The paper, whose symbols are named, is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations

@@ -6,14 +6,14 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.body_footprints import footprints_of_placement
 from ..problem.cover import cover_of
 from ..problem.placement import Placement
+from ..problem.placement_footprints import footprints_of_placement
 from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
+from ..space.asked_counts import counts_in_cells
 from ..space.support import images_for_kernels
-from ..space.survey import survey
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
@@ -49,7 +49,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     # Of what leans with the ground, as it is seen from above.
     footprints = footprints_of_placement(placement)
     seen = area * footprints.seen
-    covered = float(seen.sum() / (domain.area * np.mean(survey(problem) > 0.0)))
+    covered = float(seen.sum() / (domain.area * np.mean(counts_in_cells(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints)
     # Why bodies still overlap is looked into where they do.

@@ -9,10 +9,11 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
-from ..problem.body_footprints import CAPSULE, BodyFootprints, footprints_of_placement
+from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
 from ..problem.placement import Placement
+from ..problem.placement_footprints import footprints_of_placement
 from ..space.space import Space
 from . import kernels_overlaps
 

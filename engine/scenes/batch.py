@@ -24,7 +24,7 @@ from ..files.placement_files import WRITERS, check_ending, write_files
 from ..files.recipe import ParsedRecipe, parse_recipe
 from ..files.report_files import strict_json
 from .ray_pool import RayPool
-from .scene import Scene, input_files, read_scene, scene_files
+from .scene import Scene, input_files, read_scene, solved_scene
 from .variations import DESIGNS, Variation, parse_variation, scene_parameters
 from .worker import Failure, carry_out
 
@@ -272,15 +272,15 @@ def _solve(
     if ray is not None:
         cluster = RayPool(ray, gpus)
         shared = cluster.share(dict(inputs))
-        for number, answer in cluster.map(scene_files, ((scene, shared) for scene in scenes)):
+        for number, answer in cluster.map(solved_scene, ((scene, shared) for scene in scenes)):
             yield scenes[number], answer
         return
     pool = make_pool(workers, device, len(scenes))
     if pool is None:
         for scene in scenes:
-            yield scene, carry_out(scene_files, (scene,))
+            yield scene, carry_out(solved_scene, (scene,))
         return
-    for number, answer in pool.map(scene_files, ((scene,) for scene in scenes)):
+    for number, answer in pool.map(solved_scene, ((scene,) for scene in scenes)):
         yield scenes[number], answer
 
 

@@ -20,7 +20,7 @@ from ..files.report_files import strict_json
 from ..problem.problem import Problem
 from .variations import varied
 
-__all__ = ["Scene", "input_files", "read_scene", "scene_files"]
+__all__ = ["Scene", "input_files", "read_scene", "solved_scene"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def read_scene(scene: Scene) -> tuple[Problem, dict[str, Any]]:
     return read_recipe(ParsedRecipe(scene.recipe.path, copy.deepcopy(entries))), entries
 
 
-def scene_files(scene: Scene, inputs: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
+def solved_scene(scene: Scene, inputs: Mapping[str, bytes] | None = None) -> dict[str, bytes]:
     """Solve a scene; return the names of its files and what is in them. A scene that cannot be solved has a report that says so.
 
     Args:

@@ -9,11 +9,11 @@ import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
 from ..problem.body_kind import disc_radius, radius_of
-from ..problem.packing import elongation_of
 from ..space import kernels_images
 from ..space.neighbourhood import Neighbourhood
 from . import kernels_contact, kernels_descent
 from .body_flags import BodyFlags
+from .guidance import Guidance, needs_guidance
 from .model import Model
 from .separation import Separation
 
@@ -28,12 +28,6 @@ SLACK = 1e-3
 AXIS_RADIUS = 0.25
 # Bodies that the CPU looks after with one reading of a kernel's many arguments.
 BODIES_AT_ONCE = 32
-# Bodies are long from this length over their width on; and forces have a word again from this cover on, so many times at most, and as
-# many as that has of all bodies.
-LONG = 2.0
-CROWDED = 0.4
-MOST_SETTLING = 10
-BODIES_TO_SETTLE = 50_000
 
 
 class Contact:
@@ -44,6 +38,9 @@ class Contact:
         launcher: Where to run.
         bodies: As the descent's kernels take them.
         images: Densities, as the descent's kernels take them.
+
+    Attributes:
+        discs: Whether all bodies are pushed as discs, which have no axis, by what the CPU has for these.
     """
 
     def __init__(
@@ -70,6 +67,7 @@ class Contact:
         )
         n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)
+        self.discs = not (launcher.device.is_cuda or model.space.periodic or model.kinds)
         self._spare = launcher.zeros(n, wp.vec4)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
@@ -90,23 +88,6 @@ class Contact:
         for _ in range(ROUNDS_PER_STEP):
             self._round(pose, bend, displacement)
 
-    @property
-    def rounds_of_settling(self) -> int:
-        """How often the forces have a word again once outlines are parted.
-
-        Long bodies that turn as they fit gather in sheaves, and what is even before contact is less so after it.
-        """
-        model = self._model
-        footprints = model.footprints
-        length = np.zeros(model.body_count)
-        area = footprints.areas(length, length, apart=True)
-        long = np.array([elongation_of(outline) > LONG for outline in footprints.shapes] + [False])
-        turning = float(area[footprints.free & long[footprints.shape]].sum())
-        covered = float(area.sum()) / model.problem.domain.area
-        if turning < 0.1 * float(area.sum()) or not CROWDED < covered < 1.0:
-            return 0
-        return min(MOST_SETTLING, BODIES_TO_SETTLE // model.body_count)
-
     def separate(
         self,
         pose: wp.array,
@@ -115,6 +96,7 @@ class Contact:
         go_on: Callable[[], bool] | None = None,
         *,
         again: bool = False,
+        guided: bool = False,
     ) -> bool:
         """Part all outlines, where the space can hold them; returns whether none overlap any more.
 
@@ -124,9 +106,16 @@ class Contact:
             bend: As the state has it.
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and have moved little since.
+            guided: Whether forces may keep them even meanwhile, where that takes some; they follow the densities of the problem.
         """
         parting = Separation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
-        return parting.run(go_on, again=again)
+        if not guided or not needs_guidance(self._model):
+            return parting.run(go_on, again=again)
+        guidance = Guidance(self._model, self.launcher, self._bodies, bend)
+        try:
+            return parting.run(go_on, again=again, guidance=guidance)
+        finally:
+            guidance.close()
 
     def _round(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         near = self._near
@@ -144,6 +133,7 @@ class Contact:
                 DAMPING,
                 near.body_count,
                 at_once,
+                int(self.discs),
             ],
             [self._pushed],
             grain=max(1, GRAIN_OF_NEIGHBOURS // at_once),

@@ -9,37 +9,28 @@ half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
-from ..field.field import Field, FieldTarget
-from ..field.mirrored_field import COPIES, MirroredField
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher, Until
+from ..field.field import FieldTarget
+from ..field.mirrored_field import COPIES
 from ..space.support import images_for_kernels
-from ..space.survey import typical_spacing
 from ..space.target_deposit import mix_images
-from . import kernels_descent, kernels_direction
+from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact
+from .forces import SMALLEST_DENSITY, Forces
 from .initial_placement import first_pose
 from .line_rules import LineRules
 from .model import Model
 from .state import State
-from .targets import group_targets
 
-__all__ = ["SMALLEST_DENSITY", "STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below"]
+__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below"]
 
 # No body moves further in a step than this share of the local spacing: two neighbours that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
 STEP_LIMIT = 0.5
-# Curvature and spacing are taken where the density is at least this share of its mean, so that steps stay finite. Measured on a
-# density that falls to a thousandth: 2e-4 and 2e-2 change coverage errors by 0.2 %.
-SMALLEST_DENSITY = 2e-3
-# What is blurred lets lines and outlines slip through each other, and contact cannot disentangle them again: of 24 crowds of sticks
-# and discs, 7 kept overlaps with the usual blur, 3 with half of it, none as all but points.
-BLUR_OF_LONG_ONES_IN_CONTACT = 0.03
 
 
 class Descent:
@@ -59,6 +50,7 @@ class Descent:
         step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
         step_limit: How far a body may move in a step, at every node.
         contact: What keeps footprints apart, or None.
+        at_once: Dots that are moved at once, see :mod:`.kernels_dots`.
         step: A whole step, recorded.
     """
 
@@ -79,8 +71,10 @@ class Descent:
         self.rules = LineRules(model, launcher)
         self.bodies = bodies_for_kernels(model, device)
         self.has_dots = bool((model.body.kind < 0).any())
-        self._evaluate, self.field = self._make_field(fewest_nodes, targets)
-        self._prepare_steps()
+        self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
+        self._forces = Forces(model, launcher, targets=targets, fewest_nodes=fewest_nodes)
+        self.field, self.step_length = self._forces.field, self._forces.step_length
+        self._prepare_step_limits()
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
         self.images = images_for_kernels(launcher, model.supports, model.size, to_support=back)
@@ -108,32 +102,6 @@ class Descent:
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)
-
-    def _make_field(
-        self, fewest_nodes: int | None, targets: list[FieldTarget] | None
-    ) -> tuple[Callable[[wp.array, wp.array], None], Field]:
-        """What evaluates the forces, and the field that it has."""
-        model = self.model
-        domain = model.problem.rectangle
-        outlined = any(size.footprint is not None for c in model.problem.classes for size in c.sizes)
-        tangled = model.problem.avoid_overlap and (self.rules.kind_count > 0 or outlined)
-        described: dict[str, Any] = {
-            "space": model.space,
-            "interaction": model.interaction,
-            "targets": group_targets(model) if targets is None else targets,
-            "spacing": typical_spacing(model.problem) / model.unit,
-            "charge": model.charge.charge,
-            "charge_group": model.body.group[model.charge.body],
-            "fewest_nodes": fewest_nodes,
-            "family": model.groups.class_index,
-            "regularity": model.problem.regularity,
-            "blur_over_spacing": BLUR_OF_LONG_ONES_IN_CONTACT if tangled else None,
-        }
-        if domain.mirrored:
-            mirrored = MirroredField(self.launcher, **described)
-            return mirrored.evaluate, mirrored.field
-        field = Field(self.launcher, **described)
-        return field.evaluate, field
 
     def residual(self) -> float:
         """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
@@ -174,24 +142,9 @@ class Descent:
             steps=np.zeros(1, np.int32),
         )
 
-    def _prepare_steps(self) -> None:
+    def _prepare_step_limits(self) -> None:
         field = self.field
         layout = field.layout
-        device = self.launcher.device
-        # A group that nothing attracts keeps a finite step.
-        least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-30)
-        self.step_length = self.launcher.empty(self.model.groups.count * layout.node_count, float)
-        self.launcher.launch(
-            kernels_descent.find_step_lengths,
-            self.model.groups.count * layout.node_count,
-            [
-                field.attraction,
-                layout.node_count,
-                1.0 / layout.node_area,
-                wp.array(least, dtype=float, device=device),
-            ],
-            [self.step_length],
-        )
         count = np.zeros((1, len(field.images)))
         copies = COPIES if self.model.problem.rectangle.mirrored else 1
         for index, c in enumerate(self.model.problem.classes):
@@ -214,7 +167,7 @@ class Descent:
 
     def take_step(self) -> None:
         """Launch a whole step."""
-        self._evaluate(self.charge_position, self.field_at_charge)
+        self._forces.evaluate(self.charge_position, self.field_at_charge)
         with self.launcher.phase("update"):
             self.propose()
             self.decide()
@@ -230,10 +183,11 @@ class Descent:
         where = [self._steps, self._space, int(self.contact is not None)]
         if self.has_dots:
             self.launcher.launch(
-                kernels_descent.propose_dots,
-                self.model.body_count,
-                [self._charges, self.bodies, *where],
+                kernels_dots.propose_dots,
+                -(-self.model.body_count // self.at_once),
+                [self.model.body_count, self.at_once, self._charges, self.bodies, *where],
                 [self._motion, self._sums],
+                grain=GRAIN // self.at_once,
                 per_thread=True,
             )
         if self.rules.kind_count:
@@ -263,10 +217,11 @@ class Descent:
         where = [self._steps, self.images, self._space]
         if self.has_dots:
             self.launcher.launch(
-                kernels_descent.move_dots,
-                self.model.body_count,
-                [self.direction, self.bodies, *where],
+                kernels_dots.move_dots,
+                -(-self.model.body_count // self.at_once),
+                [self.model.body_count, self.at_once, self.direction, self.bodies, *where],
                 [self._motion, self.state.pose, self.charge_position],
+                grain=GRAIN // self.at_once,
             )
         if self.rules.kind_count:
             self.launcher.launch(

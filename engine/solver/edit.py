@@ -17,11 +17,12 @@ from ..problem.image_filters import gaussian_blur
 from ..problem.problem import Problem
 from ..space.density import box_integrals, move_into_support, sample_density
 from .body_flags import BodyFlags
+from .carried_over import CarriedOver
 from .model import Model
 from .state import State
 from .targets import BLUR_OF_FIXED, vacancy
 
-__all__ = ["CarriedOver", "carry_lines", "carry_over"]
+__all__ = ["carry_lines", "carry_over"]
 
 # Cells per body in which densities are compared; powers of two along either side.
 CELLS_PER_BODY = 2
@@ -32,28 +33,6 @@ UNCHANGED = 1e-4
 FEW = 0.3
 # Bodies of a row of cells among which the nearest to a point is looked for.
 IN_ROW = 16
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedOver:
-    """Where the bodies of a new model are after an edit.
-
-    Attributes:
-        position: [m], shape ``[n, 2]``, float64.
-        source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
-        identity: Identity of every body, shape ``[n]``, int64.
-        removed: Positions of bodies that were taken out [m], shape ``[m, 2]``.
-    """
-
-    position: np.ndarray
-    source: np.ndarray
-    identity: np.ndarray
-    removed: np.ndarray
-
-    @property
-    def new(self) -> np.ndarray:
-        """Whether a body is new, shape ``[n]``."""
-        return self.source < 0
 
 
 @dataclass(eq=False)

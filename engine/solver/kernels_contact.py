@@ -150,6 +150,98 @@ def add_pushes_of_run(
     return result
 
 
+# The pushes on discs from `start` to `end` in the order of their cells, in a space that ends: what add_pushes_of_run adds up for
+# bodies without axes, in the same order and to the last bit, from what lies side by side there. Only on the CPU.
+_PUSH_DISCS = f"""
+#if !defined(__CUDA_ARCH__)
+    typedef float V __attribute__((ext_vector_type({LANES}), aligned(4)));
+    typedef bool B __attribute__((ext_vector_type({LANES})));
+    const float* __restrict__ xs = near.x.data;
+    const float* __restrict__ ys = near.y.data;
+    const float* __restrict__ reaches = near.reach.data;
+    const int* __restrict__ bodies = near.body.data;
+    const float* __restrict__ masses = footprints.mass.data;
+    const float farther = 1.0f + slack, wider = farther * {SAFELY}f;
+    for (int s = start; s < end; ++s)
+    {{
+        const int i = bodies[s];
+        const float x = xs[s], y = ys[s], radius = reaches[s], mass = masses[i];
+        float shift_x = 0.0f, shift_y = 0.0f, pushes = 0.0f;
+        for (int level = 0; level < grid.level_count; ++level)
+        {{
+            const float reach = (radius + grid.reach.data[level]) * farther;
+            const int columns = grid.count_x.data[level], rows = grid.count_y.data[level];
+            auto cell = [](float at, float size, int count) -> int
+            {{
+                const float most = 2.0f * (float)count;
+                const float number = at * ((float)count / size);
+                return wp::clamp((int)floorf(number < -most ? -most : number > most ? most : number), 0, count - 1);
+            }};
+            const int left = cell(x - reach, grid.space.size[0], columns), right = cell(x + reach, grid.space.size[0], columns);
+            const int low = cell(y - reach, grid.space.size[1], rows), high = cell(y + reach, grid.space.size[1], rows);
+            for (int row = low; row <= high; ++row)
+            {{
+                const int* __restrict__ cells = cell_start.data + grid.first_cell.data[level] + row * columns;
+                const int last = cells[right + 1];
+                for (int k = cells[left]; k < last; k += {LANES})
+                {{
+                    // A quick look first, wrong on the safe side only.
+                    const V dx = *(const V*)(xs + k) - x, dy = *(const V*)(ys + k) - y;
+                    const V limit = (radius + *(const V*)(reaches + k)) * wider;
+                    const B close = __builtin_convertvector(dx * dx + dy * dy < limit * limit, B);
+                    unsigned found = __builtin_bit_cast(unsigned char, close);
+                    if (last - k < {LANES}) found &= (1u << (last - k)) - 1u;
+                    for (; found != 0; found &= found - 1)
+                    {{
+                        const int other = k + __builtin_ctz(found), j = bodies[other];
+                        if (other == s) continue;
+                        const float way_x = xs[other] - x, way_y = ys[other] - y;
+                        const float distance = sqrtf(way_x * way_x + way_y * way_y);
+                        const float both = radius + reaches[other], wanted = both * farther;
+                        if (!(distance < wanted)) continue;
+                        float away_x, away_y;
+                        if (distance > 1.0e-6f * both)
+                        {{
+                            away_x = -way_x / distance;
+                            away_y = -way_y / distance;
+                        }}
+                        else
+                        {{
+                            // Bodies on one another part in a direction of their own, opposite for the two.
+                            const float turned = i > j ? -1.0f : 1.0f;
+                            away_x = turned * cosf((float)(i + j));
+                            away_y = turned * sinf((float)(i + j));
+                        }}
+                        const float push = (wanted - distance) / (1.0f / mass + 1.0f / masses[j]);
+                        const float share = push / mass;
+                        shift_x += away_x * share;
+                        shift_y += away_y * share;
+                        pushes += 1.0f;
+                    }}
+                }}
+            }}
+        }}
+        const float scale = pushes > 2.0f ? damping * 2.0f / pushes : damping;
+        push_of_body.data[i] = wp::vec4(shift_x * scale, shift_y * scale, 0.0f, pushes);
+    }}
+#endif
+"""
+
+
+@wp.func_native(_PUSH_DISCS)
+def push_discs(
+    start: int,
+    end: int,
+    near: Sorted,
+    footprints: Footprints,
+    cell_start: wp.array(dtype=wp.int32),
+    grid: ContactGrid,
+    slack: float,
+    damping: float,
+    push_of_body: wp.array(dtype=wp.vec4),
+): ...
+
+
 @wp.kernel
 def push_apart(
     first: int,
@@ -162,14 +254,20 @@ def push_apart(
     damping: float,
     body_count: int,
     at_once: int,
+    discs: int,
     # outputs
     push_of_body: wp.array(dtype=wp.vec4),
 ):
     """The shift and turn that bring every body out of those that it overlaps, and how many these are.
 
-    ``slack`` is how much farther than touching, as a share of the radii, bodies are pushed. An element is ``at_once`` bodies.
+    ``slack`` is how much farther than touching, as a share of the radii, bodies are pushed. An element is ``at_once`` bodies: where
+    all are ``discs``, in the order of their cells.
     """
     block = (first + wp.tid()) * at_once
+    if discs != 0:
+        end = wp.min(block + at_once, body_count)
+        push_discs(block, end, near, footprints, cell_start, grid, slack, damping, push_of_body)
+        return
     for i in range(block, wp.min(block + at_once, body_count)):
         at = wp.vec2(pose[i][0], pose[i][1])
         own = capsule(near.half_axis[near.place[i]], 0.5 * pose[i][3], footprints.radius[i], footprints.mass[i])

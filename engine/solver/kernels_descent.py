@@ -1,6 +1,6 @@
 """Kernels that move the bodies.
 
-A body's pose is (x, y, angle, length of its axis); a dot has angle and length 0.
+A body's pose is (x, y, angle, length of its axis); a dot has angle and length 0. The paper is Schmaltz, Gwosdek and Weickert 2012.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import warp as wp
 
 from ..space.kernels_images import Images, density_pixel, in_support, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
-from ..space.kernels_space import Space, along_border, confine, difference, overhang, wrapped
+from ..space.kernels_space import Space, confine, difference, overhang, wrapped
 from .body_flags import BodyFlags
 from .kernels_direction import LENGTHS, add, add_products
 
@@ -276,41 +276,6 @@ def first_step(group: int, steps: Steps):
     return group * steps.mesh.count_x * steps.mesh.count_y
 
 
-@wp.kernel
-def propose_dots(
-    first: int,
-    thread: int,
-    charges: Charges,
-    bodies: Bodies,
-    steps: Steps,
-    space: Space,
-    in_contact: int,
-    # outputs
-    motion: Motion,
-    sums: wp.array3d(dtype=wp.int64),
-):
-    """The move that the force on every dot asks for, and what it changed by since the last step."""
-    i = first + wp.tid()
-    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
-        return
-    charge = bodies.first_charge[i]
-    at = charges.position[charge]
-    force = along_border(charges.field[charge], at, space)
-    node = nearest_node(at, steps.mesh)
-    length = steps.length[first_step(bodies.group[i], steps) + node]
-    limit = steps.limit[node]
-    # Beyond a spacing no move is more than a direction.
-    wanted = limited(force * length, 2.0 * limit)
-    new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
-    changed = motion.move[i] - new
-    last = motion.displacement[i]
-    motion.move[i] = new
-    motion.change[i] = changed
-    weight = bodies.charge[charge] / length
-    rest = squared_residual(wp.length_sq(wanted), wp.length_sq(last), limit, in_contact)
-    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), last, changed, new, rest)
-
-
 @wp.func
 def axis_of(i: int, pose: wp.vec4, bodies: Bodies, steps: Steps):
     """The axis of line ``i``, and what its forces are weighed with."""
@@ -482,33 +447,6 @@ def propose_lines(
 def move_of(i: int, direction: wp.array(dtype=float), motion: Motion):
     """How far body ``i`` goes in the direction that :func:`~.kernels_direction.decide_direction` found."""
     return direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
-
-
-@wp.kernel
-def move_dots(
-    first: int,
-    direction: wp.array(dtype=float),
-    bodies: Bodies,
-    steps: Steps,
-    images: Images,
-    space: Space,
-    # outputs
-    motion: Motion,
-    pose: wp.array(dtype=wp.vec4),
-    charge_position: wp.array(dtype=wp.vec2),
-):
-    """Move every dot in the direction that was found; it stays in the support."""
-    i = first + wp.tid()
-    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
-        return
-    old = wp.vec2(pose[i][0], pose[i][1])
-    d = move_of(i, direction, motion)
-    wanted = old + limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(old, steps.mesh)])
-    new = slide(old, wanted, bodies.support[i], images, space)
-    shift = difference(old, new, space)
-    pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
-    motion.displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
-    charge_position[bodies.first_charge[i]] = new
 
 
 @wp.kernel

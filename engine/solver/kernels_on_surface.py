@@ -11,11 +11,11 @@ from ..surface.kernels_facets import (
     Spot,
     carried,
     facet_of_tile,
-    place_in_tile,
     spot_at,
     step_along,
     tangential,
     tile_of,
+    weights_in_tile,
     without_outward,
 )
 from .kernels_descent import PINNED, Bodies, squared_residual
@@ -47,12 +47,40 @@ class Ground:
 
 @wp.struct
 class Charges:
-    """Where the charges are: as points (the label is that of the part), by facets, and the nodes that are their homes."""
+    """Where the charges are: as points (the label is that of the part), by facets, and the nodes that are their homes.
+
+    And the field at each.
+    """
 
     points: Points
     facet: wp.array(dtype=wp.int32)
     weight: wp.array(dtype=wp.vec2)
     home: wp.array(dtype=wp.int32)
+    field: wp.array(dtype=wp.vec3)
+
+
+@wp.struct
+class Poses:
+    """Where bodies are: facet, weights of its second and third corner, and half the axis of a line along the surface."""
+
+    facet: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=wp.vec2)
+    axis: wp.array(dtype=wp.vec3)
+
+
+@wp.struct
+class Motion:
+    """Of every body: what the last step changed of its position, the move that the forces ask for, and what that changed by.
+
+    And the same of a line's angle and length: ``turned``, ``turn``, ``turn_change``.
+    """
+
+    displacement: wp.array(dtype=wp.vec3)
+    move: wp.array(dtype=wp.vec3)
+    change: wp.array(dtype=wp.vec3)
+    turned: wp.array(dtype=wp.vec2)
+    turn: wp.array(dtype=wp.vec2)
+    turn_change: wp.array(dtype=wp.vec2)
 
 
 @wp.func
@@ -163,14 +191,13 @@ def place_on_tiles(
     # Not on the sides, where rounding might leave the tile.
     within = wp.vec2(1.0 / 3.0 + 0.998 * (u - 1.0 / 3.0), 1.0 / 3.0 + 0.998 * (v - 1.0 / 3.0))
     facet[i] = own
-    weight[i] = place_in_tile(low - facets.first_tile[own], facets.cuts[own], within)
+    weight[i] = weights_in_tile(low - facets.first_tile[own], facets.cuts[own], within)
 
 
 @wp.kernel
 def place_dots(
     first: int,
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
+    poses: Poses,
     bodies: Bodies,
     ground: Ground,
     # outputs
@@ -180,7 +207,7 @@ def place_dots(
     i = first + wp.tid()
     if bodies.line[i] >= 0:
         return
-    put_charge(bodies.first_charge[i], facet[i], weight[i], ground, charges)
+    put_charge(bodies.first_charge[i], poses.facet[i], poses.weight[i], ground, charges)
 
 
 @wp.func
@@ -198,14 +225,11 @@ def propose_dots(
     first: int,
     thread: int,
     charges: Charges,
-    field: wp.array(dtype=wp.vec3),
     bodies: Bodies,
     ground: Ground,
     in_contact: int,
-    displacement: wp.array(dtype=wp.vec3),
     # outputs
-    move: wp.array(dtype=wp.vec3),
-    change: wp.array(dtype=wp.vec3),
+    motion: Motion,
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The move along the surface that the force on every dot asks for, and what it changed by since the last step."""
@@ -213,16 +237,16 @@ def propose_dots(
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     j = bodies.first_charge[i]
-    force = without_outward(field[j], charges.facet[j], charges.weight[j], ground.facets)
+    force = without_outward(charges.field[j], charges.facet[j], charges.weight[j], ground.facets)
     home = charges.home[j]
     length = ground.step_length[bodies.group[i] * ground.node_count + home]
     limit = ground.step_limit[home]
     # Beyond a spacing no move is more than a direction.
     new = shortened(force * length, 2.0 * limit)
-    changed = move[i] - new
-    way = displacement[i]
-    move[i] = new
-    change[i] = changed
+    changed = motion.move[i] - new
+    way = motion.displacement[i]
+    motion.move[i] = new
+    motion.change[i] = changed
     weight = bodies.charge[j] / length
     rest = squared_residual(wp.length_sq(new), wp.length_sq(way), limit, in_contact)
     add_all(
@@ -241,18 +265,22 @@ def propose_dots(
     )
 
 
+@wp.func
+def remembered(i: int, way: wp.vec3, normal: wp.vec3, new_normal: wp.vec3, motion: Motion):
+    """Turn what body ``i`` remembers of the way there into the plane that touches the surface where it is now."""
+    motion.displacement[i] = carried(way, normal, new_normal)
+    motion.move[i] = carried(motion.move[i], normal, new_normal)
+
+
 @wp.kernel
 def move_dots(
     first: int,
     direction: wp.array(dtype=float),
     bodies: Bodies,
     ground: Ground,
-    change: wp.array(dtype=wp.vec3),
     # outputs
-    move: wp.array(dtype=wp.vec3),
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
-    displacement: wp.array(dtype=wp.vec3),
+    motion: Motion,
+    poses: Poses,
     charges: Charges,
 ):
     """Move every dot in the direction that :func:`~.kernels_direction.decide_direction` found."""
@@ -260,16 +288,12 @@ def move_dots(
     if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     j = bodies.first_charge[i]
-    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
+    d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
     way = shortened(d, ground.step_limit[charges.home[j]])
     old = charges.points.position[j]
-    normal = ground.facets.normal[facet[i]]
-    new = walk(facet[i], weight[i], way, i, bodies.support[i], ground)
-    facet[i] = new.facet
-    weight[i] = new.weight
-    # What is remembered goes along, into the plane that touches the surface where the body is now.
-    new_normal = ground.facets.normal[new.facet]
-    gone = carried(tangential(new.position - old, normal), normal, new_normal)
-    displacement[i] = gone
-    move[i] = carried(move[i], normal, new_normal)
+    normal = ground.facets.normal[poses.facet[i]]
+    new = walk(poses.facet[i], poses.weight[i], way, i, bodies.support[i], ground)
+    poses.facet[i] = new.facet
+    poses.weight[i] = new.weight
+    remembered(i, tangential(new.position - old, normal), normal, ground.facets.normal[new.facet], motion)
     put_charge(j, new.facet, new.weight, ground, charges)

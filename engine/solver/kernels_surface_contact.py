@@ -8,7 +8,7 @@ from ..cascade.kernels_points import cell_at, same_cell, slot_of
 from ..surface.kernels_facets import carried, spot_at, tangential
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
-from .kernels_on_surface import Ground, walk
+from .kernels_on_surface import Ground, Motion, Poses, remembered, walk
 
 wp.set_module_options({"enable_backward": False})
 
@@ -30,6 +30,36 @@ class Footprints:
     inverse_cell: wp.array(dtype=float)
 
 
+@wp.struct
+class Slots:
+    """Bodies in the order of the slots of their cells: their numbers, where each slot begins, and where they were when sorted."""
+
+    order: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.int32)
+    sorted_at: wp.array(dtype=wp.vec3)
+    mask: wp.int32
+
+
+@wp.struct
+class Pushes:
+    """What every body is to do: a shift and a turn; and how many push it, and how many of these overlap it."""
+
+    shift: wp.array(dtype=wp.vec3)
+    turn: wp.array(dtype=float)
+    count: wp.array(dtype=wp.int32)
+    overlaps: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Total:
+    """What pushes a body so far: a shift in its plane and a turn; how many do, and how many of these overlap it."""
+
+    shift: wp.vec2
+    turn: float
+    count: float
+    overlaps: wp.int32
+
+
 @wp.func
 def slot_of_level(cell: wp.vec3i, level: int, mask: int):
     return slot_of(wp.vec3i(cell[0] + 7919 * level, cell[1], cell[2]), mask)
@@ -38,8 +68,7 @@ def slot_of_level(cell: wp.vec3i, level: int, mask: int):
 @wp.kernel
 def contact_slots(
     first: int,
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
+    poses: Poses,
     footprints: Footprints,
     ground: Ground,
     mask: int,
@@ -49,7 +78,7 @@ def contact_slots(
     order: wp.array(dtype=wp.int32),
 ):
     i = first + wp.tid()
-    at = spot_at(facet[i], weight[i], ground.facets).position
+    at = spot_at(poses.facet[i], poses.weight[i], ground.facets).position
     position[i] = at
     m = footprints.level[i]
     key[i] = slot_of_level(cell_at(at, footprints.inverse_cell[m]), m, mask)
@@ -152,37 +181,58 @@ def pushed_by(
     return push_between(i, j, flat, own, other, touching * (1.0 + slack))
 
 
+@wp.func
+def add_pushes_of_cell(
+    before: Total,
+    i: int,
+    here: Here,
+    cell: wp.vec3i,
+    level: int,
+    poses: Poses,
+    position: wp.array(dtype=wp.vec3),
+    slots: Slots,
+    footprints: Footprints,
+    ground: Ground,
+    slack: float,
+):
+    """What pushes body ``i`` so far, and what the bodies of a level in a cell add to it."""
+    total = Total()
+    total.shift = before.shift
+    total.turn = before.turn
+    total.count = before.count
+    total.overlaps = before.overlaps
+    inverse = footprints.inverse_cell[level]
+    slot = slot_of_level(cell, level, slots.mask)
+    for s in range(slots.start[slot], slots.start[slot + 1]):
+        j = slots.order[s]
+        if j != i and footprints.level[j] == level and same_cell(cell_at(slots.sorted_at[j], inverse), cell):
+            push = pushed_by(i, j, here, poses.facet[j], position[j], poses.axis[j], footprints, ground, slack)
+            total.shift += push.shift
+            total.turn += push.turn
+            total.count += push.count
+            if push.count > 0.0 and push.distance < here.footprint.radius + footprints.radius[j]:
+                total.overlaps += 1
+    return total
+
+
 @wp.kernel
 def push_apart(
     first: int,
-    facet: wp.array(dtype=wp.int32),
+    poses: Poses,
     position: wp.array(dtype=wp.vec3),
-    axis: wp.array(dtype=wp.vec3),
-    sorted_at: wp.array(dtype=wp.vec3),
-    order: wp.array(dtype=wp.int32),
-    slot_start: wp.array(dtype=wp.int32),
-    mask: int,
+    slots: Slots,
     footprints: Footprints,
     ground: Ground,
     slack: float,
     damping: float,
     # outputs
-    shift: wp.array(dtype=wp.vec3),
-    turn: wp.array(dtype=float),
-    pushes: wp.array(dtype=wp.int32),
-    overlaps: wp.array(dtype=wp.int32),
+    pushes: Pushes,
 ):
-    """The shift and turn that bring every body out of those that it overlaps; how many push it, and how many of them overlap it.
-
-    Bodies are in the slots of where they were when these were sorted, ``sorted_at``.
-    """
+    """The shift and turn that bring every body out of those that it overlaps; how many push it, and how many of them overlap it."""
     i = first + wp.tid()
-    here = stand(position[i], facet[i], axis[i], footprints.radius[i], footprints.mass[i], ground)
+    here = stand(position[i], poses.facet[i], poses.axis[i], footprints.radius[i], footprints.mass[i], ground)
     reach = here.footprint.half + here.footprint.radius
-    total = wp.vec2(0.0, 0.0)
-    total_turn = float(0.0)
-    pushed = float(0.0)
-    overlapping = int(0)
+    total = Total()
     for m in range(footprints.level_count):
         most = (reach + footprints.level_reach[m]) * (1.0 + slack)
         inverse = footprints.inverse_cell[m]
@@ -191,56 +241,39 @@ def push_apart(
         counts = high - low + wp.vec3i(1, 1, 1)
         for number in range(counts[0] * counts[1] * counts[2]):
             cell = low + cell_of_block(number, counts)
-            slot = slot_of_level(cell, m, mask)
-            for s in range(slot_start[slot], slot_start[slot + 1]):
-                j = order[s]
-                if j != i and footprints.level[j] == m and same_cell(cell_at(sorted_at[j], inverse), cell):
-                    push = pushed_by(i, j, here, facet[j], position[j], axis[j], footprints, ground, slack)
-                    total += push.shift
-                    total_turn += push.turn
-                    pushed += push.count
-                    if push.count > 0.0 and push.distance < here.footprint.radius + footprints.radius[j]:
-                        overlapping += 1
-    scale = scale_of_pushes(pushed, damping)
-    shift[i] = scale * (total[0] * here.along + total[1] * here.beside)
-    turn[i] = scale * total_turn
-    pushes[i] = int(pushed)
-    overlaps[i] = overlapping
+            total = add_pushes_of_cell(total, i, here, cell, m, poses, position, slots, footprints, ground, slack)
+    scale = scale_of_pushes(total.count, damping)
+    pushes.shift[i] = scale * (total.shift[0] * here.along + total.shift[1] * here.beside)
+    pushes.turn[i] = scale * total.turn
+    pushes.count[i] = int(total.count)
+    pushes.overlaps[i] = total.overlaps
 
 
 @wp.kernel
 def accept_push(
     first: int,
-    shift: wp.array(dtype=wp.vec3),
-    turn: wp.array(dtype=float),
-    pushes: wp.array(dtype=wp.int32),
+    pushes: Pushes,
     bodies: Bodies,
     ground: Ground,
     # outputs
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
+    poses: Poses,
     position: wp.array(dtype=wp.vec3),
-    axis: wp.array(dtype=wp.vec3),
-    displacement: wp.array(dtype=wp.vec3),
-    turned: wp.array(dtype=wp.vec2),
-    move: wp.array(dtype=wp.vec3),
+    motion: Motion,
 ):
     """Push bodies as far as they may go, and count that as part of the displacement."""
     i = first + wp.tid()
-    if pushes[i] == 0 or (bodies.flags[i] & PINNED) != 0:
+    if pushes.count[i] == 0 or (bodies.flags[i] & PINNED) != 0:
         return
-    normal = ground.facets.normal[facet[i]]
+    normal = ground.facets.normal[poses.facet[i]]
     old = position[i]
-    new = walk(facet[i], weight[i], shift[i], i, bodies.support[i], ground)
+    new = walk(poses.facet[i], poses.weight[i], pushes.shift[i], i, bodies.support[i], ground)
     new_normal = ground.facets.normal[new.facet]
-    way = displacement[i] + tangential(new.position - old, normal)
-    displacement[i] = carried(way, normal, new_normal)
-    move[i] = carried(move[i], normal, new_normal)
-    facet[i] = new.facet
-    weight[i] = new.weight
+    remembered(i, motion.displacement[i] + tangential(new.position - old, normal), normal, new_normal, motion)
+    poses.facet[i] = new.facet
+    poses.weight[i] = new.weight
     position[i] = new.position
-    if wp.length_sq(axis[i]) > 0.0:
-        c = wp.cos(turn[i])
-        s = wp.sin(turn[i])
-        axis[i] = carried(c * axis[i] + s * wp.cross(normal, axis[i]), normal, new_normal)
-        turned[i] = turned[i] + wp.vec2(turn[i], 0.0)
+    axis = poses.axis[i]
+    if wp.length_sq(axis) > 0.0:
+        turn = pushes.turn[i]
+        poses.axis[i] = carried(wp.cos(turn) * axis + wp.sin(turn) * wp.cross(normal, axis), normal, new_normal)
+        motion.turned[i] = motion.turned[i] + wp.vec2(turn, 0.0)

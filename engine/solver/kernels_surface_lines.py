@@ -28,9 +28,41 @@ from .kernels_descent import (
     squared_residual,
 )
 from .kernels_direction import LENGTHS, Sums, add, add_all
-from .kernels_on_surface import Charges, Ground, may_be, put_charge, shortened, walk
+from .kernels_on_surface import Charges, Ground, Motion, Poses, may_be, put_charge, remembered, shortened, walk
 
 wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class Axis:
+    """A line: its charges; tile, node, and the plane that touches the surface at its middle; half its length, also in that plane.
+
+    And what its forces are weighed by: how far bodies may move there, index of its group's first step length, and the share of the
+    moves that is weighed against its preferences.
+    """
+
+    begin: int
+    end: int
+    tile: int
+    home: int
+    normal: wp.vec3
+    along: wp.vec3
+    across: wp.vec3
+    half: float
+    limit: float
+    first_step: int
+    share: float
+
+
+@wp.struct
+class RigidMove:
+    """A line's move: shift along the surface, and the moments that turn and stretch it; beside its charge and moment of inertia."""
+
+    shift: wp.vec3
+    torque: float
+    tension: float
+    charge: float
+    inertia: float
 
 
 @wp.func
@@ -87,9 +119,7 @@ def line_fits(facet: int, weight: wp.vec2, axis: wp.vec3, i: int, bodies: Bodies
 @wp.kernel
 def place_lines(
     first: int,
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
-    axis: wp.array(dtype=wp.vec3),
+    poses: Poses,
     bodies: Bodies,
     ground: Ground,
     # outputs
@@ -100,31 +130,130 @@ def place_lines(
     if bodies.line[i] < 0:
         return
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        spot = place_along(facet[i], weight[i], axis[i], bodies.axial[j], ground.facets)
+        spot = place_along(poses.facet[i], poses.weight[i], poses.axis[i], bodies.axial[j], ground.facets)
         put_charge(j, spot.facet, spot.weight, ground, charges)
+
+
+@wp.func
+def axis_of(i: int, poses: Poses, bodies: Bodies, ground: Ground):
+    """The axis of line ``i``, and what its forces are weighed with."""
+    facet = poses.facet[i]
+    axis = Axis()
+    axis.begin = bodies.first_charge[i]
+    axis.end = bodies.first_charge[i + 1]
+    axis.normal = ground.facets.normal[facet]
+    axis.half = wp.length(poses.axis[i])
+    axis.along = poses.axis[i] / wp.max(axis.half, 1.0e-12)
+    axis.across = wp.cross(axis.normal, axis.along)
+    axis.tile = tile_of(facet, poses.weight[i], ground.facets)
+    axis.home = ground.home[axis.tile]
+    axis.limit = ground.step_limit[axis.home]
+    axis.first_step = bodies.group[i] * ground.node_count
+    axis.share = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * axis.half / axis.limit)
+    return axis
+
+
+@wp.func
+def pull_on(j: int, axis: Axis, charges: Charges, ground: Ground):
+    """The share of the move that the force on a line's charge asks for, turned into the plane at the line's middle."""
+    at = charges.facet[j]
+    force = without_outward(charges.field[j], at, charges.weight[j], ground.facets)
+    length = ground.step_length[axis.first_step + charges.home[j]]
+    there = shortened(force * (axis.share * length), ground.step_limit[charges.home[j]])
+    return carried(there, ground.facets.normal[at], axis.normal)
+
+
+@wp.func
+def fit_rigid_move(axis: Axis, charges: Charges, bodies: Bodies, ground: Ground):
+    """The one shift, turn about the middle and stretch that fit the moves of a line's charges best."""
+    fit = RigidMove()
+    for j in range(axis.begin, axis.end):
+        pull = pull_on(j, axis, charges, ground)
+        q = bodies.charge[j]
+        s = bodies.axial[j]
+        fit.charge += q
+        fit.inertia += q * s * s
+        fit.shift += q * pull
+        fit.torque += q * s * wp.dot(pull, axis.across)
+        fit.tension += q * s * wp.dot(pull, axis.along)
+    fit.shift = shortened(tangential(fit.shift / fit.charge, axis.normal), axis.limit)
+    return fit
+
+
+@wp.func
+def weigh_turn(kind: int, axis: Axis, fit: RigidMove, preferred: wp.vec3, lines: Lines):
+    """The turn that the forces and the preferred direction ask for together."""
+    lever = wp.max(axis.half, SHORTEST_LEVER * lines.length[kind])
+    turn = lines.turn_by_force[kind] * fit.torque / (fit.inertia * lever)
+    weight = wp.length(preferred)
+    if weight > 0.0:
+        x = wp.dot(preferred, axis.along)
+        y = wp.dot(preferred, axis.across)
+        # A line has no front.
+        turn += lines.turn_by_preference[kind] * weight * 0.5 * wp.atan2(2.0 * x * y, x * x - y * y)
+    return wp.clamp(turn, -LARGEST_TURN, LARGEST_TURN)
+
+
+@wp.func
+def weigh_stretch(kind: int, axis: Axis, fit: RigidMove, lines: Lines):
+    """The change of length that the forces and the preferred length ask for together."""
+    wanted = lines.length[kind] * lines.length_factor[kind]
+    stretch = lines.stretch_by_force[kind] * 2.0 * fit.tension / fit.inertia
+    stretch += lines.stretch_by_preference[kind] * (wanted - 2.0 * axis.half)
+    return stretch
+
+
+@wp.func
+def add_products_of_line(
+    sums: wp.array3d(dtype=wp.int64),
+    thread: int,
+    i: int,
+    axis: Axis,
+    fit: RigidMove,
+    in_contact: int,
+    ground: Ground,
+    motion: Motion,
+):
+    """Add a line's share to the products that the direction depends on, in the mean square of the displacements of its charges."""
+    metric = fit.charge / ground.step_length[axis.first_step + axis.home]
+    flat = wp.vec2(fit.inertia / fit.charge * axis.half * axis.half, 0.25 * fit.inertia / fit.charge)
+    way = motion.displacement[i]
+    new = motion.move[i]
+    changed = motion.change[i]
+    of_way = wp.cw_mul(flat, motion.turned[i])
+    of_change = wp.cw_mul(flat, motion.turn_change[i])
+    of_new = wp.cw_mul(flat, motion.turn[i])
+    squared_move = wp.dot(new, new) + wp.dot(of_new, motion.turn[i])
+    squared_way = wp.dot(way, way) + wp.dot(of_way, motion.turned[i])
+    add_all(
+        sums,
+        thread,
+        i,
+        Sums(
+            metric * (wp.dot(way, changed) + wp.dot(of_way, motion.turn_change[i])),
+            metric * squared_way,
+            metric * (wp.dot(changed, changed) + wp.dot(of_change, motion.turn_change[i])),
+            metric * (wp.dot(way, new) + wp.dot(of_way, motion.turn[i])),
+            metric * (wp.dot(changed, new) + wp.dot(of_change, motion.turn[i])),
+            metric * squared_move,
+            squared_residual(squared_move, squared_way, axis.limit, in_contact),
+        ),
+    )
 
 
 @wp.kernel
 def propose_lines(
     first: int,
     thread: int,
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
-    axis: wp.array(dtype=wp.vec3),
+    poses: Poses,
     charges: Charges,
-    field: wp.array(dtype=wp.vec3),
     bodies: Bodies,
     lines: Lines,
     preferred: wp.array(dtype=wp.vec3),
     ground: Ground,
     in_contact: int,
-    displacement: wp.array(dtype=wp.vec3),
-    turned: wp.array(dtype=wp.vec2),
     # outputs
-    move: wp.array(dtype=wp.vec3),
-    turn: wp.array(dtype=wp.vec2),
-    change: wp.array(dtype=wp.vec3),
-    turn_change: wp.array(dtype=wp.vec2),
+    motion: Motion,
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
@@ -132,83 +261,84 @@ def propose_lines(
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
-    normal = ground.facets.normal[facet[i]]
-    half = wp.length(axis[i])
-    along = axis[i] / wp.max(half, 1.0e-12)
-    across = wp.cross(normal, along)
-    tile = tile_of(facet[i], weight[i], ground.facets)
-    home = ground.home[tile]
-    limit = ground.step_limit[home]
-    start = bodies.group[i] * ground.node_count
-    share = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * half / limit)
-    charge = float(0.0)
-    inertia = float(0.0)
-    torque = float(0.0)
-    tension = float(0.0)
-    shift = wp.vec3(0.0, 0.0, 0.0)
-    for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        at = charges.facet[j]
-        force = without_outward(field[j], at, charges.weight[j], ground.facets)
-        length = ground.step_length[start + charges.home[j]]
-        there = shortened(force * (share * length), ground.step_limit[charges.home[j]])
-        # Into the plane at the middle.
-        pull = carried(there, ground.facets.normal[at], normal)
-        q = bodies.charge[j]
-        s = bodies.axial[j]
-        charge += q
-        inertia += q * s * s
-        shift += q * pull
-        torque += q * s * wp.dot(pull, across)
-        tension += q * s * wp.dot(pull, along)
-    shift = shortened(tangential(shift / charge, normal), limit)
-    wanted_length = lines.length[kind]
-    lever = wp.max(half, SHORTEST_LEVER * wanted_length)
-    spin = lines.turn_by_force[kind] * torque / (inertia * lever)
-    towards = preferred[kind * ground.tile_count + tile]
-    strength = wp.length(towards)
-    if strength > 0.0:
-        x = wp.dot(towards, along)
-        y = wp.dot(towards, across)
-        # A line has no front.
-        spin += lines.turn_by_preference[kind] * strength * 0.5 * wp.atan2(2.0 * x * y, x * x - y * y)
-    spin = wp.clamp(spin, -LARGEST_TURN, LARGEST_TURN)
-    stretch = lines.stretch_by_force[kind] * 2.0 * tension / inertia
-    stretch += lines.stretch_by_preference[kind] * (wanted_length * lines.length_factor[kind] - 2.0 * half)
+    axis = axis_of(i, poses, bodies, ground)
+    fit = fit_rigid_move(axis, charges, bodies, ground)
+    turn = weigh_turn(kind, axis, fit, preferred[kind * ground.tile_count + axis.tile], lines)
+    stretch = weigh_stretch(kind, axis, fit, lines)
+    new = fit.shift / WEIGHING_SHARE
+    new_turn = wp.vec2(turn, stretch) / WEIGHING_SHARE
+    motion.change[i] = motion.move[i] - new
+    motion.turn_change[i] = motion.turn[i] - new_turn
+    motion.move[i] = new
+    motion.turn[i] = new_turn
+    add_products_of_line(sums, thread, i, axis, fit, in_contact, ground, motion)
+    add(sums, thread, LENGTHS + kind, i, 2.0 * axis.half / lines.length[kind])
 
-    new = shift / WEIGHING_SHARE
-    new_turn = wp.vec2(spin, stretch) / WEIGHING_SHARE
-    changed = move[i] - new
-    changed_turn = turn[i] - new_turn
-    move[i] = new
-    turn[i] = new_turn
-    change[i] = changed
-    turn_change[i] = changed_turn
-    way = displacement[i]
-    way_turn = turned[i]
-    # The mean square of the displacements of its charges.
-    metric = charge / ground.step_length[start + home]
-    flat = wp.vec2(inertia / charge * half * half, 0.25 * inertia / charge)
-    of_way = wp.cw_mul(flat, way_turn)
-    of_change = wp.cw_mul(flat, changed_turn)
-    of_new = wp.cw_mul(flat, new_turn)
-    squared_move = wp.dot(new, new) + wp.dot(of_new, new_turn)
-    squared_way = wp.dot(way, way) + wp.dot(of_way, way_turn)
-    rest = squared_residual(squared_move, squared_way, limit, in_contact)
-    add_all(
-        sums,
-        thread,
-        i,
-        Sums(
-            metric * (wp.dot(way, changed) + wp.dot(of_way, changed_turn)),
-            metric * squared_way,
-            metric * (wp.dot(changed, changed) + wp.dot(of_change, changed_turn)),
-            metric * (wp.dot(way, new) + wp.dot(of_way, new_turn)),
-            metric * (wp.dot(changed, new) + wp.dot(of_change, new_turn)),
-            metric * squared_move,
-            rest,
-        ),
-    )
-    add(sums, thread, LENGTHS + kind, i, 2.0 * half / wanted_length)
+
+@wp.struct
+class Lying:
+    """How a line lies: where its middle is, half its axis, and what that changed of its angle and length."""
+
+    middle: Spot
+    axis: wp.vec3
+    turned: wp.vec2
+
+
+@wp.func
+def wanted_lying(
+    i: int, kind: int, direction: wp.array(dtype=float), old: Lying, lines: Lines, ground: Ground, motion: Motion
+):
+    """The old middle with the angle and length that line ``i`` is to have next."""
+    half = wp.length(old.axis)
+    along = old.axis / wp.max(half, 1.0e-12)
+    normal = ground.facets.normal[old.middle.facet]
+    asked = direction[0] * motion.turn[i] + direction[1] * motion.turned[i] + direction[2] * motion.turn_change[i]
+    turn = wp.clamp(asked[0], -LARGEST_TURN, LARGEST_TURN)
+    wanted = lines.length[kind]
+    length = wp.clamp(2.0 * half + asked[1], SHORTEST_LINE * wanted, LONGEST_LINE * wanted)
+    result = Lying()
+    result.middle = old.middle
+    result.axis = (0.5 * length) * (wp.cos(turn) * along + wp.sin(turn) * wp.cross(normal, along))
+    result.turned = wp.vec2(turn, length - 2.0 * half)
+    return result
+
+
+@wp.func
+def shifted(i: int, lying: Lying, way: wp.vec3, bodies: Bodies, ground: Ground):
+    """Line ``i`` after it went ``way``, turned into the plane that it is in then."""
+    normal = ground.facets.normal[lying.middle.facet]
+    result = Lying()
+    result.middle = walk(lying.middle.facet, lying.middle.weight, way, i, bodies.support[i], ground)
+    result.axis = carried(lying.axis, normal, ground.facets.normal[result.middle.facet])
+    result.turned = lying.turned
+    return result
+
+
+@wp.func
+def fits(i: int, lying: Lying, bodies: Bodies, ground: Ground):
+    """Whether all charges of a line are where its class may be."""
+    return line_fits(lying.middle.facet, lying.middle.weight, lying.axis, i, bodies, ground)
+
+
+@wp.func
+def allowed(i: int, old: Lying, turned: Lying, way: wp.vec3, bodies: Bodies, ground: Ground):
+    """How line ``i`` lies after a turn and a shift: whole on the surface, and where its class may be."""
+    new = shifted(i, turned, way, bodies, ground)
+    # Where the surface ends, lines stay on it as a whole.
+    back = way_back(new.middle.facet, new.middle.weight, new.axis, i, bodies, ground)
+    if wp.length_sq(back) > 0.0:
+        new = shifted(i, new, back, bodies, ground)
+    if fits(i, new, bodies, ground):
+        return new
+    # The shift alone, then the turn alone.
+    normal = ground.facets.normal[old.middle.facet]
+    new.axis = carried(old.axis, normal, ground.facets.normal[new.middle.facet])
+    new.turned = wp.vec2(0.0, 0.0)
+    if fits(i, new, bodies, ground):
+        return new
+    if fits(i, turned, bodies, ground):
+        return turned
+    return old
 
 
 @wp.kernel
@@ -218,62 +348,31 @@ def move_lines(
     bodies: Bodies,
     lines: Lines,
     ground: Ground,
-    change: wp.array(dtype=wp.vec3),
-    turn_change: wp.array(dtype=wp.vec2),
-    turn: wp.array(dtype=wp.vec2),
     # outputs
-    move: wp.array(dtype=wp.vec3),
-    facet: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=wp.vec2),
-    axis: wp.array(dtype=wp.vec3),
-    displacement: wp.array(dtype=wp.vec3),
-    turned: wp.array(dtype=wp.vec2),
+    motion: Motion,
+    poses: Poses,
 ):
     """Move every line in the direction that was found; its charges stay on the surface, and where its class may be."""
     i = first + wp.tid()
     kind = bodies.line[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
-    old = spot_at(facet[i], weight[i], ground.facets)
-    normal = ground.facets.normal[old.facet]
-    half = wp.length(axis[i])
-    along = axis[i] / wp.max(half, 1.0e-12)
-    home = ground.home[tile_of(old.facet, old.weight, ground.facets)]
-    d = direction[0] * move[i] + direction[1] * displacement[i] + direction[2] * change[i]
-    e = direction[0] * turn[i] + direction[1] * turned[i] + direction[2] * turn_change[i]
+    old = Lying()
+    old.middle = spot_at(poses.facet[i], poses.weight[i], ground.facets)
+    old.axis = poses.axis[i]
+    home = ground.home[tile_of(old.middle.facet, old.middle.weight, ground.facets)]
+    d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
     way = shortened(d, ground.step_limit[home])
-    spin = wp.clamp(e[0], -LARGEST_TURN, LARGEST_TURN)
-    wanted_length = lines.length[kind]
-    length = wp.clamp(2.0 * half + e[1], SHORTEST_LINE * wanted_length, LONGEST_LINE * wanted_length)
-    turned_axis = (0.5 * length) * (wp.cos(spin) * along + wp.sin(spin) * wp.cross(normal, along))
+    turned = wanted_lying(i, kind, direction, old, lines, ground, motion)
+    new = allowed(i, old, turned, way, bodies, ground)
 
-    new = walk(old.facet, old.weight, way, i, bodies.support[i], ground)
-    new_axis = carried(turned_axis, normal, ground.facets.normal[new.facet])
-    # Where the surface ends, lines stay on it as a whole.
-    back = way_back(new.facet, new.weight, new_axis, i, bodies, ground)
-    if wp.length_sq(back) > 0.0:
-        inner = walk(new.facet, new.weight, back, i, bodies.support[i], ground)
-        new_axis = carried(new_axis, ground.facets.normal[new.facet], ground.facets.normal[inner.facet])
-        new = inner
-    reached = wp.vec2(spin, length - 2.0 * half)
-    if not line_fits(new.facet, new.weight, new_axis, i, bodies, ground):
-        # The shift alone, then the turn alone.
-        new_axis = carried(axis[i], normal, ground.facets.normal[new.facet])
-        reached = wp.vec2(0.0, 0.0)
-        if not line_fits(new.facet, new.weight, new_axis, i, bodies, ground):
-            new = old
-            new_axis = turned_axis
-            reached = wp.vec2(spin, length - 2.0 * half)
-            if not line_fits(new.facet, new.weight, new_axis, i, bodies, ground):
-                new_axis = axis[i]
-                reached = wp.vec2(0.0, 0.0)
-    new_normal = ground.facets.normal[new.facet]
+    normal = ground.facets.normal[old.middle.facet]
+    new_normal = ground.facets.normal[new.middle.facet]
     # Turning into another plane keeps lengths but for rounding.
-    new_axis = tangential(new_axis, new_normal)
-    kept = 0.5 * (2.0 * half + reached[1])
-    axis[i] = new_axis * (kept / wp.max(wp.length(new_axis), 1.0e-12))
-    facet[i] = new.facet
-    weight[i] = new.weight
-    displacement[i] = carried(tangential(new.position - old.position, normal), normal, new_normal)
-    move[i] = carried(move[i], normal, new_normal)
-    turned[i] = reached
+    axis = tangential(new.axis, new_normal)
+    kept = 0.5 * (2.0 * wp.length(old.axis) + new.turned[1])
+    poses.axis[i] = axis * (kept / wp.max(wp.length(axis), 1.0e-12))
+    poses.facet[i] = new.middle.facet
+    poses.weight[i] = new.middle.weight
+    motion.turned[i] = new.turned
+    remembered(i, tangential(new.middle.position - old.middle.position, normal), normal, new_normal, motion)

@@ -18,10 +18,11 @@ from ..problem.interaction import LEVELS, most_levels
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import MOST_BODIES, show
+from ..space.asked_counts import typical_spacing
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
-from ..space.survey import typical_spacing
+from .guidance import is_long
 
 __all__ = ["check_memory", "machine_memory", "required_memory"]
 
@@ -33,6 +34,8 @@ BYTES_PER_CHARGE = 170
 # Of outlines that are parted: tables, and pairs that are near; and every corner, as it is turned and as it might be.
 BYTES_PER_BODY_IN_CONTACT = 500
 BYTES_PER_CORNER = 64
+# Of charges that are guided meanwhile: a second field.
+BYTES_PER_CHARGE_GUIDED = 100
 # A body's weight as a group sees it.
 BYTES_PER_CHARGE_AND_GROUP = 4
 # Of a mesh, per node and group: charge, potential, attraction and length of a step.
@@ -105,7 +108,16 @@ def _required_for_meshes(problem: Problem) -> int:
     of_report = shape[0] * shape[1] * (BYTES_PER_CELL + 8.0 * padding)
     order = math.log2(math.sqrt(8.0 * max(c.body_count for c in problem.classes)) + 1.0)
     curve = 4.0 ** min(max(math.ceil(order), 3), 12) * BYTES_PER_CURVE_CELL
-    return int(of_coarse + _influence(coarse) + max(of_fine + _influence(fine), kept_of_fine + max(of_report, curve)))
+    of_field = of_coarse + _influence(coarse)
+    while_made = of_fine + _influence(fine)
+    # Where long bodies are parted there is a second field for a while.
+    of_guidance = of_field + while_made if _has_long_outlines(problem) else 0.0
+    return int(of_field + max(while_made, kept_of_fine + max(of_report, curve, of_guidance)))
+
+
+def _has_long_outlines(problem: Problem) -> bool:
+    outlines = (o for c in problem.classes for size in c.sizes for o in size.outlines)
+    return problem.avoid_overlap and any(is_long(outline) for outline in outlines)
 
 
 def _halves(layout: MeshLayout) -> int:
@@ -125,6 +137,8 @@ def _group_count(problem: Problem) -> int:
 
 def _bytes_per_charge(problem: Problem) -> int:
     per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
+    if _has_long_outlines(problem):
+        per_charge += BYTES_PER_CHARGE_GUIDED
     if not isinstance(problem.domain, Surface) and problem.rectangle.mirrored:
         per_charge *= COPIES
     # Lines have several charges each, dots one.

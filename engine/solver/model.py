@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +19,8 @@ from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..space.space import Space
 from .body_flags import BodyFlags
+from .carried_over import CarriedOver
 from .supports import supports_of
-
-if TYPE_CHECKING:
-    from .edit import CarriedOver
 
 __all__ = ["BodyTable", "LineKind", "Model"]
 

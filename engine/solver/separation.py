@@ -24,6 +24,7 @@ from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
 from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
+from .guidance import Guidance
 from .model import Model
 from .spatial_order import spatial_order
 
@@ -48,6 +49,13 @@ COASTING = 0.5
 # discs, and of others where they are crowded.
 PULL = 0.01
 ROUNDS_OF_PULL = (100, 300)
+# Where they are guided: the pull at first, rounds until it has faded, of many bodies as many as this has of all bodies, and rounds
+# between two looks at where they are to go.
+PULL_OF_GUIDANCE = 0.02
+ROUNDS_OF_GUIDANCE = 800
+FEWEST_ROUNDS_OF_GUIDANCE = 100
+BODIES_TO_GUIDE = 10_000_000
+ROUNDS_PER_GUIDANCE = 10
 # Rounds at most, between two looks at what is left, and without progress before it is given up; progress is to have at most this
 # share of the squared overlaps left.
 MOST_ROUNDS = 2500
@@ -366,14 +374,17 @@ class Separation:
         pairs.count = launcher.zeros(n, wp.int32)
         self._pairs = pairs
 
-    def run(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
+    def run(
+        self, go_on: Callable[[], bool] | None = None, *, again: bool = False, guidance: Guidance | None = None
+    ) -> bool:
         """Part the outlines; returns whether none overlap by more than the tolerance.
 
         Args:
             go_on: Called now and then; returning False ends it.
             again: Whether bodies have been parted before, and stand and lie nearly as well as they can.
+            guidance: What says where bodies are pulled; None for back to where they come from.
         """
-        self._again = again
+        self._again, self._guidance = again, guidance
         parted = self._try(go_on, hot=False)
         if parted is False and self._fixed and self._swappable and not self._too_crowded:
             self._place.assign(self._start)
@@ -421,18 +432,28 @@ class Separation:
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self._most_rounds
         swaps = HOT_SWAPS if hot else MOST_SWAPS
+        guidance = None if hot or self._too_crowded else self._guidance
+        guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
+        if guidance is not None:
+            guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
+            pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, swapped, clean = math.inf, 0, 0, 0
         best, best_place = math.inf, None
-        for number in range(most + 1):
+        for number in range(guided + most + 1):
             if number % ROUNDS_PER_RISE == 0 and number and not hot:
                 momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
             if number % ROUNDS_AT_ONCE == 0:
                 # What the pull presses together is a little deep, so it ends with the last overlap that counts.
-                pull = 0.0 if hot or clean else PULL * max(0.0, 1.0 - number / pull_rounds)
+                pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
+            if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
+                guidance.lead(self._place, self._outlines, self._home)
             self._find()
-            if number % ROUNDS_AT_ONCE == 0:
+            if number % ROUNDS_AT_ONCE == 0 and number < guided:
+                if go_on is not None and not go_on():
+                    break
+            elif number % ROUNDS_AT_ONCE == 0:
                 deep, touching, squares = self._left()
                 if deep == 0 and self._strayed:
                     # Only a list without strays tells that nothing overlaps.
@@ -448,7 +469,7 @@ class Separation:
                     best, best_place = squares, wp.clone(self._place)
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
-                if number == most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
+                if number == guided + most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
                     break
                 if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self._too_crowded:
                     break

@@ -16,8 +16,9 @@ from ..errors import ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from .carried_over import CarriedOver
 from .descent import Descent
-from .edit import CarriedOver, carry_lines, carry_over
+from .edit import carry_lines, carry_over
 from .final_placement import placement_of, position_in_metres
 from .memory import check_memory
 from .model import Model
@@ -34,8 +35,6 @@ __all__ = ["Edit", "Progress", "Solver"]
 TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than a hundredth of their spacing.
 SETTLED = 5e-3
-# Steps after which outlines that were parted are parted again.
-STEPS_OF_SETTLING = 3
 # What is said where numbers leave the range of float32 all the same.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
@@ -352,16 +351,8 @@ class Solver:
             return True
         state = self.descent.state
         with self.launcher.phase("contact"):
-            parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again)
+            parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
             self.descent.place_charges()
-            for _ in range(contact.rounds_of_settling if parted and not again else 0):
-                before = state.copy()
-                self.descent.step.play(STEPS_OF_SETTLING)
-                if not contact.separate(state.pose, state.turn, state.bend, go_on, again=True):
-                    state.assign(before)
-                self.descent.place_charges()
-                if go_on is not None and not go_on():
-                    break
         return parted
 
     def placement(self) -> Placement:

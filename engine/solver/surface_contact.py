@@ -15,7 +15,6 @@ from . import kernels_descent, kernels_on_surface, kernels_surface_contact
 from .body_flags import BodyFlags
 from .contact import AXIS_RADIUS, DAMPING, ROUNDS_PER_STEP, SLACK
 from .model import Model
-from .surface_state import SurfaceState
 
 __all__ = ["SurfaceContact"]
 
@@ -41,6 +40,8 @@ class SurfaceContact:
         launcher: Where to run.
         bodies: As the descent's kernels take them.
         ground: The surface, as the descent's kernels take it.
+        poses: Where the bodies are, as the descent's kernels take it.
+        motion: What is remembered of their way there, as the descent's kernels take it.
     """
 
     def __init__(
@@ -49,8 +50,11 @@ class SurfaceContact:
         launcher: Launcher,
         bodies: kernels_descent.Bodies,
         ground: kernels_on_surface.Ground,
+        poses: kernels_on_surface.Poses,
+        motion: kernels_on_surface.Motion,
     ) -> None:
         self._model, self._launcher, self._bodies, self._ground = model, launcher, bodies, ground
+        self._poses, self._motion = poses, motion
         device, n = launcher.device, model.body_count
         longest = model.body.longest
         half = 0.5 * kernels_descent.LONGEST_LINE * longest / model.unit
@@ -70,11 +74,14 @@ class SurfaceContact:
         footprints.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
         self._footprints = footprints
         slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
-        self._mask = slots - 1
         self._sort = CellSort(launcher, n, slots)
-        self._position, self._sorted_at = launcher.empty(n, wp.vec3), launcher.empty(n, wp.vec3)
-        self._shift, self._turn = launcher.zeros(n, wp.vec3), launcher.zeros(n, float)
-        self._pushes, self._overlaps = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
+        self._position = launcher.empty(n, wp.vec3)
+        self._slots = kernels_surface_contact.Slots()
+        self._slots.order, self._slots.start, self._slots.mask = self._sort.order, self._sort.cell_start, slots - 1
+        self._slots.sorted_at = launcher.empty(n, wp.vec3)
+        self._pushes = kernels_surface_contact.Pushes()
+        self._pushes.shift, self._pushes.turn = launcher.zeros(n, wp.vec3), launcher.zeros(n, float)
+        self._pushes.count, self._pushes.overlaps = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
@@ -84,20 +91,20 @@ class SurfaceContact:
         apart = radius * footprints.room + 0.5 * footprints.gap
         return apart if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
 
-    def push(self, state: SurfaceState) -> None:
-        """Push overlapping bodies apart for a few rounds, as part of the step that the state remembers."""
-        self._find(state)
+    def push(self) -> None:
+        """Push overlapping bodies apart for a few rounds, as part of the step that the motion describes."""
+        self._find()
         for _ in range(ROUNDS_PER_STEP):
-            self._round(state)
+            self._round()
 
-    def separate(self, state: SurfaceState, go_on: Callable[[], bool] | None = None) -> bool:
+    def separate(self, go_on: Callable[[], bool] | None = None) -> bool:
         """Push until nothing overlaps, no progress is made or ``go_on`` says so; returns whether nothing overlaps."""
-        reached = 2.0 * np.linalg.norm(state.axis.numpy().astype(np.float64), axis=1) * self._model.unit
+        reached = 2.0 * np.linalg.norm(self._poses.axis.numpy().astype(np.float64), axis=1) * self._model.unit
         self._footprints.radius.assign((self._radii(reached) / self._model.unit).astype(np.float32))
 
         def run_round() -> None:
-            self._find(state)
-            self._round(state)
+            self._find()
+            self._round()
 
         one_round = self._launcher.record(run_round)
         try:
@@ -110,7 +117,7 @@ class SurfaceContact:
         for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
             one_round.play(ROUNDS_AT_ONCE)
             # As they were before the last push.
-            left = int(self._overlaps.numpy().sum(dtype=np.int64)) // 2
+            left = int(self._pushes.overlaps.numpy().sum(dtype=np.int64)) // 2
             if left == 0:
                 return True
             if go_on is not None and not go_on():
@@ -121,48 +128,28 @@ class SurfaceContact:
                 return False
         return False
 
-    def _find(self, state: SurfaceState) -> None:
+    def _find(self) -> None:
         """Sort bodies into cells where they are now."""
         self._sort.sort(
             kernels_surface_contact.contact_slots,
-            [state.facet, state.weight, self._footprints, self._ground, self._mask, self._position],
+            [self._poses, self._footprints, self._ground, self._slots.mask, self._position],
         )
         self._launcher.launch(
-            kernels_surface_contact.keep_positions, self._model.body_count, [self._position], [self._sorted_at]
+            kernels_surface_contact.keep_positions, self._model.body_count, [self._position], [self._slots.sorted_at]
         )
 
-    def _round(self, state: SurfaceState) -> None:
-        n, footprints, ground = self._model.body_count, self._footprints, self._ground
+    def _round(self) -> None:
+        n, ground = self._model.body_count, self._ground
         self._launcher.launch(
             kernels_surface_contact.push_apart,
             n,
-            [
-                state.facet,
-                self._position,
-                state.axis,
-                self._sorted_at,
-                self._sort.order,
-                self._sort.cell_start,
-                self._mask,
-                footprints,
-                ground,
-                SLACK,
-                DAMPING,
-            ],
-            [self._shift, self._turn, self._pushes, self._overlaps],
+            [self._poses, self._position, self._slots, self._footprints, ground, SLACK, DAMPING],
+            [self._pushes],
             grain=GRAIN_OF_NEIGHBOURS,
         )
         self._launcher.launch(
             kernels_surface_contact.accept_push,
             n,
-            [self._shift, self._turn, self._pushes, self._bodies, ground],
-            [
-                state.facet,
-                state.weight,
-                self._position,
-                state.axis,
-                state.displacement,
-                state.turned,
-                state.move,
-            ],
+            [self._pushes, self._bodies, ground],
+            [self._poses, self._position, self._motion],
         )

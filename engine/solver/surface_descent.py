@@ -100,8 +100,7 @@ class SurfaceDescent:
         self.charges.facet = launcher.empty(charge_count, wp.int32)
         self.charges.weight = launcher.empty(charge_count, wp.vec2)
         self.charges.home = launcher.empty(charge_count, wp.int32)
-        self.field_at_charge = launcher.zeros(charge_count, wp.vec3)
-        self._change, self._turn_change = launcher.zeros(n, wp.vec3), launcher.zeros(n, wp.vec2)
+        self.charges.field = launcher.zeros(charge_count, wp.vec3)
         self.rules = SurfaceLineRules(model, launcher, self.facets)
         self._has_dots = bool((model.body.kind < 0).any())
         slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
@@ -118,9 +117,11 @@ class SurfaceDescent:
             self._put(rows, fixed)
             self._lay(rows, self.rules.fixed_axes(self.facets.normal[fixed[0]]))
         self.rules.lines.length_factor = self.state.length_factor
+        self._poses = self.state.poses()
+        self._motion = self.state.motion(change=launcher.zeros(n, wp.vec3), turn_change=launcher.zeros(n, wp.vec2))
         self.contact: SurfaceContact | None = None
         if model.problem.avoid_overlap or self.rules.kind_count:
-            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground)
+            self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self._poses, self._motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
@@ -135,69 +136,56 @@ class SurfaceDescent:
     def take_step(self) -> None:
         """Launch a whole step."""
         charges = self.charges
-        self.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, self.field_at_charge)
+        self.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
         with self.launcher.phase("update"):
             self._propose()
             self._decide()
             self._move()
         if self.contact is not None:
             with self.launcher.phase("contact"):
-                self.contact.push(self.state)
+                self.contact.push()
             with self.launcher.phase("update"):
                 self.place_charges()
 
     def separate(self, go_on: Callable[[], bool] | None = None) -> bool:
         """Push footprints apart until none overlap, no progress is made or ``go_on`` says so; returns whether none do."""
         assert self.contact is not None
-        parted = self.contact.separate(self.state, go_on)
+        parted = self.contact.separate(go_on)
         self.place_charges()
         return parted
 
     def place_charges(self) -> None:
         """Put the charges of all bodies where these are."""
-        n, state = self.model.body_count, self.state
+        n = self.model.body_count
         if self._has_dots:
             self.launcher.launch(
-                kernels_on_surface.place_dots, n, [state.facet, state.weight, self.bodies, self.ground], [self.charges]
+                kernels_on_surface.place_dots, n, [self._poses, self.bodies, self.ground], [self.charges]
             )
         if self.rules.kind_count:
             self.launcher.launch(
                 kernels_surface_lines.place_lines,
                 n,
-                [state.facet, state.weight, state.axis, self.bodies, self.ground],
+                [self._poses, self.bodies, self.ground],
                 [self.charges],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
 
     def _propose(self) -> None:
-        n, state, in_contact = self.model.body_count, self.state, int(self.contact is not None)
+        n, rules, in_contact = self.model.body_count, self.rules, int(self.contact is not None)
         if self._has_dots:
             self.launcher.launch(
                 kernels_on_surface.propose_dots,
                 n,
-                [self.charges, self.field_at_charge, self.bodies, self.ground, in_contact, state.displacement],
-                [state.move, self._change, self._sums],
+                [self.charges, self.bodies, self.ground, in_contact],
+                [self._motion, self._sums],
                 per_thread=True,
             )
-        if self.rules.kind_count:
+        if rules.kind_count:
             self.launcher.launch(
                 kernels_surface_lines.propose_lines,
                 n,
-                [
-                    state.facet,
-                    state.weight,
-                    state.axis,
-                    self.charges,
-                    self.field_at_charge,
-                    self.bodies,
-                    self.rules.lines,
-                    self.rules.preferred,
-                    self.ground,
-                    in_contact,
-                    state.displacement,
-                    state.turned,
-                ],
-                [state.move, state.turn, self._change, self._turn_change, self._sums],
+                [self._poses, self.charges, self.bodies, rules.lines, rules.preferred, self.ground, in_contact],
+                [self._motion, self._sums],
                 per_thread=True,
             )
 
@@ -213,29 +201,21 @@ class SurfaceDescent:
         )
 
     def _move(self) -> None:
-        n, state = self.model.body_count, self.state
+        n = self.model.body_count
         if self._has_dots:
             self.launcher.launch(
                 kernels_on_surface.move_dots,
                 n,
-                [self.direction, self.bodies, self.ground, self._change],
-                [state.move, state.facet, state.weight, state.displacement, self.charges],
+                [self.direction, self.bodies, self.ground],
+                [self._motion, self._poses, self.charges],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
         if self.rules.kind_count:
             self.launcher.launch(
                 kernels_surface_lines.move_lines,
                 n,
-                [
-                    self.direction,
-                    self.bodies,
-                    self.rules.lines,
-                    self.ground,
-                    self._change,
-                    self._turn_change,
-                    state.turn,
-                ],
-                [state.move, state.facet, state.weight, state.axis, state.displacement, state.turned],
+                [self.direction, self.bodies, self.rules.lines, self.ground],
+                [self._motion, self._poses],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             if self.contact is None:

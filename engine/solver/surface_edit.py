@@ -11,7 +11,8 @@ import numpy as np
 from ..problem.surface import PointsOnSurface, Surface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
-from .edit import UNCHANGED, CarriedOver
+from .carried_over import CarriedOver
+from .edit import UNCHANGED
 from .model import Model
 from .surface_places import Spots, TilePlaces, spots_of_points, tiles_of
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import warp as wp
 
+from . import kernels_on_surface
 from .state_arrays import StateArrays
 
 __all__ = ["SurfaceState"]
@@ -49,3 +50,16 @@ class SurfaceState(StateArrays):
         "turn": wp.vec2,
         "length_factor": float,
     }
+
+    def poses(self) -> kernels_on_surface.Poses:
+        """Where the bodies are, as kernels take it."""
+        poses = kernels_on_surface.Poses()
+        poses.facet, poses.weight, poses.axis = self.facet, self.weight, self.axis
+        return poses
+
+    def motion(self, change: wp.array, turn_change: wp.array) -> kernels_on_surface.Motion:
+        """What is remembered, as kernels take it, beside arrays for what the moves and turns changed by."""
+        motion = kernels_on_surface.Motion()
+        motion.displacement, motion.move, motion.change = self.displacement, self.move, change
+        motion.turned, motion.turn, motion.turn_change = self.turned, self.turn, turn_change
+        return motion

@@ -19,6 +19,24 @@ class CellGrid:
     space: Space
 
 
+@wp.struct
+class SortedCharges:
+    """Charges in the order of their cells: number, position, charge and group of each, and where every cell begins.
+
+    ``weight`` has, group after group and ``weight_stride`` apart, the charges as the group sees them. All but ``order``, ``group`` and
+    ``cell_start`` have room for a few more charges, which what reads several at once reads, too.
+    """
+
+    order: wp.array(dtype=wp.int32)
+    x: wp.array(dtype=float)
+    y: wp.array(dtype=float)
+    charge: wp.array(dtype=float)
+    group: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=float)
+    weight_stride: wp.int32
+    cell_start: wp.array(dtype=wp.int32)
+
+
 @wp.func
 def cell_of(position: wp.vec2, grid: CellGrid):
     """Index of the cell that holds ``position``; row by row, from below."""
@@ -176,29 +194,24 @@ def sort_buckets(
 @wp.kernel
 def gather_charges(
     first: int,
-    order: wp.array(dtype=wp.int32),
-    charge_position: wp.array(dtype=wp.vec2),
+    position: wp.array(dtype=wp.vec2),
     charge: wp.array(dtype=float),
     charge_group: wp.array(dtype=wp.int32),
     interaction: wp.array(dtype=float),
     group_count: int,
-    weight_stride: int,
     # outputs
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-    sorted_charge: wp.array(dtype=float),
-    sorted_group: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=float),
+    charges: SortedCharges,
 ):
     """Copy charges into the order of their cells, and weigh them with the interaction matrix, once for every group that sees them."""
     i = first + wp.tid()
-    source = order[i]
-    p = charge_position[source]
-    sorted_x[i] = p[0]
-    sorted_y[i] = p[1]
+    source = charges.order[i]
+    p = position[source]
+    charges.x[i] = p[0]
+    charges.y[i] = p[1]
     q = charge[source]
     group = charge_group[source]
-    sorted_charge[i] = q
-    sorted_group[i] = group
+    charges.charge[i] = q
+    charges.group[i] = group
     for g in range(group_count):
-        weight[wp.int64(g) * wp.int64(weight_stride) + wp.int64(i)] = interaction[g * group_count + group] * q
+        at = wp.int64(g) * wp.int64(charges.weight_stride) + wp.int64(i)
+        charges.weight[at] = interaction[g * group_count + group] * q

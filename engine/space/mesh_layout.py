@@ -1,4 +1,7 @@
-"""How a mesh lies over the domain, and what its transforms need to know of it."""
+"""How a mesh lies over the domain, and what its transforms need to know of it.
+
+Equations are those of Hockney and Eastwood 1988, Computer Simulation Using Particles.
+"""
 
 from __future__ import annotations
 

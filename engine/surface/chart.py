@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ProblemError
-from ..problem.slopes import slope_of_normal
+from ..problem.slopes import LEVEL, slope_of_normal
 from .surface_points import SurfacePoints
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
@@ -80,7 +80,7 @@ class Chart:
             spots = tuple(values[self._filled] for values in spots)
         self.points = SurfacePoints(self.view, *spots)
         cosine = np.abs(view.cosine[self.points.triangle])
-        self._slopes: dict[float, np.ndarray] = {}
+        self._slopes: dict[float, np.ndarray | None] = {}
         self.area = np.zeros(self.shape)
         self.area.ravel()[self._filled] = self.cell.prod() / np.maximum(cosine, SMALLEST_COSINE)
 
@@ -116,11 +116,17 @@ class Chart:
         cut = edge[~whole]
         return cut if len(cut) <= MOST_CUT * len(self._filled) else cut[:0]
 
-    def slope(self, align: float) -> np.ndarray:
-        """Return the slopes of planes that lean so far, from 0 to 1, from level towards the surface, shape ``[rows, columns, 2]``."""
+    def slope(self, align: float) -> np.ndarray | None:
+        """Return the slopes of planes that lean so far, from 0 to 1, from level towards the surface, shape ``[rows, columns, 2]``.
+
+        None where all of them are level.
+        """
+        if not align > 0.0:
+            return None
         if align not in self._slopes:
             slope = slope_of_normal(self.points.normal, align)
-            self._slopes[align] = np.stack([self.continued(along) for along in slope.T], axis=-1)
+            slope = np.stack([self.continued(along) for along in slope.T], axis=-1)
+            self._slopes[align] = slope if np.abs(slope).max() > LEVEL else None
         return self._slopes[align]
 
     def continued(self, values: np.ndarray) -> np.ndarray:
@@ -132,7 +138,7 @@ class Chart:
         image.ravel()[self._filled], known.ravel()[self._filled] = values, 1.0
         return _fill_gaps(image, known)
 
-    def lift(self, position: np.ndarray) -> SurfacePoints:
+    def surface_points(self, position: np.ndarray) -> SurfacePoints:
         """Return the points of the surface above or below ``position`` ``[n, 2]`` of the rectangle [m].
 
         A cell may reach beyond the mesh's edge; what lies there goes to the nearest point of the surface.

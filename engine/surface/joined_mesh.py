@@ -11,7 +11,7 @@ import numpy as np
 from ..problem.image_filters import luminance
 from .triangle_mesh import TriangleMesh
 
-__all__ = ["joined", "limited", "two_sided"]
+__all__ = ["joined", "part_of_mesh", "two_sided"]
 
 
 def joined(meshes: Sequence[TriangleMesh], name: str) -> TriangleMesh:
@@ -64,7 +64,7 @@ def joined(meshes: Sequence[TriangleMesh], name: str) -> TriangleMesh:
     )
 
 
-def limited(mesh: TriangleMesh, chosen: np.ndarray) -> TriangleMesh:
+def part_of_mesh(mesh: TriangleMesh, chosen: np.ndarray) -> TriangleMesh:
     """Return the part of a mesh whose triangles are chosen, a mask of shape ``[t]``; its bounds stay those of all of it."""
     if chosen.all():
         return mesh

@@ -205,7 +205,7 @@ def facet_of_tile(tile: int, facet_count: int, first_tile: wp.array(dtype=wp.int
 
 
 @wp.func
-def place_in_tile(number: int, cuts: int, within: wp.vec2):
+def weights_in_tile(number: int, cuts: int, within: wp.vec2):
     """Weights of a facet's second and third corner at a place ``within`` (the same of a tile) a tile, counted within its facet."""
     # Row j starts at j (2 cuts - j).
     j = int(float(cuts) - wp.sqrt(wp.max(float(cuts) * float(cuts) - float(number), 0.0)))
@@ -222,7 +222,7 @@ def place_in_tile(number: int, cuts: int, within: wp.vec2):
 
 
 @wp.kernel
-def place_tiles(
+def locate_tiles(
     first: int,
     facet_count: int,
     facets: Facets,
@@ -235,7 +235,7 @@ def place_tiles(
     i = first + wp.tid()
     facet = facet_of_tile(i, facet_count, facets.first_tile)
     third = wp.vec2(1.0 / 3.0, 1.0 / 3.0)
-    weight = place_in_tile(i - facets.first_tile[facet], facets.cuts[facet], third)
+    weight = weights_in_tile(i - facets.first_tile[facet], facets.cuts[facet], third)
     spot = spot_at(facet, weight, facets)
     position[i] = spot.position
     normal[i] = facets.normal[facet]
@@ -243,7 +243,7 @@ def place_tiles(
 
 
 @wp.kernel
-def place_quarters(
+def locate_quarters(
     first: int,
     tile: wp.array(dtype=wp.int32),
     facet_count: int,
@@ -264,14 +264,14 @@ def place_quarters(
         within = wp.vec2(2.0 / 3.0, 1.0 / 6.0)
     elif i % 4 == 3:
         within = wp.vec2(1.0 / 6.0, 2.0 / 3.0)
-    spot = spot_at(facet, place_in_tile(own - facets.first_tile[facet], facets.cuts[facet], within), facets)
+    spot = spot_at(facet, weights_in_tile(own - facets.first_tile[facet], facets.cuts[facet], within), facets)
     position[i] = spot.position
     normal[i] = facets.normal[facet]
     label[i] = facets.label[facet]
 
 
 @wp.kernel
-def place_corners(
+def locate_corners(
     first: int,
     facet_count: int,
     facets: Facets,

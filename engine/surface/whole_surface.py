@@ -85,7 +85,7 @@ class WholeSurface:
             found.append((self._first[own][:, None, None] + _pieces(cuts)).reshape(-1, 3))
         return np.concatenate(found)
 
-    def lift(self, placement: Placement) -> SurfacePoints:
+    def surface_points(self, placement: Placement) -> SurfacePoints:
         """Return the points of the target that bodies were placed on."""
         assert placement.triangle is not None and placement.barycentric is not None
         return self._points(placement.triangle.astype(np.int64), placement.barycentric.astype(np.float32))

@@ -85,10 +85,10 @@ class TileGroups:
         for g in np.unique(group).tolist():
             own = group == g
             rank = identity[own] - self.first_of_size[g]
-            result[own] = _areas_of_size(self.sizes[g], rank, [self.seed, 2, *self._place(g)])
+            result[own] = _areas_of_size(self.sizes[g], rank, [self.seed, 2, *self._class_and_size(g)])
         return result
 
-    def _place(self, group: int) -> tuple[int, int]:
+    def _class_and_size(self, group: int) -> tuple[int, int]:
         return int(self.class_index[group]), int(self.size_index[group])
 
 

@@ -23,7 +23,7 @@ from .density_windows import ArraySource, Source, units_along
 from .groups import TileGroups, group_tiles
 from .layout import Layout
 
-__all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "make_plan", "read_scene"]
+__all__ = ["Pass", "Plan", "TileRun", "choose_tiles", "make_plan", "read_tiled_recipe"]
 
 # Tiles are so many typical spacings long, and so many of the rarest group's, but never longer than for so many bodies; by device.
 SPACINGS_PER_TILE = {"cpu": 100.0, "cuda": 1000.0}
@@ -122,7 +122,7 @@ class Plan:
     rare: tuple[int, ...]
 
 
-def read_scene(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
+def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRecipe:
     """Read a recipe that is to be solved in tiles.
 
     Raises:
@@ -190,7 +190,7 @@ def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tupl
 @lru_cache(maxsize=2)
 def make_plan(run: TileRun) -> Plan:
     """Return the plan of a run; a process makes it once."""
-    scene = read_scene(run.recipe, run.seed)
+    scene = read_tiled_recipe(run.recipe, run.seed)
     problem, sources = scene.problem, _sources(scene)
     groups = group_tiles(problem)
     size = problem.rectangle.size

@@ -32,7 +32,7 @@ from ..scenes.worker_pool import WorkerPool
 from .bodies import read_patch, write_atomically
 from .coarse import SCALE, solve_flow
 from .layout import hilbert_order
-from .plan import Plan, TileRun, choose_tiles, make_plan, read_scene
+from .plan import Plan, TileRun, choose_tiles, make_plan, read_tiled_recipe
 from .stages import COUNTS, RARE, TARGET, TOTALS, flow_folder, make_part, part_path, stage_names
 from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
 from .window import spread_rare
@@ -124,7 +124,7 @@ def solve_tiles(
     on_gpu = resolve_device(device).is_cuda or gpus > 0.0
     folder = Path(folder).resolve()
     recipe = _recipe_of(problem, folder)
-    scene = read_scene(recipe, seed)
+    scene = read_tiled_recipe(recipe, seed)
     tiles = choose_tiles(scene, tile, on_gpu)
     run = TileRun(str(recipe), str(folder), seed, tiles, checked, device, ending)
     _open_folder(run, recipe, on_gpu)

@@ -273,8 +273,8 @@ def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstac
             rows, columns = image.shape
             down, across = box.down, box.across
             # Its own pixels where there are many, those of the density where they are larger.
-            row = _places(down.begin, down.end, down.units, rows, shape[0])
-            column = _places(across.begin, across.end, across.units, columns, shape[1])
+            row = _pixels_under(down.begin, down.end, down.units, rows, shape[0])
+            column = _pixels_under(across.begin, across.end, across.units, columns, shape[1])
             part = image[row[:, None], column]
             if part.any():
                 result.append(Obstacle(image=part, margin=obstacle.margin))
@@ -294,7 +294,7 @@ def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstac
     return result
 
 
-def _places(begin: int, end: int, units: int, pixels: int, least: int) -> np.ndarray:
+def _pixels_under(begin: int, end: int, units: int, pixels: int, least: int) -> np.ndarray:
     """Pixels of an image under the middles of so many steps, or more, of a part of an axis."""
     count = max(least, math.ceil((end - begin) * pixels / units))
     middle = begin + (np.arange(count) + 0.5) * (end - begin) / count
@@ -366,8 +366,8 @@ def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Siz
     shape = tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1])
     if isinstance(length, np.ndarray):
         down, across = box.down, box.across
-        row = _places(down.begin, down.end, down.units, length.shape[0], shape[0])
-        column = _places(across.begin, across.end, across.units, length.shape[1], shape[1])
+        row = _pixels_under(down.begin, down.end, down.units, length.shape[0], shape[0])
+        column = _pixels_under(across.begin, across.end, across.units, length.shape[1], shape[1])
         length = length[row[:, None], column]
     if place in plan.directions:
         doubled = _between_pixels(plan.directions[place], box, plan.problem.rectangle.size, (shape[0], shape[1]))

@@ -15,7 +15,7 @@ from ..class_copy import CLASS_PARTS, copy_class
 from ..properties.body_class import ESH_PG_class
 from ..properties.names import unused_name
 from ..properties.scene import active_scatter, selected_class, selected_scatter
-from .edit import DIRECTIONS, ClassEdit, Edit, move_by
+from .edit import ClassEdit, Edit, MoveEntry
 
 __all__ = ["CLASSES"]
 
@@ -176,19 +176,12 @@ class ESH_OT_class_overlap(ClassEdit):
         return {"FINISHED"}
 
 
-class ESH_OT_class_move(ClassEdit):
+class ESH_OT_class_move(MoveEntry):
     """Move the selected class in the list"""
 
     bl_idname = "esh.class_move"
     bl_label = "Move Class"
-
-    direction: EnumProperty(items=DIRECTIONS, name="Direction")
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Move it."""
-        scatter = selected_scatter(context)
-        scatter.class_index = move_by(scatter.classes, scatter.class_index, self.direction)
-        return {"FINISHED"}
+    _entry, _missing = "class", "Select a class first"
 
 
 CLASSES = (

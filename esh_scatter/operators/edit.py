@@ -1,15 +1,17 @@
 """What the buttons of the sidebar share: when they can be pressed, lists that are changed, errors as sentences."""
 
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
 from typing import Any
 
 import bpy
+from bpy.props import EnumProperty
 
 from .. import running
 from ..properties.scene import active_scatter
 
-__all__ = ["DIRECTIONS", "ClassEdit", "Edit", "move_by", "remove_at", "sentence", "settings_editable"]
-
-DIRECTIONS = (("UP", "Up", "Towards the top of the list"), ("DOWN", "Down", "Towards the end of the list"))
+__all__ = ["ClassEdit", "Edit", "EntryEdit", "MoveEntry", "RemoveEntry", "remove_at", "sentence", "settings_editable"]
 
 
 class Edit(bpy.types.Operator):
@@ -34,12 +36,72 @@ class Edit(bpy.types.Operator):
 
 
 class ClassEdit(Edit):
+    """Base of the edits of the selected class."""
+
     _missing = "Select a class first"
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
         scatter = active_scatter(context)
         return scatter and scatter.active_class
+
+
+# Lists that the sidebar shows: what they are called, by what is in them; those of the scatter, and of its selected class.
+_LISTS = {"class": "classes", "obstacle": "obstacles", "layer": "layers", "size": "sizes"}
+_OF_SCATTER = ("class", "obstacle")
+
+
+class EntryEdit(Edit):
+    """Base of what is done to the selected entry of a list."""
+
+    _entry = ""
+
+    @classmethod
+    def _owner(cls, context: bpy.types.Context) -> Any:
+        """Whose list it is; None where nothing is selected."""
+        scatter = active_scatter(context)
+        return scatter if scatter is None or cls._entry in _OF_SCATTER else scatter.active_class
+
+    @classmethod
+    def _needs(cls, context: bpy.types.Context) -> object:
+        owner = cls._owner(context)
+        return owner and getattr(owner, f"active_{cls._entry}")
+
+    @classmethod
+    def _select(cls, owner: Any, index: int) -> None:
+        setattr(owner, f"{cls._entry}_index", index)
+
+    @classmethod
+    def _list_and_index(cls, owner: Any) -> tuple[Any, int]:
+        return getattr(owner, _LISTS[cls._entry]), getattr(owner, f"{cls._entry}_index")
+
+
+class RemoveEntry(EntryEdit):
+    """Base of the buttons that take the selected entry out of its list."""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        owner = self._owner(context)
+        self._select(owner, remove_at(*self._list_and_index(owner)))
+        return {"FINISHED"}
+
+
+class MoveEntry(EntryEdit):
+    """Base of the buttons that move the selected entry within its list."""
+
+    direction: EnumProperty(
+        items=(("UP", "Up", "Towards the top of the list"), ("DOWN", "Down", "Towards the end of the list")),
+        name="Direction",
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Move it by one place."""
+        owner = self._owner(context)
+        entries, index = self._list_and_index(owner)
+        to = max(0, min(index + (-1 if self.direction == "UP" else 1), len(entries) - 1))
+        entries.move(index, to)
+        self._select(owner, to)
+        return {"FINISHED"}
 
 
 def settings_editable(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
@@ -58,13 +120,6 @@ def remove_at(collection: Any, index: int) -> int:
     """Remove an entry of one of Blender's lists and return which is selected then."""
     collection.remove(index)
     return max(0, min(index, len(collection) - 1))
-
-
-def move_by(collection: Any, index: int, direction: str) -> int:
-    """Move an entry of one of Blender's lists by one place and return where it is then."""
-    to = max(0, min(index + (-1 if direction == "UP" else 1), len(collection) - 1))
-    collection.move(index, to)
-    return to
 
 
 def sentence(error: Exception | str) -> str:

@@ -34,7 +34,7 @@ class _OnResult(Edit):
 
 
 class ESH_OT_instances_edit(_OnResult):
-    """Pick instances in the viewport: shows the points of the result in Edit Mode. Those that you move stay where you put them"""
+    """Select instances in the viewport, by their points in Edit Mode. Those that you move stay where you put them"""
 
     bl_idname = "esh.instances_edit"
     bl_label = "Edit Instances"
@@ -81,7 +81,7 @@ class _OnInstances(_OnResult):
 
 
 class ESH_OT_instances_pin(_OnInstances):
-    """Have the selected instances stay where they are in the next runs. They count, and the rest makes room"""
+    """Keep the selected instances where they are in the next runs. They are part of the count, and the others make room"""
 
     bl_idname = "esh.instances_pin"
     bl_label = "Pin"
@@ -91,7 +91,7 @@ class ESH_OT_instances_pin(_OnInstances):
 
 
 class ESH_OT_instances_unpin(_OnInstances):
-    """Let the selected instances go where the next run puts them, also those that were moved by hand"""
+    """Let the next run move the selected instances, including those that were moved by hand"""
 
     bl_idname = "esh.instances_unpin"
     bl_label = "Unpin"
@@ -107,7 +107,7 @@ class ESH_OT_instances_turn(_OnInstances):
     bl_label = "Turn"
 
     angle: FloatProperty(
-        name="Angle", description="How far, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
+        name="Angle", description="Angle of the turn, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
     )
 
     def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
@@ -120,7 +120,7 @@ class ESH_OT_instances_turn(_OnInstances):
 
 
 class ESH_OT_instances_remove(_OnInstances):
-    """Remove the selected instances. Their places stay free in the next runs; counts stay, so others come elsewhere"""
+    """Remove the selected instances. Their places stay free in the next runs. Counts do not change, so others appear elsewhere"""
 
     bl_idname = "esh.instances_remove"
     bl_label = "Remove"
@@ -133,7 +133,7 @@ class ESH_OT_instances_remove(_OnInstances):
 
 
 class ESH_OT_instances_refill(Edit):
-    """Let the places where instances were removed be taken again by the next run"""
+    """Let the next run use the places of removed instances again"""
 
     bl_idname = "esh.instances_refill"
     bl_label = "Refill Removed"

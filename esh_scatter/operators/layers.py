@@ -14,7 +14,7 @@ from ...engine.errors import EshError
 from ..density_curve import remove_curve
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
-from .edit import DIRECTIONS, ClassEdit, Edit, move_by, remove_at, sentence
+from .edit import ClassEdit, MoveEntry, RemoveEntry, sentence
 
 __all__ = ["CLASSES"]
 
@@ -54,44 +54,28 @@ class ESH_OT_layer_add(ClassEdit):
         return {"FINISHED"}
 
 
-class _LayerEdit(Edit):
-    _missing = "Select a layer first"
-
-    @staticmethod
-    def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        return scatter and scatter.active_class and scatter.active_class.active_layer
-
-
-class ESH_OT_layer_remove(_LayerEdit):
+class ESH_OT_layer_remove(RemoveEntry):
     """Remove the selected layer"""
 
     bl_idname = "esh.layer_remove"
     bl_label = "Remove Layer"
+    _entry, _missing = "layer", "Select a layer first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it, and its curve."""
-        body_class = selected_class(context)
-        layer = body_class.active_layer
+        layer = selected_class(context).active_layer
         curve = layer.curve if layer else None
-        body_class.layer_index = remove_at(body_class.layers, body_class.layer_index)
+        outcome = super().execute(context)
         remove_curve(curve)
-        return {"FINISHED"}
+        return outcome
 
 
-class ESH_OT_layer_move(_LayerEdit):
+class ESH_OT_layer_move(MoveEntry):
     """Move the selected layer in the list"""
 
     bl_idname = "esh.layer_move"
     bl_label = "Move Layer"
-
-    direction: EnumProperty(items=DIRECTIONS, name="Direction")
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Move it."""
-        body_class = selected_class(context)
-        body_class.layer_index = move_by(body_class.layers, body_class.layer_index, self.direction)
-        return {"FINISHED"}
+    _entry, _missing = "layer", "Select a layer first"
 
 
 class ESH_OT_layer_paint(ClassEdit):

@@ -5,15 +5,15 @@
 
 import bpy
 
-from ..properties.scene import active_scatter, selected_scatter
+from ..properties.scene import selected_scatter
 from ..target import is_result
-from .edit import Edit, remove_at
+from .edit import Edit, RemoveEntry
 
 __all__ = ["CLASSES"]
 
 
 class ESH_OT_obstacle_add(Edit):
-    """Add something that objects keep off: the selected objects, or an empty entry where there are none"""
+    """Add something for objects to keep away from: the selected objects, or an empty entry if none are selected"""
 
     bl_idname = "esh.obstacle_add"
     bl_label = "Add Obstacle"
@@ -30,23 +30,12 @@ class ESH_OT_obstacle_add(Edit):
         return {"FINISHED"}
 
 
-class ESH_OT_obstacle_remove(Edit):
+class ESH_OT_obstacle_remove(RemoveEntry):
     """Remove the selected obstacle from the list. The object stays in the scene"""
 
     bl_idname = "esh.obstacle_remove"
     bl_label = "Remove Obstacle"
-    _missing = "Select an obstacle first"
-
-    @staticmethod
-    def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        return scatter and scatter.active_obstacle
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Remove it."""
-        scatter = selected_scatter(context)
-        scatter.obstacle_index = remove_at(scatter.obstacles, scatter.obstacle_index)
-        return {"FINISHED"}
+    _entry, _missing = "obstacle", "Select an obstacle first"
 
 
 CLASSES = (ESH_OT_obstacle_add, ESH_OT_obstacle_remove)

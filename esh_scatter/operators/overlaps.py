@@ -20,14 +20,14 @@ DISTANCE_OF_VIEW = 8.0
 
 
 class ESH_OT_counts_to_fit(Edit):
-    """Lower the counts of all classes alike until their footprints fit on the ground without overlap"""
+    """Lower the counts of all classes in proportion until their footprints fit on the ground without overlap"""
 
     bl_idname = "esh.counts_to_fit"
     bl_label = "Scale Counts to Fit"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Scale the counts."""
-        factor = forecast.scale_to_fit(selected_scatter(context), context.scene)
+        factor = forecast.scale_counts_to_fit(selected_scatter(context), context.scene)
         if factor == 1.0:
             self.report({"INFO"}, "The counts fit as they are")
             return {"CANCELLED"}
@@ -75,7 +75,7 @@ class ESH_OT_select_overlapping(_OfResult):
 
 
 class ESH_OT_frame_overlap(_OfResult):
-    """Move the 3D cursor and the view to where two objects overlap most"""
+    """Move the 3D cursor and the view to the deepest overlap"""
 
     bl_idname = "esh.frame_overlap"
     bl_label = "Frame Worst Overlap"

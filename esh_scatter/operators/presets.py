@@ -65,7 +65,7 @@ class ESH_OT_preset_apply(_Preset):
 
 
 class ESH_OT_preset_import(ImportHelper, _Preset):
-    """Add a scatter with the settings of a preset that somebody has exported"""
+    """Add a scatter with the settings of an exported preset"""
 
     bl_idname = "esh.preset_import"
     bl_label = "Import Preset"

@@ -223,7 +223,7 @@ class ESH_OT_scatter_selection(_Run):
 
     cover: FloatProperty(
         name="Cover",
-        description="Share of the ground that all objects take together. More means more objects",
+        description="Share of the ground that all objects cover together. A larger share means more objects",
         default=0.25,
         min=0.001,
         max=0.9,

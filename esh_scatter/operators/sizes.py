@@ -3,15 +3,11 @@
 # Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
 # ruff: noqa: D415
 
-# Properties are annotations that are calls, which Blender reads and mypy cannot.
-# mypy: disable-error-code="valid-type"
-
 import bpy
-from bpy.props import EnumProperty
 
-from ..properties.scene import active_scatter, selected_class
+from ..properties.scene import selected_class
 from ..properties.size import list_variants
-from .edit import DIRECTIONS, ClassEdit, Edit, move_by, remove_at
+from .edit import ClassEdit, EntryEdit, MoveEntry, RemoveEntry
 
 __all__ = ["CLASSES"]
 
@@ -28,48 +24,28 @@ class ESH_OT_size_add(ClassEdit):
         return {"FINISHED"}
 
 
-class _SizeEdit(Edit):
-    _missing = "Select a size first"
-
-    @staticmethod
-    def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        return scatter and scatter.active_class and scatter.active_class.active_size
-
-
-class ESH_OT_size_remove(_SizeEdit):
+class ESH_OT_size_remove(RemoveEntry):
     """Remove the selected size"""
 
     bl_idname = "esh.size_remove"
     bl_label = "Remove Size"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Remove it."""
-        body_class = selected_class(context)
-        body_class.size_index = remove_at(body_class.sizes, body_class.size_index)
-        return {"FINISHED"}
+    _entry, _missing = "size", "Select a size first"
 
 
-class ESH_OT_size_move(_SizeEdit):
+class ESH_OT_size_move(MoveEntry):
     """Move the selected size in the list"""
 
     bl_idname = "esh.size_move"
     bl_label = "Move Size"
-
-    direction: EnumProperty(items=DIRECTIONS, name="Direction")
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Move it."""
-        body_class = selected_class(context)
-        body_class.size_index = move_by(body_class.sizes, body_class.size_index, self.direction)
-        return {"FINISHED"}
+    _entry, _missing = "size", "Select a size first"
 
 
-class ESH_OT_variants_list(_SizeEdit):
-    """List the objects of the collection, which were changed since it was chosen, to give them weights"""
+class ESH_OT_variants_list(EntryEdit):
+    """List the objects of the collection again, which has changed, so that they can be given weights"""
 
     bl_idname = "esh.variants_list"
     bl_label = "List Objects"
+    _entry, _missing = "size", "Select a size first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """List them."""

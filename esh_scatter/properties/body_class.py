@@ -22,6 +22,7 @@ from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from .described import values_from, with_properties
+from .entries import entry_at
 from .layer import ESH_PG_layer
 from .names import class_renamed, unused_name
 from .shown_at_once import paint_class_anew, show_class_anew, stand_class_anew
@@ -54,7 +55,7 @@ DERIVED_COUNTS = {"PER_AREA": "per_area", "DISTANCE": "distance", "SHARE": "cove
 @with_properties(
     ClassSettings,
     unsharp_radius={
-        "description": "How far the sharpening reaches, in steps of 1/1024 of the longer side of the target",
+        "description": "Reach of the sharpening, in units of 1/1024 of the target's longer side",
         "default": 20.0,
         "min": 0.1,
         "soft_max": 200.0,
@@ -87,7 +88,7 @@ class ESH_PG_class(PropertyGroup):
     )
     color: FloatVectorProperty(
         name="Color",
-        description="Color of this class in the list. Its points have it as an attribute",
+        description="Color of this class in the list. It is also stored as an attribute of its points",
         subtype="COLOR",
         size=3,
         min=0.0,
@@ -109,9 +110,15 @@ class ESH_PG_class(PropertyGroup):
                 0,
             ),
             ("NONE", "Free", "No preferred direction", "ORIENTATION_GIMBAL", 1),
-            ("SLOPE", "Down the Slope", "Where water runs, the more the steeper it is", "IPO_EASE_IN", 4),
-            ("ANGLE", "Angle", "All along one angle", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
-            ("IMAGE", "Flow Image", "Along an image: red is x, green is y, and 0.5 means none", "FORCE_WIND", 3),
+            ("SLOPE", "Down the Slope", "Where water would run; steep ground counts more", "IPO_EASE_IN", 4),
+            ("ANGLE", "Angle", "All in the same direction", "DRIVER_ROTATIONAL_DIFFERENCE", 2),
+            (
+                "IMAGE",
+                "Flow Image",
+                "Along an image whose red is x and whose green is y; 0.5 stands for 0",
+                "FORCE_WIND",
+                3,
+            ),
         ),
         default="DENSITY",
     )
@@ -233,7 +240,7 @@ class ESH_PG_class(PropertyGroup):
     @property
     def active_size(self) -> ESH_PG_size | None:
         """The selected size, or None."""
-        return self.sizes[self.size_index] if 0 <= self.size_index < len(self.sizes) else None
+        return entry_at(self.sizes, self.size_index)
 
     def add_size(self) -> ESH_PG_size:
         """Append a size, select it and return it."""
@@ -246,7 +253,7 @@ class ESH_PG_class(PropertyGroup):
     @property
     def active_layer(self) -> ESH_PG_layer | None:
         """The selected layer of the density, or None."""
-        return self.layers[self.layer_index] if 0 <= self.layer_index < len(self.layers) else None
+        return entry_at(self.layers, self.layer_index)
 
     def add_layer(self, kind: str, **values: Any) -> ESH_PG_layer:
         """Append a layer to the density, select it and return it; ``values`` are those of its properties."""
@@ -271,8 +278,7 @@ class ESH_PG_class(PropertyGroup):
     def obstacle(self, target: bpy.types.Object) -> str | None:
         """Return what keeps this class from being scattered on ``target``, as one sentence, or None."""
         for number, layer in enumerate(self.layers, start=1):
-            missing = layer.obstacle(target, self.id_data) if layer.use else None
-            if missing:
+            if layer.use and (missing := layer.obstacle(target, self.id_data)):
                 where = f", layer {number}" if len(self.layers) > 1 else ""
                 return f'Class "{self.name}"{where}: {missing}'
         if self.direction_kind == "IMAGE" and self.direction_image is None:
@@ -280,21 +286,10 @@ class ESH_PG_class(PropertyGroup):
         if not self.sizes:
             return f'Class "{self.name}": add a size'
         for size in self.sizes:
-            if size.source is None:
-                what = "an object" if size.source_kind == "OBJECT" else "a collection"
-                return f"{self._where(size)}: choose {what} to place"
-            if size.source_deleted:
-                return f'{self._where(size)}: "{size.source.name}" was deleted; choose another object to place'
-            if size.source_kind != "OBJECT" and not size.source.all_objects:
-                return f'{self._where(size)}: collection "{size.source.name}" is empty; put objects to place into it'
-            if size.area_kind == "RANGE" and size.area_largest < size.area:
-                return f"{self._where(size)}: the largest area is smaller than the smallest"
-            if size.source == target:
-                return f"{self._where(size)}: the target cannot be placed on itself"
+            if missing := size.obstacle(target):
+                where = f', size "{size.name}"' if len(self.sizes) > 1 else ""
+                return f'Class "{self.name}"{where}: {missing}'
         return None
-
-    def _where(self, size: ESH_PG_size) -> str:
-        return f'Class "{self.name}"' + (f', size "{size.name}"' if len(self.sizes) > 1 else "")
 
     def as_argument(self) -> "ScatterClass":
         """Return this class as :func:`~esh.scatter` takes it."""

@@ -79,9 +79,9 @@ KINDS: dict[str, LayerKind] = {
     "SLOPE": LayerKind("Slope", "Where the ground is as steep as this", "IPO_LINEAR", SlopeDensity, "slope_"),
     "ALTITUDE": LayerKind("Altitude", "Between two heights", "EMPTY_SINGLE_ARROW", AltitudeDensity, "altitude_"),
     "FACING": LayerKind(
-        "Facing", "Where the ground slopes down in a direction", "ORIENTATION_NORMAL", FacingDensity, "facing_"
+        "Facing", "Where the ground slopes down towards a direction", "ORIENTATION_NORMAL", FacingDensity, "facing_"
     ),
-    "NOISE": LayerKind("Noise", "In patches without order", "FORCE_TURBULENCE", NoiseDensity, "noise_"),
+    "NOISE": LayerKind("Noise", "In random patches", "FORCE_TURBULENCE", NoiseDensity, "noise_"),
     "DISTANCE": LayerKind(
         "Near Objects",
         "Near objects or curves; inverted, away from them",
@@ -90,9 +90,7 @@ KINDS: dict[str, LayerKind] = {
         "distance_",
         ("source",),
     ),
-    "INSIDE": LayerKind(
-        "Inside Curve", "Inside of closed curves", "CURVE_NCIRCLE", InsideDensity, "inside_", ("source",)
-    ),
+    "INSIDE": LayerKind("Inside Curve", "Inside closed curves", "CURVE_NCIRCLE", InsideDensity, "inside_", ("source",)),
     "CLASS": LayerKind(
         "Another Class",
         "Where another class is; inverted, where it is not",
@@ -138,7 +136,7 @@ class ESH_PG_layer(PropertyGroup):
     KIND = "Layer"
 
     name: StringProperty(name="Name", description="Name of this layer. Empty: that of what it reads")
-    use: BoolProperty(name="Use", description="Whether this layer counts", default=True)
+    use: BoolProperty(name="Use", description="Whether this layer is used", default=True)
     kind: EnumProperty(
         name="Follow",
         description="What this layer reads",
@@ -147,7 +145,7 @@ class ESH_PG_layer(PropertyGroup):
     )
     use_curve: BoolProperty(
         name="Curve",
-        description="Change the values of this layer by a curve, from left to right what they are, upwards what they become",
+        description="Remap the values of this layer with a curve: from left to right the value that is read, upwards what it becomes",
         default=False,
         update=_curve_switched,
     )
@@ -170,7 +168,7 @@ class ESH_PG_layer(PropertyGroup):
     )
     source_kind: EnumProperty(
         name="Of",
-        description="What is looked at",
+        description="Which objects or curves the layer follows",
         items=(
             ("OBJECT", "Object", "One object, for example a curve", "OBJECT_DATA", 0),
             ("COLLECTION", "Collection", "All objects of a collection", "OUTLINER_COLLECTION", 1),
@@ -183,11 +181,11 @@ class ESH_PG_layer(PropertyGroup):
         description="The object: a curve, a mesh, or the result of another scatter",
     )
     source_collection: PointerProperty(
-        type=bpy.types.Collection, name="Collection", description="The collection whose objects are looked at"
+        type=bpy.types.Collection, name="Collection", description="The collection whose objects are used"
     )
     class_uid: IntProperty(name="Class", options={"HIDDEN"})
     class_name: StringProperty(
-        name="Class", description="The class whose density is looked at", get=_name_of_class, set=_choose_class
+        name="Class", description="The class whose density is used", get=_name_of_class, set=_choose_class
     )
     camera: PointerProperty(
         type=bpy.types.Object,

@@ -1,12 +1,9 @@
-"""Names in the sidebar's lists: no two the same, and known by those who refer to them."""
+"""Names in the sidebar's lists: no two the same, and known by those who refer to them.
 
-from typing import TYPE_CHECKING
+Properties call these functions when a name changes, so this module does not import their classes.
+"""
 
 from bpy.types import PropertyGroup
-
-if TYPE_CHECKING:
-    from .body_class import ESH_PG_class
-    from .scatter import ESH_PG_scatter
 
 __all__ = ["class_renamed", "keep_name_unused", "scatter_of", "scatter_renamed", "unused_name"]
 
@@ -32,8 +29,8 @@ def keep_name_unused(item: PropertyGroup, _context: object) -> None:
         item.name = name
 
 
-def class_renamed(item: "ESH_PG_class", context: object) -> None:
-    """Keep the name unused, and have the classes that may overlap this one know it by its new name."""
+def class_renamed(item: PropertyGroup, context: object) -> None:
+    """Keep the name of a class unused, and have the classes that may overlap this one know it by its new name."""
     keep_name_unused(item, context)
     before, item.known_name = item.known_name, item.name
     if before and before != item.name:
@@ -43,8 +40,8 @@ def class_renamed(item: "ESH_PG_class", context: object) -> None:
                 other.may_overlap = ", ".join(sorted(others))
 
 
-def scatter_renamed(item: "ESH_PG_scatter", context: object) -> None:
-    """Keep the name unused, and rename the result."""
+def scatter_renamed(item: PropertyGroup, context: object) -> None:
+    """Keep the name of a scatter unused, and rename its result."""
     from ..result import rename_result
 
     keep_name_unused(item, context)
@@ -53,6 +50,6 @@ def scatter_renamed(item: "ESH_PG_scatter", context: object) -> None:
         rename_result(result, item.name)
 
 
-def scatter_of(item: PropertyGroup) -> "ESH_PG_scatter":
+def scatter_of(item: PropertyGroup) -> PropertyGroup:
     """Return the scatter that a class belongs to."""
     return item.id_data.path_resolve(item.path_from_id().rpartition(".classes[")[0])

@@ -19,10 +19,10 @@ _SETTINGS = settings_of(ScatterObstacle)
 class ESH_PG_obstacle(PropertyGroup):
     """Something that the objects of a scatter keep off."""
 
-    use: BoolProperty(name="Use", description="Have objects keep off it", default=True)
+    use: BoolProperty(name="Use", description="Keep objects away from it", default=True)
     kind: EnumProperty(
         name="Keep Off",
-        description="What objects keep off",
+        description="What objects keep away from",
         items=(
             ("OBJECT", "Object", "One object: a mesh, a curve, or another scatter's result", "OBJECT_DATA", 0),
             ("COLLECTION", "Collection", "All objects of a collection", "OUTLINER_COLLECTION", 1),
@@ -30,12 +30,12 @@ class ESH_PG_obstacle(PropertyGroup):
         default="OBJECT",
     )
     item: PointerProperty(
-        type=bpy.types.Object, name="Object", description="The object that is kept free, seen from above"
+        type=bpy.types.Object, name="Object", description="The obstacle. What it covers, seen from above, stays free"
     )
     collection: PointerProperty(
         type=bpy.types.Collection,
         name="Collection",
-        description="The collection whose objects are kept free, seen from above",
+        description="The collection whose objects are obstacles. What they cover, seen from above, stays free",
     )
     width: property_of(_SETTINGS["width"])
     margin: property_of(_SETTINGS["margin"])

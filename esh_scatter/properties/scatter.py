@@ -17,6 +17,7 @@ from .. import checksums, words
 from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
+from .entries import entry_at
 from .names import scatter_renamed, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
@@ -42,12 +43,9 @@ def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
 @with_properties(
     ScatterSettings,
     BY_HAND,
-    class_separation={
-        "name": "Mix Classes",
-        "description": "0: each class is even alone, wherever the others are. 1: only all classes together are even, so they mix",
-    },
+    class_separation={"name": "Mix Classes"},
     size_emphasis={"name": "Large Ones First"},
-    max_steps={"name": "Steps at Most"},
+    max_steps={"name": "Max Steps"},
 )
 class ESH_PG_scatter(WithTarget, PropertyGroup):
     """One scatter: a target, what stands on it, and the report of its last run."""
@@ -64,7 +62,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     obstacle_index: IntProperty(name="Selected Obstacle", description="The obstacle that is shown below the list")
     keep_off_others: BoolProperty(
         name="Other Scatters",
-        description="Keep off what the scatters that were added before this one have placed on the same target",
+        description="Keep away from what scatters that were added earlier have placed on the same target",
         default=True,
     )
     result: PointerProperty(
@@ -73,21 +71,21 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     uid: IntProperty(options={"HIDDEN"})
     live: BoolProperty(
         name="Live",
-        description="Follow settings, painted images and weights, the target and the objects to place while they are changed. "
+        description="Update the result while settings, painted images and weights, the target or the objects to place change. "
         "What is far from a change stays where it is",
         default=False,
         update=_live_switched,
     )
     points_above: IntProperty(
         name="Points Above",
-        description="A result of more objects than this begins as points in the viewport. Renders have the objects",
+        description="Results with more objects than this are shown as points in the viewport at first. Renders show the objects",
         default=100_000,
         min=0,
         soft_max=10_000_000,
     )
     cap: IntProperty(
         name="Ask Above",
-        description="Before more objects than this are placed, ask, and say how long it will take",
+        description="Ask before placing more objects than this, and say how long it will take",
         default=1_000_000,
         min=1,
         soft_max=10_000_000,
@@ -99,12 +97,12 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
     @property
     def active_class(self) -> ESH_PG_class | None:
         """The selected class, or None."""
-        return self.classes[self.class_index] if 0 <= self.class_index < len(self.classes) else None
+        return entry_at(self.classes, self.class_index)
 
     @property
     def active_obstacle(self) -> ESH_PG_obstacle | None:
         """The selected obstacle, or None."""
-        return self.obstacles[self.obstacle_index] if 0 <= self.obstacle_index < len(self.obstacles) else None
+        return entry_at(self.obstacles, self.obstacle_index)
 
     def other_results(self) -> list[bpy.types.Object]:
         """Return what the scatters before this one have placed on the same target: those after it make room themselves."""

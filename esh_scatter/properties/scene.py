@@ -9,6 +9,7 @@ from bpy.types import PropertyGroup
 
 from ..versions import VERSION
 from .body_class import ESH_PG_class
+from .entries import entry_at
 from .names import unused_name
 from .scatter import ESH_PG_scatter
 
@@ -25,7 +26,7 @@ class ESH_PG_scene(PropertyGroup):
     @property
     def active(self) -> ESH_PG_scatter | None:
         """The selected scatter, or None."""
-        return self.scatters[self.scatter_index] if 0 <= self.scatter_index < len(self.scatters) else None
+        return entry_at(self.scatters, self.scatter_index)
 
     def add_scatter(self, target: bpy.types.Object | None) -> ESH_PG_scatter:
         """Append a scatter on ``target``, select it and return it."""

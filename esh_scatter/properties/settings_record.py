@@ -60,7 +60,7 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
 
 def _state_of(scatter: Any) -> list[Any]:
     """Return what the targets look like and where they stand; of a single object without a further list."""
-    found = [[checksums.of_shape(item), checksums.place_of(item)] for item in scatter.targets]
+    found = [[checksums.of_shape(item), checksums.pose_of(item)] for item in scatter.targets]
     return found[0] if scatter.target_kind == "OBJECT" else found
 
 
@@ -202,7 +202,7 @@ def _kept_off(scatter: Any) -> dict[str, Any]:
             [
                 round(one.width, 6),
                 round(one.margin, 6),
-                *([checksums.of_shape(i), checksums.place_of(i)] for i in one.items),
+                *([checksums.of_shape(i), checksums.pose_of(i)] for i in one.items),
             ]
             for one in scatter.obstacles
             if one.ready
@@ -232,7 +232,7 @@ def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], k
             names[f"{key}.{name}"] = value.name
             items = value.all_objects if isinstance(value, bpy.types.Collection) else [value]
             # Near to them, it counts where they stand.
-            values[name] = [[checksums.of_object(item), checksums.place_of(item)] for item in items]
+            values[name] = [[checksums.of_object(item), checksums.pose_of(item)] for item in items]
         elif isinstance(value, bpy.types.ID):
             names[f"{key}.{name}"] = value.name
             values[name] = _contents(value)
@@ -254,4 +254,4 @@ def _view(camera: bpy.types.Object | None) -> list[Any] | None:
     lens, render = camera.data, scene.render
     numbers = [lens.type, lens.lens, lens.ortho_scale, lens.sensor_fit, lens.sensor_width, lens.sensor_height]
     numbers += [lens.shift_x, lens.shift_y, render.resolution_x, render.resolution_y]
-    return [checksums.place_of(camera), *numbers, render.pixel_aspect_x, render.pixel_aspect_y]
+    return [checksums.pose_of(camera), *numbers, render.pixel_aspect_x, render.pixel_aspect_y]

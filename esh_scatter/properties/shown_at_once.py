@@ -1,18 +1,17 @@
-"""What the result shows at once when a setting of a class changes, without solving."""
+"""What the result shows at once when a setting of a class changes, without solving.
 
-from typing import TYPE_CHECKING
+The properties of a class call these functions, so this module does not import it.
+"""
 
 import bpy
+from bpy.types import PropertyGroup
 
 from .names import scatter_of
-
-if TYPE_CHECKING:
-    from .body_class import ESH_PG_class
 
 __all__ = ["paint_class_anew", "show_class_anew", "stand_class_anew"]
 
 
-def _points_of_class(body_class: "ESH_PG_class") -> tuple[bpy.types.Object, int] | None:
+def _points_of_class(body_class: PropertyGroup) -> tuple[bpy.types.Object, int] | None:
     """Return the result and the number that a class has in it, or None where it has no points."""
     from ..kept_ground import CLASSES_OF_POINTS
 
@@ -23,7 +22,7 @@ def _points_of_class(body_class: "ESH_PG_class") -> tuple[bpy.types.Object, int]
     return (result, uids.index(body_class.uid)) if body_class.uid in uids else None
 
 
-def stand_class_anew(body_class: "ESH_PG_class", _context: object) -> None:
+def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
     """Change in the result how the objects of a class stand; where that cannot be done, the result is out of date."""
     from ..kept_ground import can_stand_anew, stand_anew
 
@@ -34,7 +33,7 @@ def stand_class_anew(body_class: "ESH_PG_class", _context: object) -> None:
         scatter_of(body_class).ran_with = "{}"
 
 
-def paint_class_anew(body_class: "ESH_PG_class", _context: object) -> None:
+def paint_class_anew(body_class: PropertyGroup, _context: object) -> None:
     """Give the points of a class its colour."""
     from ..kept_ground import paint_points
 
@@ -42,7 +41,7 @@ def paint_class_anew(body_class: "ESH_PG_class", _context: object) -> None:
         paint_points(*found, tuple(body_class.color))
 
 
-def show_class_anew(body_class: "ESH_PG_class", _context: object) -> None:
+def show_class_anew(body_class: PropertyGroup, _context: object) -> None:
     """Show or hide the objects of a class."""
     from ..kept_ground import hide_points
 

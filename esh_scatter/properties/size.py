@@ -104,7 +104,7 @@ class ESH_PG_size(PropertyGroup):
     count: property_of(_SIZE["count"], default=100, min=1)
     share: property_of(
         _SIZE["share"],
-        description="The part of the class's summed footprints that this size gets. Shares need not add up to 1",
+        description="The part of the class's total footprint area that this size gets. Shares need not add up to 1",
         default=1.0,
         min=0.001,
         max=1000.0,
@@ -112,7 +112,7 @@ class ESH_PG_size(PropertyGroup):
     )
     area_kind: EnumProperty(
         name="Footprint",
-        description="How much ground one object takes. Larger footprints keep more distance",
+        description="How much ground one object takes up. Larger footprints keep more distance",
         items=(
             ("MESH", "From the Mesh", "Measure the object, seen from above", "MESH_DATA", 0),
             ("VALUE", "Area", "Enter the area", "FIXED_SIZE", 1),
@@ -122,7 +122,7 @@ class ESH_PG_size(PropertyGroup):
     )
     area: property_of(
         _SIZE["area"],
-        description="Ground that one object takes. No other object stands there, if there is enough room",
+        description="Ground that one object takes up. No other object stands on it if there is enough room",
         default=1.0,
         min=1e-6,
         soft_min=0.01,
@@ -131,7 +131,7 @@ class ESH_PG_size(PropertyGroup):
     )
     area_largest: FloatProperty(
         name="Largest",
-        description="Ground that the largest object takes",
+        description="Ground that the largest object takes up",
         default=2.0,
         min=1e-6,
         soft_min=0.01,
@@ -173,6 +173,20 @@ class ESH_PG_size(PropertyGroup):
         """Whether the object to place was deleted from its scene; as long as it is chosen here, it stays in the file."""
         chosen = self.source_kind == "OBJECT" and self.source_object is not None and self.source_was_in_scene
         return chosen and not in_a_scene(self.source_object)
+
+    def obstacle(self, target: bpy.types.Object) -> str | None:
+        """Return what keeps this size from being scattered on ``target``, or None."""
+        if self.source is None:
+            return f"choose {'an object' if self.source_kind == 'OBJECT' else 'a collection'} to place"
+        if self.source_deleted:
+            return f'"{self.source.name}" was deleted; choose another object to place'
+        if self.source_kind != "OBJECT" and not self.source.all_objects:
+            return f'collection "{self.source.name}" is empty; put objects to place into it'
+        if self.area_kind == "RANGE" and self.area_largest < self.area:
+            return "the largest area is smaller than the smallest"
+        if self.source == target:
+            return "the target cannot be placed on itself"
+        return None
 
     def as_argument(self, share: float | None = None) -> "ScatterSize":
         """Return this size as :func:`~esh.scatter` takes it; with a ``share`` where the class has the count."""

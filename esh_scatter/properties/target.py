@@ -30,7 +30,7 @@ class WithTarget:
     target: PointerProperty(
         type=bpy.types.Object,
         name="Target",
-        description="The mesh to scatter on. It is seen from above, unless the panel Surface says otherwise",
+        description="The mesh to scatter on. What is visible from above counts, unless the panel Surface says otherwise",
         poll=lambda _self, candidate: candidate.type == "MESH",
     )
     target_collection: PointerProperty(

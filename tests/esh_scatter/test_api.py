@@ -324,7 +324,7 @@ def test_an_outline_far_from_its_origin_still_lies_on_its_body_also_on_a_slope()
     far = new_object("Far", [(30, -5, 0), (31.6, -5, 0), (31.6, -4.8, 0), (30, -4.8, 0)], [(0, 1, 2, 3)])
     result = scatter(ground, [ScatterClass("far", [ScatterSize("one", 40, far)], direction=0.3)], **OPTIONS)
     job = ScatterJob(ground, [ScatterClass("far", [ScatterSize("one", 40, far)])], device="cpu")
-    on_ground = job.chart.lift(result.placement.position).position
+    on_ground = job.chart.surface_points(result.placement.position).position
     middles = []
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.is_instance and instance.parent.original == result.object:
@@ -380,10 +380,11 @@ def test_what_sharpening_clipped_is_in_the_report():
 
 
 def test_what_many_classes_share_is_read_once(monkeypatch):
-    from esh.esh_scatter import api, survey
+    from esh.esh_scatter import survey
+    from esh.esh_scatter.density_source import DensityReader
 
     read = {"density": 0, "outline": 0}
-    honest_density, honest_outline = api.DensityReader.class_density, survey.outline_of
+    honest_density, honest_outline = DensityReader.class_density, survey.outline_of
 
     def class_density(*arguments):
         read["density"] += 1
@@ -393,12 +394,12 @@ def test_what_many_classes_share_is_read_once(monkeypatch):
         read["outline"] += 1
         return honest_outline(*arguments)
 
-    monkeypatch.setattr(api.DensityReader, "class_density", class_density)
+    monkeypatch.setattr(DensityReader, "class_density", class_density)
     monkeypatch.setattr(survey, "outline_of", outline_of)
     source = quad("shared", 1.0)
     image = np.linspace(0.1, 1.0, 64).reshape(8, 8)
     classes = [ScatterClass(f"class {k}", [ScatterSize("s", 2, source)], density=image) for k in range(6)]
-    job = api.ScatterJob(quad(), classes, device="cpu")
+    job = ScatterJob(quad(), classes, device="cpu")
     assert read == {"density": 1, "outline": 1}
     assert len({id(c.density_image) for c in job.problem.classes}) == 1
 

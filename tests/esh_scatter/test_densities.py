@@ -14,7 +14,8 @@ from esh.esh_scatter.api import (  # noqa: E402
     VertexGroupDensity,
     scatter,
 )
-from esh.esh_scatter.densities import DensityReader, read_density  # noqa: E402
+from esh.esh_scatter.density_source import DensityReader  # noqa: E402
+from esh.esh_scatter.image_density import stored_density  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -124,7 +125,7 @@ class Places:
 
 
 def read_at(density, coordinates):
-    return DensityReader(Places(coordinates)).values(read_density(density, "key"), "key")
+    return DensityReader(Places(coordinates)).values(stored_density(density, "key"), "key")
 
 
 def test_images_are_linear_between_pixels_and_repeat():

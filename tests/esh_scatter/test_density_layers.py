@@ -9,7 +9,8 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.chart import Chart  # noqa: E402
-from esh.esh_scatter.densities import DensityReader, attribute_names, read_density  # noqa: E402
+from esh.esh_scatter.density_source import DensityReader, attribute_names  # noqa: E402
+from esh.esh_scatter.image_density import stored_density  # noqa: E402
 from esh.esh_scatter.target import read_target  # noqa: E402
 
 
@@ -51,7 +52,7 @@ def points_of(target, density=1.0, resolution=100):
 
 def values(target, density, resolution=100):
     """A density as an image, row 0 at the smallest y."""
-    read = read_density(density, "`density`")
+    read = stored_density(density, "`density`")
     found = DensityReader(points_of(target, density, resolution), {"it": read}).class_density("it")
     return found.reshape(-1, resolution)[::-1]
 
@@ -406,7 +407,7 @@ def test_what_says_the_same_is_known_by_it(ground):
     bpy.context.view_layer.update()
 
     def content(density):
-        read = read_density(density, "`density`")
+        read = stored_density(density, "`density`")
         reader = DensityReader(points_of(ground, density), {"it": read, "other": 0.5})
         return reader.content("it")
 

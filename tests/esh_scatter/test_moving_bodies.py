@@ -37,7 +37,7 @@ def test_bodies_are_seen_on_the_surface_in_the_colors_of_their_classes(job, monk
     job.solve(progress)
     assert len(seen) == 8 and all(points.shape == (50, 3) for points in seen)
     assert np.abs(seen[1] - seen[0]).max() > 0.0, "they move"
-    end = job.chart.lift(job.placement.position).position
+    end = job.chart.surface_points(job.placement.position).position
     assert np.abs(seen[-1][:, :2] - end[:, :2]).max() < 2.0
     slope = 0.3 * (seen[-1][:, 0] - 7.0)
     assert np.abs(seen[-1][:, 2] - slope).max() < 0.002 * 25.0 + 0.3 * 20.0 / 1024.0

@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
-from esh.esh_scatter import forecast, operators, panels, registration, running  # noqa: E402
+from esh.esh_scatter import forecast, operators, panel_parts, panels, registration, running  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
@@ -112,7 +112,7 @@ def draw_all(width: int = 300) -> list[str]:
     for cls in panels.CLASSES:
         if not hasattr(cls, "poll") or cls.poll(context):
             panel = SimpleNamespace(layout=Layout(drawn))
-            panel._column = lambda panel=panel: panels._SubPanel._column(panel)
+            panel._column = lambda panel=panel: panel_parts.SubPanel._column(panel)
             if hasattr(cls, "draw_header"):
                 cls.draw_header(panel, context)
             cls.draw(panel, context)

@@ -7,7 +7,16 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import exchange_operators, lists, menus, operators, panels, registration  # noqa: E402
+from esh.esh_scatter import (  # noqa: E402
+    class_panels,
+    exchange_operators,
+    lists,
+    menus,
+    operators,
+    panels,
+    registration,
+    report_panel,
+)
 from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
 
@@ -64,10 +73,13 @@ def test_every_class_is_listed_once_and_named_as_blender_wants():
     assert len(listed) == len(set(listed))
     for module, infix in zip(MODULES, INFIXES, strict=True):
         assert module.CLASSES
+        # The panels are registered in the order that they are drawn in, whichever module they are from.
+        parts = (panels, class_panels, report_panel) if module is panels else (module,)
         defined = {
             c
-            for c in vars(module).values()
-            if isinstance(c, type) and c.__name__.startswith(PREFIX) and c.__module__ == module.__name__
+            for part in parts
+            for c in vars(part).values()
+            if isinstance(c, type) and c.__name__.startswith(PREFIX) and c.__module__ == part.__name__
         }
         assert set(module.CLASSES) == defined
         assert all(cls.__name__.startswith(f"ESH{infix}") for cls in module.CLASSES)

@@ -77,7 +77,7 @@ def test_long_bodies_keep_their_direction_and_look_both_ways():
 
 def test_offsets_go_along_the_normal_however_bodies_stand():
     stood = stand(esh.Standing(align_to_normal=0.0, offset=-0.5), points(3, normal=(0.6, 0.0, 0.8)), 0)
-    np.testing.assert_allclose(stood.lift, [[-0.3, 0.0, -0.4]] * 3, atol=1e-6)
+    np.testing.assert_allclose(stood.to_origin, [[-0.3, 0.0, -0.4]] * 3, atol=1e-6)
 
 
 def test_more_points_leave_the_earlier_ones_as_they_are():

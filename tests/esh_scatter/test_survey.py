@@ -16,7 +16,7 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterSize,
     VertexGroupDensity,
 )
-from esh.esh_scatter.densities import DensityReader  # noqa: E402
+from esh.esh_scatter.density_source import DensityReader  # noqa: E402
 from esh.esh_scatter.survey import Survey  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 5}

@@ -74,8 +74,8 @@ def forces(launcher, problem):
     model = Model(problem)
     descent = SurfaceDescent(model, launcher)
     charges = descent.charges
-    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, descent.field_at_charge)
-    return model, descent, descent.field_at_charge.numpy().astype(np.float64)
+    descent.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+    return model, descent, charges.field.numpy().astype(np.float64)
 
 
 def direct(launcher, model, descent):
@@ -101,7 +101,7 @@ def direct(launcher, model, descent):
     force = pull(position, normal, charge * matrix[group][:, group], lambda square: 1.0 / square)
     tiles, count = empty_points(launcher, descent.facets.tile_count), descent.facets.tile_count
     launcher.launch(
-        kernels_facets.place_tiles,
+        kernels_facets.locate_tiles,
         count,
         [descent.facets.count, descent.ground.facets],
         [tiles.position, tiles.normal, tiles.label],
@@ -136,11 +136,11 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     side = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     surface = Surface(SurfaceMesh(side, [[0, 1, 2], [0, 2, 3]]))
     _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
-    near = descent.cascade._near_target.numpy() * 900
+    near = descent.cascade._target_nearby.force.numpy() * 900
     count = descent.facets.corner_count
     position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
     launcher.launch(
-        kernels_facets.place_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
+        kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
     )
     place = position.numpy()
     inside = np.abs(place[:, :2]).max(axis=1) < 11.0

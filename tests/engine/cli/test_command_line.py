@@ -365,6 +365,23 @@ def test_one_run_writes_for_several_programs(folder, capfd):
         assert bodies.class_name == ("pine", "beech")
 
 
+@pytest.mark.parametrize("command", [("batch", "--seeds", "0:2"), ("tiles",)], ids=lambda command: command[0])
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--gpus", "nan"), "--gpus: must be a number from 0 to 64; got 'nan'"),
+        (("--gpus", "-1"), "--gpus: must be a number from 0 to 64; got '-1'"),
+        (("--workers", "-1"), "--workers: must be a whole number of at least 0; got '-1'"),
+    ],
+)
+def test_long_runs_take_the_same_options(folder, capfd, command, words, expected):
+    with pytest.raises(SystemExit) as left:
+        command_line.main([command[0], "forest.toml", "-o", "out", *command[1:], *words])
+    assert left.value.code == 2
+    assert expected in capfd.readouterr().err
+    assert not (folder / "out").exists()
+
+
 def test_assets_are_checked_before_the_run(folder, capfd):
     (folder / "pine.glb").write_bytes(b"")
     for words, complaint in (

@@ -173,20 +173,20 @@ def test_a_machine_without_the_recipe_s_folder_makes_the_same(recipe, tmp_path):
     from dataclasses import replace
 
     from esh.engine.files.recipe import ParsedRecipe, parse_recipe
-    from esh.engine.scenes.scene import Scene, scene_files
+    from esh.engine.scenes.scene import Scene, solved_scene
 
     parsed = parse_recipe(recipe)
     parameters = {"class[pine].size[1].count": 12}
     here = Scene(3, 7, parameters, parsed, recipe.parent, tmp_path / "out" / "000003", "cpu", 4, (".npz",))
-    expected = scene_files(here)
+    expected = solved_scene(here)
     inputs = {"images/pine.png": (recipe.parent / "images" / "pine.png").read_bytes()}
     # There, the paths of here lead nowhere.
     there = replace(here, recipe=ParsedRecipe(Path("/nowhere/forest.toml"), parsed.entries))
-    made = scene_files(there, inputs)
+    made = solved_scene(there, inputs)
     assert made["placement.npz"] == expected["placement.npz"]
     assert made["recipe.toml"] == expected["recipe.toml"]
     assert b'density = "../../in/images/pine.png"' in made["recipe.toml"]
-    failed = json.loads(scene_files(replace(there, parameters={"class[1].size[1].count": 0}), inputs)["report.json"])
+    failed = json.loads(solved_scene(replace(there, parameters={"class[1].size[1].count": 0}), inputs)["report.json"])
     assert failed["error"].startswith("/nowhere/forest.toml: ")
 
 

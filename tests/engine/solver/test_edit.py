@@ -8,7 +8,8 @@ import pytest
 import warp as wp
 from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Problem, ProblemError, Size, Solver
 from esh.engine.quality.coverage import coverage_error
-from esh.engine.solver.edit import CarriedOver, carry_over
+from esh.engine.solver.carried_over import CarriedOver
+from esh.engine.solver.edit import carry_over
 from esh.engine.solver.model import Model
 
 DOMAIN = Domain((64.0, 64.0))

@@ -1,4 +1,4 @@
-"""The chart from above: how much surface lies in every cell, what is read there, and where points are lifted to."""
+"""The chart from above: how much surface lies in every cell, what is read there, and where points are found to."""
 
 import numpy as np
 import pytest
@@ -57,26 +57,26 @@ def test_the_topmost_surface_is_seen_whichever_way_its_faces_look():
     mesh = triangles(low + high, [(0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6)])
     view = TopView(mesh)
     assert view.cast(np.array([[1.0, 1.0], [3.0, 1.0], [5.0, 1.0]]))[0].tolist() == [2, 0, -1]
-    lifted = Chart(mesh, resolution=32).lift(np.array([[1.0, 1.0], [3.0, 1.0]]))
-    np.testing.assert_allclose(lifted.position[:, 2], [2.0, 0.0], atol=1e-6)
-    np.testing.assert_allclose(lifted.normal, [[0, 0, 1], [0, 0, 1]], atol=1e-9)
+    found = Chart(mesh, resolution=32).surface_points(np.array([[1.0, 1.0], [3.0, 1.0]]))
+    np.testing.assert_allclose(found.position[:, 2], [2.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(found.normal, [[0, 0, 1], [0, 0, 1]], atol=1e-9)
 
 
 def test_points_are_lifted_straight_up_onto_the_surface():
     chart = Chart(slope(40.0), resolution=64)
     position = np.random.default_rng(0).uniform(0.0, [10.0, 5.0], (300, 2))
-    lifted = chart.lift(position)
-    np.testing.assert_allclose(lifted.position[:, :2], position + [2.0, 3.0], atol=1e-9)
-    np.testing.assert_allclose(lifted.position[:, 2], position[:, 0] * np.tan(np.radians(40.0)), atol=1e-9)
+    found = chart.surface_points(position)
+    np.testing.assert_allclose(found.position[:, :2], position + [2.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(found.position[:, 2], position[:, 0] * np.tan(np.radians(40.0)), atol=1e-9)
     expected = [-np.sin(np.radians(40.0)), 0.0, np.cos(np.radians(40.0))]
-    np.testing.assert_allclose(lifted.normal, np.tile(expected, (300, 1)), atol=1e-6)
-    np.testing.assert_allclose(lifted.rectangle_coordinates(), position / [10.0, 5.0], atol=1e-9)
+    np.testing.assert_allclose(found.normal, np.tile(expected, (300, 1)), atol=1e-6)
+    np.testing.assert_allclose(found.rectangle_coordinates(), position / [10.0, 5.0], atol=1e-9)
 
 
 def test_points_beside_the_surface_come_to_its_nearest_point():
     mesh = triangles([(0, 0, 1), (4, 0, 1), (0, 4, 1)], [(0, 1, 2)])
-    lifted = Chart(mesh, resolution=64).lift(np.array([[2.05, 2.05]])).position
-    np.testing.assert_allclose(lifted, [[2.0, 2.0, 1.0]], atol=1e-5)
+    found = Chart(mesh, resolution=64).surface_points(np.array([[2.05, 2.05]])).position
+    np.testing.assert_allclose(found, [[2.0, 2.0, 1.0]], atol=1e-5)
 
 
 def test_what_the_mesh_says_is_interpolated_within_its_faces():
@@ -88,7 +88,7 @@ def test_what_the_mesh_says_is_interpolated_within_its_faces():
         uv_map={"map": np.array([(0, 0), (0, 1), (1, 1), (0, 0), (1, 1), (1, 0)], np.float32)},
         active_uv_map="map",
     )
-    points = Chart(mesh, resolution=64).lift(np.array([[2.5, 1.0], [7.5, 2.0], [2.5, 4.0]]))
+    points = Chart(mesh, resolution=64).surface_points(np.array([[2.5, 1.0], [7.5, 2.0], [2.5, 4.0]]))
     np.testing.assert_allclose(points.vertex_group("right", "k"), [0.25, 0.75, 0.25], atol=1e-6)
     np.testing.assert_allclose(points.attribute("face", "k"), [5, 5, 7])
     # u of this map runs along y, v along x.
@@ -143,7 +143,7 @@ def test_whoever_lies_in_a_cell_with_surface_stays_where_it_is():
     chosen = np.tile(np.arange(len(row)), 20)
     x, y = rng.random((2, len(chosen)))
     position = np.column_stack([column[chosen] + x, chart.shape[0] - 1 - row[chosen] + y]) * chart.cell
-    np.testing.assert_allclose(chart.lift(position).position[:, :2] - chart.origin, position, atol=1e-6)
+    np.testing.assert_allclose(chart.surface_points(position).position[:, :2] - chart.origin, position, atol=1e-6)
 
 
 def test_a_surface_as_narrow_as_its_cells_keeps_them():

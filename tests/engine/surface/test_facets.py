@@ -65,7 +65,7 @@ def test_a_place_on_a_tile_is_found_again(launcher):
     count = facets.tile_count
     position, normal = launcher.empty(count, wp.vec3), launcher.empty(count, wp.vec3)
     label = launcher.empty(count, wp.int32)
-    launcher.launch(kernels_facets.place_tiles, count, [facets.count, on_device], [position, normal, label])
+    launcher.launch(kernels_facets.locate_tiles, count, [facets.count, on_device], [position, normal, label])
     facet, weight = facets.tiles(np.arange(facets.count))
     expected = np.einsum("nk,nkd->nd", weight, facets.corner[facet])
     np.testing.assert_allclose(position.numpy(), expected, atol=2e-5)
@@ -74,7 +74,7 @@ def test_a_place_on_a_tile_is_found_again(launcher):
     inner = np.einsum("nk,nkd->nd", weight, facets.corner[facet]).reshape(count, 9, 3)
     np.testing.assert_allclose(inner.mean(axis=1), expected, atol=1e-9)
     corners = launcher.empty(facets.corner_count, wp.vec3), launcher.empty(facets.corner_count, wp.int32)
-    launcher.launch(kernels_facets.place_corners, facets.corner_count, [facets.count, on_device], corners)
+    launcher.launch(kernels_facets.locate_corners, facets.corner_count, [facets.count, on_device], corners)
     far = np.linalg.norm(corners[0].numpy() - expected[corners[1].numpy()], axis=1)
     assert far.max() < TILE
 

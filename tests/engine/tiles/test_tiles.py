@@ -42,7 +42,7 @@ name = "beech"
 density = "beech.png"
 [[class.size]]
 name = "any"
-area = [0.5, 1.5]
+area = 1.0
 count = 2400
 """
 
@@ -82,6 +82,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def test_every_body_is_there_once_and_inside_its_tile_and_density(recipe, tmp_path):
+    recipe.write_text(RECIPE.replace("area = 1.0", "area = [0.5, 1.5]"))
     out = tmp_path / "out"
     bodies = solved(recipe, out)
     assert np.array_equal(bodies["id"], np.arange(1001 + 2003 + 2400))

@@ -9,16 +9,16 @@ import numpy as np
 from ..problem.problem import Problem
 from .density import box_integrals
 
-__all__ = ["survey", "typical_spacing"]
+__all__ = ["counts_in_cells", "typical_spacing"]
 
 # Cells along the longer side on which the typical spacing and the space that bodies may use are measured.
-SURVEY_CELLS = 256
+CELLS = 256
 
 
-def survey(problem: Problem) -> np.ndarray:
+def counts_in_cells(problem: Problem) -> np.ndarray:
     """Asked number of bodies in every cell of a coarse grid over the domain, shape ``[rows, columns]``, float64."""
     size = problem.rectangle.size
-    rows, columns = (max(1, round(SURVEY_CELLS * length / max(size))) for length in size[::-1])
+    rows, columns = (max(1, round(CELLS * length / max(size))) for length in size[::-1])
     share = {id(c.density_image): c.density_image for c in problem.classes}
     share = {key: box_integrals(image, (rows, columns)) for key, image in share.items()}
     return np.sum([c.body_count * share[id(c.density_image)] for c in problem.classes], axis=0)
@@ -26,7 +26,7 @@ def survey(problem: Problem) -> np.ndarray:
 
 def typical_spacing(problem: Problem) -> float:
     """Spacing [m] of charges at the number density that the average body sees."""
-    number = survey(problem)
+    number = counts_in_cells(problem)
     cell_area = problem.domain.area / number.size
     spacing = math.sqrt(cell_area * number.sum() / (number**2).sum())
     return spacing * math.sqrt(problem.body_count / problem.charge_count)

@@ -10,7 +10,7 @@ from ..problem.footprint import convex_hull
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
 
-__all__ = ["Outline", "outline"]
+__all__ = ["Outline", "outline_from_above"]
 
 # Rays along the longer side of the bounding rectangle: outlines are right to better than 1 %.
 RESOLUTION = 512
@@ -46,7 +46,7 @@ class Outline:
         return self.length > LONGEST_DOT * self.width
 
 
-def outline(mesh: TriangleMesh) -> Outline:
+def outline_from_above(mesh: TriangleMesh) -> Outline:
     """Measure the outline of a mesh; an area of 0 where all its faces stand upright."""
     view = TopView(mesh)
     size = view.high[:2] - view.low[:2]

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ..engine.errors import ProblemError
-from ..engine.surface.footprint import Outline, outline
+from ..engine.surface.mesh_outline import Outline, outline_from_above
 from ..engine.surface.triangle_mesh import TriangleMesh
 from .target import members_of, read_triangles, world_matrix
 
@@ -87,7 +87,7 @@ def outline_of(mesh: TriangleMesh, key: str) -> Outline:
     Raises:
         ProblemError: All of its faces stand upright.
     """
-    footprint = outline(mesh)
-    if not 0.0 < footprint.area < np.inf:
+    found = outline_from_above(mesh)
+    if not 0.0 < found.area < np.inf:
         raise ProblemError(f"{key} must be given in m²: {mesh.name} covers no ground seen from above")
-    return footprint
+    return found

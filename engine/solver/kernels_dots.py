@@ -1,0 +1,293 @@
+"""Kernels that move dots: bodies of a single charge, without angle or length.
+
+The CPU takes several bodies at once where all of them are dots that nothing holds, and elsewhere one after the other, as a GPU does:
+both compute the same, to the last bit.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..space.kernels_images import Images
+from ..space.kernels_lanes import LANES, LANES_OF_SPACE
+from ..space.kernels_mesh import Mesh, nearest_node
+from ..space.kernels_space import Space, along_border, difference
+from . import kernels_direction
+from .body_flags import BodyFlags
+from .kernels_descent import (
+    PINNED,
+    Bodies,
+    Charges,
+    Motion,
+    Steps,
+    first_step,
+    limited,
+    move_of,
+    slide,
+    squared_residual,
+)
+from .kernels_direction import add_products
+
+__all__ = ["DOTS_AT_ONCE", "move_dots", "propose_dots"]
+
+wp.set_module_options({"enable_backward": False})
+
+# Bodies that an element of these kernels has on the CPU.
+DOTS_AT_ONCE = wp.constant(LANES)
+
+# What both kernels start with: which bodies these are, and how numbers of each of them are read.
+_OF_DOTS = f"""
+    {LANES_OF_SPACE}
+    typedef float Q __attribute__((ext_vector_type(4), aligned(4)));
+    auto lanes = [](auto of) -> V {{ return V{{{", ".join(f"of({k})" for k in range(LANES))}}}; }};
+    const I line = *(const I*)(bodies.line.data + start), flags = *(const I*)(bodies.flags.data + start);
+    if (!all((line < 0) & ((flags & {int(BodyFlags.PINNED)}) == 0))) return 0;
+    const int* __restrict__ charge = bodies.first_charge.data + start;
+    auto limited = [](V& x, V& y, V limit)
+    {{
+        const V length = __builtin_elementwise_sqrt(x * x + y * y);
+        const V factor = length > limit ? limit / length : (V)1.0f;
+        x *= factor;
+        y *= factor;
+    }};
+"""
+
+_PROPOSE = f"""
+#if defined(__CUDA_ARCH__)
+    return 0;
+#else
+    {_OF_DOTS}
+    const float* __restrict__ at = (const float*)charges.position.data;
+    const float* __restrict__ field = (const float*)charges.field.data;
+    const V x = lanes([&](int k) {{ return at[2 * charge[k]]; }}), y = lanes([&](int k) {{ return at[2 * charge[k] + 1]; }});
+    V move_x = along_border(lanes([&](int k) {{ return field[2 * charge[k]]; }}), x, size_x);
+    V move_y = along_border(lanes([&](int k) {{ return field[2 * charge[k] + 1]; }}), y, size_y);
+    const I node = nearest_nodes(x, y);
+    const int* __restrict__ group = bodies.group.data + start;
+    const int nodes = mesh.count_x * mesh.count_y;
+    const V length = lanes([&](int k) {{ return steps.length.data[group[k] * nodes + node[k]]; }});
+    const V limit = lanes([&](int k) {{ return steps.limit.data[node[k]]; }});
+    move_x *= length;
+    move_y *= length;
+    limited(move_x, move_y, 2.0f * limit);
+    float* __restrict__ moves = (float*)(motion.move.data + start);
+    const float* __restrict__ displacements = (const float*)(motion.displacement.data + start);
+    const V change_x = lanes([&](int k) {{ return moves[4 * k]; }}) - move_x;
+    const V change_y = lanes([&](int k) {{ return moves[4 * k + 1]; }}) - move_y;
+    const V last_x = lanes([&](int k) {{ return displacements[4 * k]; }});
+    const V last_y = lanes([&](int k) {{ return displacements[4 * k + 1]; }});
+    float* __restrict__ changes = (float*)(motion.change.data + start);
+    for (int k = 0; k < L; ++k)
+    {{
+        *(Q*)(moves + 4 * k) = Q{{move_x[k], move_y[k], 0.0f, 0.0f}};
+        *(Q*)(changes + 4 * k) = Q{{change_x[k], change_y[k], 0.0f, 0.0f}};
+    }}
+
+    const V weight = lanes([&](int k) {{ return bodies.charge.data[charge[k]]; }}) / length;
+    const V of_last_x = weight * last_x, of_last_y = weight * last_y;
+    const V of_change_x = weight * change_x, of_change_y = weight * change_y;
+    V squared = move_x * move_x + move_y * move_y;
+    if (in_contact != 0) squared = __builtin_elementwise_min(squared, last_x * last_x + last_y * last_y);
+    const V values[] = {{
+        of_last_x * change_x + of_last_y * change_y,
+        of_last_x * last_x + of_last_y * last_y,
+        of_change_x * change_x + of_change_y * change_y,
+        of_last_x * move_x + of_last_y * move_y,
+        of_change_x * move_x + of_change_y * move_y,
+        weight * move_x * move_x + weight * move_y * move_y,
+        squared / (4.0f * limit * limit),
+    }};
+    // As kernels_direction.add_all adds those of one body.
+    typedef long long W __attribute__((ext_vector_type({LANES})));
+    const int slots = sums.shape[2];
+    long long* to = (long long*)sums.data + (size_t)thread * sums.shape[1] * slots + (start & (slots - 1));
+    const float most = {kernels_direction.LARGEST_SUMMAND}f;
+    for (int k = 0; k < {kernels_direction.BROKEN}; ++k)
+    {{
+        const V bounded = values[k] > -most ? (values[k] > most ? (V)most : values[k]) : (V)(-most);
+        to[k * slots] += __builtin_reduce_add(__builtin_convertvector(bounded * {kernels_direction.SUM_SCALE}f, W));
+    }}
+    const I sound = values[{kernels_direction.M_M}] + values[{kernels_direction.S_S}] < 1e38f;
+    to[{kernels_direction.BROKEN} * slots] += L + __builtin_reduce_add(sound);
+    return 1;
+#endif
+"""
+
+
+@wp.func_native(_PROPOSE)
+def propose_lanes(
+    start: int,
+    thread: int,
+    charges: Charges,
+    bodies: Bodies,
+    steps: Steps,
+    mesh: Mesh,
+    space: Space,
+    in_contact: int,
+    motion: Motion,
+    sums: wp.array3d(dtype=wp.int64),
+) -> int: ...
+
+
+@wp.func
+def propose_dot(
+    i: int,
+    thread: int,
+    charges: Charges,
+    bodies: Bodies,
+    steps: Steps,
+    space: Space,
+    in_contact: int,
+    motion: Motion,
+    sums: wp.array3d(dtype=wp.int64),
+):
+    """The move that the force on a dot asks for, and what it changed by since the last step."""
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+        return
+    charge = bodies.first_charge[i]
+    at = charges.position[charge]
+    force = along_border(charges.field[charge], at, space)
+    node = nearest_node(at, steps.mesh)
+    length = steps.length[first_step(bodies.group[i], steps) + node]
+    limit = steps.limit[node]
+    # Beyond a spacing no move is more than a direction.
+    wanted = limited(force * length, 2.0 * limit)
+    new = wp.vec4(wanted[0], wanted[1], 0.0, 0.0)
+    changed = motion.move[i] - new
+    last = motion.displacement[i]
+    motion.move[i] = new
+    motion.change[i] = changed
+    weight = bodies.charge[charge] / length
+    rest = squared_residual(wp.length_sq(wanted), wp.length_sq(last), limit, in_contact)
+    add_products(sums, thread, i, wp.vec4(weight, weight, 0.0, 0.0), last, changed, new, rest)
+
+
+@wp.kernel
+def propose_dots(
+    first: int,
+    thread: int,
+    body_count: int,
+    at_once: int,
+    charges: Charges,
+    bodies: Bodies,
+    steps: Steps,
+    space: Space,
+    in_contact: int,
+    # outputs
+    motion: Motion,
+    sums: wp.array3d(dtype=wp.int64),
+):
+    """The moves that the forces on dots ask for, and what they changed by since the last step; an element has ``at_once`` bodies."""
+    start = (first + wp.tid()) * at_once
+    done = int(0)
+    if at_once == DOTS_AT_ONCE and start + at_once <= body_count:
+        done = propose_lanes(start, thread, charges, bodies, steps, steps.mesh, space, in_contact, motion, sums)
+    if done == 0:
+        for i in range(start, wp.min(start + at_once, body_count)):
+            propose_dot(i, thread, charges, bodies, steps, space, in_contact, motion, sums)
+
+
+_MOVE = f"""
+#if defined(__CUDA_ARCH__)
+    return 0;
+#else
+    {_OF_DOTS}
+    float* __restrict__ poses = (float*)(pose.data + start);
+    float* __restrict__ displacements = (float*)(motion.displacement.data + start);
+    const float* __restrict__ moves = (const float*)(motion.move.data + start);
+    const float* __restrict__ changes = (const float*)(motion.change.data + start);
+    const V x = lanes([&](int k) {{ return poses[4 * k]; }}), y = lanes([&](int k) {{ return poses[4 * k + 1]; }});
+    const float of_move = direction.data[0], of_displacement = direction.data[1], of_change = direction.data[2];
+    auto in_direction = [&](int axis) -> V
+    {{
+        return of_move * lanes([&](int k) {{ return moves[4 * k + axis]; }})
+            + of_displacement * lanes([&](int k) {{ return displacements[4 * k + axis]; }})
+            + of_change * lanes([&](int k) {{ return changes[4 * k + axis]; }});
+    }};
+    V move_x = in_direction(0), move_y = in_direction(1);
+    const I node = nearest_nodes(x, y);
+    limited(move_x, move_y, lanes([&](int k) {{ return steps.limit.data[node[k]]; }}));
+    const V new_x = confined(x + move_x, size_x), new_y = confined(y + move_y, size_y);
+    // Those that would leave the support slide along its edge, one by one.
+    const I support = *(const I*)(bodies.support.data + start);
+    if (!all(support == support[0])) return 0;
+    const I pixel = pixels(new_x, new_y, images.height.data[support[0]], images.width.data[support[0]]);
+    const float* __restrict__ image = images.pixel.data + images.start.data[support[0]];
+    if (!all(lanes([&](int k) {{ return image[pixel[k]]; }}) > 0.0f)) return 0;
+    const V gone_x = way(x, new_x, size_x), gone_y = way(y, new_y, size_y);
+    float* __restrict__ at = (float*)charge_position.data;
+    for (int k = 0; k < L; ++k)
+    {{
+        *(Q*)(poses + 4 * k) = Q{{new_x[k], new_y[k], 0.0f, 0.0f}};
+        *(Q*)(displacements + 4 * k) = Q{{gone_x[k], gone_y[k], 0.0f, 0.0f}};
+        at[2 * charge[k]] = new_x[k];
+        at[2 * charge[k] + 1] = new_y[k];
+    }}
+    return 1;
+#endif
+"""
+
+
+@wp.func_native(_MOVE)
+def move_lanes(
+    start: int,
+    direction: wp.array(dtype=float),
+    bodies: Bodies,
+    steps: Steps,
+    mesh: Mesh,
+    images: Images,
+    space: Space,
+    motion: Motion,
+    pose: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
+) -> int: ...
+
+
+@wp.func
+def move_dot(
+    i: int,
+    direction: wp.array(dtype=float),
+    bodies: Bodies,
+    steps: Steps,
+    images: Images,
+    space: Space,
+    motion: Motion,
+    pose: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
+):
+    """Move a dot in the direction that was found; it stays in the support."""
+    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+        return
+    old = wp.vec2(pose[i][0], pose[i][1])
+    d = move_of(i, direction, motion)
+    wanted = old + limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(old, steps.mesh)])
+    new = slide(old, wanted, bodies.support[i], images, space)
+    shift = difference(old, new, space)
+    pose[i] = wp.vec4(new[0], new[1], 0.0, 0.0)
+    motion.displacement[i] = wp.vec4(shift[0], shift[1], 0.0, 0.0)
+    charge_position[bodies.first_charge[i]] = new
+
+
+@wp.kernel
+def move_dots(
+    first: int,
+    body_count: int,
+    at_once: int,
+    direction: wp.array(dtype=float),
+    bodies: Bodies,
+    steps: Steps,
+    images: Images,
+    space: Space,
+    # outputs
+    motion: Motion,
+    pose: wp.array(dtype=wp.vec4),
+    charge_position: wp.array(dtype=wp.vec2),
+):
+    """Move dots in the direction that was found; they stay in the support. An element has ``at_once`` bodies."""
+    start = (first + wp.tid()) * at_once
+    done = int(0)
+    if at_once == DOTS_AT_ONCE and start + at_once <= body_count:
+        done = move_lanes(start, direction, bodies, steps, steps.mesh, images, space, motion, pose, charge_position)
+    if done == 0:
+        for i in range(start, wp.min(start + at_once, body_count)):
+            move_dot(i, direction, bodies, steps, images, space, motion, pose, charge_position)

@@ -1,0 +1,61 @@
+"""Kernels that say where bodies in contact are to go so that they stay even."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..space.kernels_mesh import nearest_node
+from ..space.kernels_space import Space, confine
+from .kernels_descent import Bodies, Charges, Steps
+from .kernels_outlines import Outlines
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def take_poses(
+    first: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    space: Space,
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+):
+    """Poses in the model's order, of outlines in theirs."""
+    i = first + wp.tid()
+    at = confine(wp.vec2(place[i][0], place[i][1]), space)
+    pose[outlines.body[i]] = wp.vec4(at[0], at[1], place[i][2], outlines.length[i])
+
+
+@wp.kernel
+def find_homes(
+    first: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    charges: Charges,
+    bodies: Bodies,
+    steps: Steps,
+    farthest: float,
+    space: Space,
+    # outputs
+    home: wp.array(dtype=wp.vec4),
+):
+    """Where the forces would have every body, at most so far from where it is."""
+    i = first + wp.tid()
+    body = outlines.body[i]
+    begin = bodies.first_charge[body]
+    end = bodies.first_charge[body + 1]
+    own = place[i]
+    p = confine(wp.vec2(own[0], own[1]), space)
+    force = wp.vec2(0.0, 0.0)
+    total = float(0.0)
+    for j in range(begin, end):
+        force += bodies.charge[j] * charges.field[j]
+        total += bodies.charge[j]
+    length = steps.length[bodies.group[body] * (steps.mesh.count_x * steps.mesh.count_y) + nearest_node(p, steps.mesh)]
+    way = force * (length / total)
+    far = wp.length(way)
+    if far > farthest:
+        way = way * (farthest / far)
+    q = confine(p + way, space)
+    home[i] = wp.vec4(q[0], q[1], own[2], 0.0)
