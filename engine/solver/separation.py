@@ -10,25 +10,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
-from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
+from .footprint_tables import FootprintTables, footprint_tables, numbered
 from .guidance import Guidance
 from .model import Model
 from .spatial_order import spatial_order
 
-__all__ = ["Separation", "footprint_tables"]
+__all__ = ["Separation"]
 
 # Depth of an overlap that counts, and how far apart outlines are put, in widths of the narrower one.
 TOLERANCE = 1e-3
@@ -107,105 +106,6 @@ MOST_IMAGES = 8
 SPARE = 1.2
 
 
-@dataclass(frozen=True, eq=False)
-class FootprintTables:
-    """Outlines as contact takes them; lengths in metres, arrays of shape ``[n]`` unless said otherwise.
-
-    Attributes:
-        corners: Corners of every shape, one after the other, with the outward normals of their edges, shape ``[m, 4]``.
-        start: Where those of a shape begin, and at the end their number, shape ``[shapes + 1]``.
-        shape: Which shape a body has.
-        factor: How many times as large its core is.
-        rounding: Radius around its core.
-        reach: Distance of its farthest point from its position.
-        width: Its smallest width.
-        area: Its area.
-        inertia: Integral of the squared distance from its position over its inside [m⁴].
-    """
-
-    corners: np.ndarray
-    start: np.ndarray
-    shape: np.ndarray
-    factor: np.ndarray
-    rounding: np.ndarray
-    reach: np.ndarray
-    width: np.ndarray
-    area: np.ndarray
-    inertia: np.ndarray
-
-
-def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.ndarray) -> FootprintTables:
-    """Outlines with the room that they keep for themselves.
-
-    Args:
-        footprints: The outlines.
-        length: Length of every line's axis [m].
-        width: Thickness of every line [m].
-    """
-    is_line = footprints.shape == CAPSULE
-    own_shape, own_room = footprints.shape[~is_line], footprints.room[~is_line]
-    kind = _numbered(own_shape, _ranked(own_room))
-    # One body of each kind.
-    example = np.zeros(int(kind.max(initial=-1)) + 1, np.int64)
-    example[kind] = np.arange(len(kind))
-    outlines = [footprints.shapes[int(own_shape[body])].with_room(float(own_room[body])) for body in example]
-    cores = [outline.corners for outline in outlines]
-    # The axis of a line, of half length 1.
-    cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
-    capsule = len(cores) - 1
-    start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    shape = np.full(len(is_line), capsule, np.int32)
-    shape[~is_line] = kind
-    room, around = footprints.room, 0.5 * footprints.gap
-    half = 0.5 * length * room
-    factor = np.where(is_line, half, footprints.factor)
-    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in outlines]
-    rounding, narrow, reach, square = np.array([*own, (0.0, 0.0, 1.0, 0.0)]).T[:, shape]
-    rounding = np.where(is_line, 0.5 * width * room, rounding * factor) + around
-    area = footprints.areas(length, width, apart=True)
-    # Of a capsule, as of a rod of its length; the room around others makes them a little larger.
-    inertia = np.where(is_line, (half + rounding) ** 2 / 3.0, square * factor**2 + around**2) * area
-    return FootprintTables(
-        np.concatenate([np.hstack([core, _normals(core)]) for core in cores]),
-        start,
-        shape,
-        factor,
-        rounding,
-        np.where(is_line, half, reach * factor) + rounding,
-        np.where(is_line, 2.0 * rounding, narrow * factor + 2.0 * around),
-        area,
-        inertia,
-    )
-
-
-def _normals(core: np.ndarray) -> np.ndarray:
-    if len(core) == 1:
-        return np.zeros((1, 2))
-    edge = np.roll(core, -1, axis=0) - core
-    return np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(*edge.T)[:, None]
-
-
-def _ranked(values: np.ndarray) -> np.ndarray:
-    """Which of the different values that there are, from the smallest one on, every one is, shape ``[n]``."""
-    if not len(values) or (values == values[0]).all():
-        # As a rule: there is nothing to sort.
-        return np.zeros(len(values), np.int64)
-    return np.unique(values, return_inverse=True)[1].ravel()
-
-
-def _numbered(*keys: np.ndarray) -> np.ndarray:
-    """Number of every combination of whole numbers among the different ones that there are, in their order, shape ``[n]``."""
-    number = np.zeros(len(keys[0]), np.int64)
-    for key in keys if len(number) else ():
-        low, high = int(key.min()), int(key.max())
-        number = number * (high - low + 1) + (key - low)
-        # After every key only as many as there are, so that the numbers stay small.
-        there = np.zeros(int(number.max()) + 1, bool)
-        there[number] = True
-        number = (np.cumsum(there) - 1)[number]
-    return number
-
-
 class Separation:
     """Parts the outlines of a model's bodies.
 
@@ -236,7 +136,6 @@ class Separation:
         self._count = n = model.body_count
         domain = model.problem.rectangle
         self._space = model.space.for_kernels()
-        self._inset = int(domain.inset)
         unit = model.unit
         given = pose.numpy()
         length = given[:, 3].astype(np.float64) * unit
@@ -253,10 +152,7 @@ class Separation:
         level = self._near.footprints.level.numpy()[order]
         self._near.footprints.level.assign(level)
         # Images that are farther than the nearest one matter where two bodies reach over half a period.
-        largest = 2.0 * float((reach + skin).max())
-        self._image_range = wp.vec2i(
-            *(min(MOST_IMAGES, int(largest / side + 0.5)) if domain.periodic else 0 for side in model.size)
-        )
+        periods = model.space.images_within(2.0 * float((reach + skin).max()), MOST_IMAGES)
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         mass = tables.area / tables.area.mean()
@@ -275,6 +171,13 @@ class Separation:
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         self._prepare_bins(tables, is_round, pinned)
         self._make_arrays(given, angle)
+        self._crowd = kernels_pairs.Crowd()
+        self._crowd.place, self._crowd.outlines, self._crowd.neighbours = (
+            self._place,
+            self._outlines,
+            self._near.for_kernels,
+        )
+        self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
@@ -302,10 +205,10 @@ class Separation:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.float32)[order], dtype=float, device=device)
+            return self.launcher.array(values.astype(np.float32)[order], float)
 
         def whole(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
+            return self.launcher.array(values.astype(np.int32), wp.int32)
 
         corners = np.diff(tables.start)[tables.shape][order]
         first = np.concatenate([[0], np.cumsum(corners)])
@@ -337,7 +240,7 @@ class Separation:
             self._may_swap = np.zeros(self._count, bool)
         else:
             step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
-            bin_of = _numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
+            bin_of = numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
             count = int(bin_of.max()) + 1
             useful = np.zeros(count, bool)
             useful[bin_of[(may & ~is_round)[self._order]]] = True
@@ -348,9 +251,10 @@ class Separation:
             members = members[np.argsort(narrow[members], kind="stable")]
             start = np.concatenate([[0], np.cumsum(np.bincount(bin_of[members], minlength=count))])
         device = self.launcher.device
-        self._bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
-        self._bin_start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)
-        self._bin_member = wp.array(
+        self._bins = kernels_trials.Bins()
+        self._bins.bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
+        self._bins.start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)
+        self._bins.member = wp.array(
             (members if len(members) else np.zeros(1)).astype(np.int32), dtype=wp.int32, device=device
         )
         self._swap_reach = 2.0 * float(tables.reach[self._order][members].max(initial=0.0)) / self._model.unit
@@ -362,10 +266,11 @@ class Separation:
         values = values[self._order]
         self._start = values
         self._place = wp.array(values, dtype=wp.vec4, device=launcher.device)
-        self._home = wp.clone(self._place)
-        self._built = wp.clone(self._place)
-        self._last_move = launcher.zeros(n, wp.vec4)
-        self._moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        moves = kernels_separation.Moves()
+        moves.home, moves.built = wp.clone(self._place), wp.clone(self._place)
+        moves.last = launcher.zeros(n, wp.vec4)
+        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        self._moves = moves
         self._settings = wp.zeros(5, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
@@ -388,11 +293,41 @@ class Separation:
         parted = self._try(go_on, hot=False)
         if parted is False and self._fixed and self._swappable and not self._too_crowded:
             self._place.assign(self._start)
-            self._home.assign(self._start)
+            self._moves.home.assign(self._start)
             parted = self._try(go_on, hot=True)
         self._write_back()
+        if self._model.may_bend.any():
+            self._straighten()
         self._forget()
         return bool(parted)
+
+    def _straighten(self) -> None:
+        """Let lines bend no farther than there is room: they were parted as if they were straight."""
+        launcher, n = self.launcher, self._count
+        self._turn_corners()
+        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
+        launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
+        # Bodies as they lie in space; those that are bent are looked for as far as they reach.
+        reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
+        near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        near.sort(self._place)
+        launcher.launch(
+            kernels_bends.find_room,
+            n,
+            [
+                self._place,
+                self._outlines,
+                near.near,
+                near.cell_start,
+                near.grid,
+                self._image_range,
+                self._inset,
+                widest,
+            ],
+            [room],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:
         """Let go of what was recorded, where there is something."""
@@ -418,7 +353,7 @@ class Separation:
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
-        self._last_move.zero_()
+        self._moves.last.zero_()
         self._rebuild()
         if self._swappable and self._fixed and self._covered <= 1.0:
             # The more that fit where they are, the less they need to move.
@@ -448,7 +383,7 @@ class Separation:
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
-                guidance.lead(self._place, self._outlines, self._home)
+                guidance.lead(self._place, self._outlines, self._moves.home)
             self._find()
             if number % ROUNDS_AT_ONCE == 0 and number < guided:
                 if go_on is not None and not go_on():
@@ -488,19 +423,10 @@ class Separation:
     def _rebuild(self) -> None:
         """List the pairs that are near."""
         launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
-        launcher.launch(kernels_pairs.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
+        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
         self._turn_corners()
         near.sort(self._place)
-        search = [
-            self._place,
-            self._outlines,
-            near.near,
-            near.footprints.level,
-            near.cell_start,
-            near.grid,
-            self._image_range,
-            max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n)),
-        ]
+        search = [self._crowd, max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n))]
         launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
         start = np.zeros(n + 1, np.int64)
         np.cumsum(pairs.count.numpy(), out=start[1:])
@@ -511,6 +437,7 @@ class Separation:
             pairs.push = launcher.empty(self._slots, wp.vec4)
             pairs.depth = launcher.empty(self._slots, float)
             self._seconds = CellSort(launcher, self._slots, n + 1)
+            pairs.second_start, pairs.second_slot = self._seconds.cell_start, self._seconds.order
             self._forget()
         pairs.start.assign(start.astype(np.int32))
         launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
@@ -535,7 +462,7 @@ class Separation:
         self.launcher.launch(
             kernels_separation.find_pushes,
             self._count,
-            [self._place, self._outlines, self._space.size, self._settings],
+            [self._crowd, self._settings],
             [self._pairs],
             grain=GRAIN_OF_NEIGHBOURS,
         )
@@ -544,21 +471,8 @@ class Separation:
         self.launcher.launch(
             kernels_separation.move_apart,
             self._count,
-            [
-                self._outlines,
-                self._pairs,
-                self._seconds.cell_start,
-                self._seconds.order,
-                self._home,
-                self._built,
-                self._bodies,
-                self._bend,
-                self._images,
-                self._space,
-                self._inset,
-                self._settings,
-            ],
-            [self._place, self._last_move, self._moved_far],
+            [self._pairs, self._bodies, self._bend, self._images, self._settings],
+            [self._crowd, self._moves],
             grain=GRAIN_OF_NEIGHBOURS,
             per_thread=True,
         )
@@ -573,7 +487,7 @@ class Separation:
     @property
     def _strayed(self) -> int:
         """Bodies that are farther than their skins from where they were when pairs were listed."""
-        return int(self._moved_far.numpy().sum())
+        return int(self._moves.moved_far.numpy().sum())
 
     def _move(self) -> None:
         assert self._one_round is not None
@@ -584,16 +498,7 @@ class Separation:
         self.launcher.launch(
             kernels_separation.measure_overlaps,
             self._count,
-            [
-                self._place,
-                self._outlines,
-                self._pairs,
-                self._seconds.cell_start,
-                self._seconds.order,
-                self._space,
-                self._inset,
-                TOLERANCE,
-            ],
+            [self._crowd, self._pairs, TOLERANCE],
             [self._deep, self._touching, self._cost],
             grain=GRAIN_OF_NEIGHBOURS,
         )
@@ -613,27 +518,18 @@ class Separation:
         candidates = max(1, min(CANDIDATES, PLACES_TO_TRY // len(stuck)))
         stuck = stuck[:PLACES_TO_TRY]
         device = self.launcher.device
-        near = self._near
-        near.sort(self._place)
+        self._near.sort(self._place)
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
         self.launcher.launch(
             kernels_trials.propose_swaps,
             len(stuck),
             [
                 wp.array(stuck.astype(np.int32), dtype=wp.int32, device=device),
-                self._bin,
-                self._bin_start,
-                self._bin_member,
+                self._bins,
                 candidates,
                 keep,
                 (self._model.problem.seed * 7919 + number) % (1 << 31),
-                self._place,
-                self._outlines,
-                near.near,
-                near.cell_start,
-                near.grid,
-                self._image_range,
-                self._inset,
+                self._crowd,
                 self._cost,
             ],
             [partner, gain],
@@ -643,35 +539,28 @@ class Separation:
         proposed = np.flatnonzero(found >= 0)
         proposed = proposed[np.argsort(-gained[proposed], kind="stable")]
         one, other = stuck[proposed], found[proposed]
-        place, home, last = self._place.numpy().copy(), self._home.numpy().copy(), self._last_move.numpy().copy()
+        place, home, last = self._place.numpy().copy(), self._moves.home.numpy().copy(), self._moves.last.numpy().copy()
         chosen = self._compatible(one, other, place)
         one, other = one[chosen], other[chosen]
         both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
         place[both, :2], home[both, :2] = place[swapped, :2], home[swapped, :2]
         last[both] = 0.0
         self._place.assign(place)
-        self._home.assign(home)
-        self._last_move.assign(last)
+        self._moves.home.assign(home)
+        self._moves.last.assign(last)
         if len(one):
             self._rebuild()
         return len(one)
 
     def _turn_first(self) -> None:
         """Turn bodies that may turn, where they are, so that they overlap less."""
-        launcher, n, near = self.launcher, self._count, self._near
+        launcher, n = self.launcher, self._count
         angle, gain, cost = (launcher.zeros(n, float) for _ in range(3))
         turned = launcher.zeros(n, wp.int32)
-        near.sort(self._place)
-        search = [self._outlines, near.near, near.cell_start, near.grid]
+        self._near.sort(self._place)
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
-            launcher.launch(
-                kernels_trials.find_costs,
-                n,
-                [self._place, *search, self._image_range, self._inset],
-                [cost],
-                grain=GRAIN_OF_NEIGHBOURS,
-            )
+            launcher.launch(kernels_trials.find_costs, n, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBOURS)
             launcher.launch(
                 kernels_trials.propose_turns,
                 n,
@@ -681,20 +570,16 @@ class Separation:
                     self._trial_corners,
                     KEEP_TURNS,
                     (self._model.problem.seed * 7919 + (1 << 20) + number) % (1 << 31),
-                    self._place,
-                    *search,
-                    self._image_range,
-                    self._inset,
                     cost,
                 ],
-                [self._outlines.corner, angle, gain],
+                [self._crowd, angle, gain],
                 grain=8,
             )
             launcher.launch(
                 kernels_trials.accept_turns,
                 n,
-                [angle, gain, *search, self._place],
-                [self._place, turned],
+                [angle, gain],
+                [self._crowd, turned],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             self._turn_corners()
@@ -722,12 +607,7 @@ class Separation:
         place = self._place.numpy()
         pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
         lines, order = self._is_line[self._order], self._order
-        size = np.array(self._model.size, np.float32)
-        position = place[:, :2].copy()
-        if self._model.problem.rectangle.periodic:
-            position -= np.floor(position / size) * size
-            position[position >= size] = 0.0
-        pose[order, :2] = position
+        pose[order, :2] = self._model.space.wrapped(place[:, :2])
         pose[order[lines], 2] = place[lines, 2]
         dots = ~lines
         turn[order[dots]] = place[dots, 2]
