@@ -52,9 +52,10 @@ if TYPE_CHECKING:
     from .engine.surface.instances import Instances
     from .engine.surface.mesh_outline import Outline
     from .engine.tiles.tiles import TileState, solve_tiles
-    from .esh_scatter.amount import Amount
     from .esh_scatter.api import ScatterClass, ScatterJob, ScatterResult, ScatterSize, scatter
-    from .esh_scatter.densities import (
+    from .esh_scatter.classes.amount import Amount
+    from .esh_scatter.classes.object_outline import measure_footprint
+    from .esh_scatter.densities.kinds import (
         AltitudeDensity,
         AttributeDensity,
         CameraDensity,
@@ -70,9 +71,8 @@ if TYPE_CHECKING:
         SlopeDensity,
         VertexGroupDensity,
     )
-    from .esh_scatter.exchange import export_result, import_placement
-    from .esh_scatter.object_outline import measure_footprint
-    from .esh_scatter.obstacles import ScatterObstacle
+    from .esh_scatter.result.exchange import export_result, import_placement
+    from .esh_scatter.solving.obstacles import ScatterObstacle
 
 __all__ = [
     "__version__",
@@ -170,38 +170,38 @@ __all__ = [
 
 # Public name -> module that holds it. Those of `esh_scatter` need Blender, as an application or as pip's `bpy`.
 _MODULES = {
-    "AltitudeDensity": ".esh_scatter.densities",
-    "Amount": ".esh_scatter.amount",
-    "AttributeDensity": ".esh_scatter.densities",
+    "AltitudeDensity": ".esh_scatter.densities.kinds",
+    "Amount": ".esh_scatter.classes.amount",
+    "AttributeDensity": ".esh_scatter.densities.kinds",
     "Balance": ".engine.problem.balance",
     "Bodies": ".engine.files.bodies",
     "BodyClass": ".engine.problem.body_class",
     "BodyFlags": ".engine.solver.body_flags",
-    "CameraDensity": ".esh_scatter.densities",
-    "ClassDensity": ".esh_scatter.densities",
+    "CameraDensity": ".esh_scatter.densities.kinds",
+    "ClassDensity": ".esh_scatter.densities.kinds",
     "ClassReport": ".engine.problem.report",
     "Cover": ".engine.problem.cover",
-    "Density": ".esh_scatter.densities",
-    "DensityLayer": ".esh_scatter.densities",
-    "DensityStack": ".esh_scatter.densities",
+    "Density": ".esh_scatter.densities.kinds",
+    "DensityLayer": ".esh_scatter.densities.kinds",
+    "DensityStack": ".esh_scatter.densities.kinds",
     "DeviceError": ".engine.errors",
-    "DistanceDensity": ".esh_scatter.densities",
+    "DistanceDensity": ".esh_scatter.densities.kinds",
     "Domain": ".engine.problem.domain",
     "Edit": ".engine.solver.solver",
     "EshError": ".engine.errors",
-    "FacingDensity": ".esh_scatter.densities",
+    "FacingDensity": ".esh_scatter.densities.kinds",
     "Footprint": ".engine.problem.footprint",
     "Footprints": ".engine.problem.footprint",
     "FixedBodies": ".engine.problem.fixed_bodies",
     "FixedBody": ".engine.problem.fixed_bodies",
-    "ImageDensity": ".esh_scatter.densities",
+    "ImageDensity": ".esh_scatter.densities.kinds",
     "Ink": ".engine.problem.color_separation",
     "InkModel": ".engine.problem.color_separation",
     "InputFileError": ".engine.errors",
-    "InsideDensity": ".esh_scatter.densities",
+    "InsideDensity": ".esh_scatter.densities.kinds",
     "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.line",
-    "NoiseDensity": ".esh_scatter.densities",
+    "NoiseDensity": ".esh_scatter.densities.kinds",
     "Outline": ".engine.surface.mesh_outline",
     "Obstacle": ".engine.problem.obstacles",
     "Placement": ".engine.problem.placement",
@@ -215,13 +215,13 @@ _MODULES = {
     "Report": ".engine.problem.report",
     "ScatterClass": ".esh_scatter.api",
     "ScatterJob": ".esh_scatter.api",
-    "ScatterObstacle": ".esh_scatter.obstacles",
+    "ScatterObstacle": ".esh_scatter.solving.obstacles",
     "ScatterResult": ".esh_scatter.api",
     "ScatterSettings": ".engine.problem.scatter_settings",
     "ScatterSize": ".esh_scatter.api",
     "Size": ".engine.problem.size",
     "SizeReport": ".engine.problem.report",
-    "SlopeDensity": ".esh_scatter.densities",
+    "SlopeDensity": ".esh_scatter.densities.kinds",
     "Solver": ".engine.solver.solver",
     "Standing": ".engine.problem.scatter_settings",
     "State": ".engine.solver.state",
@@ -234,15 +234,15 @@ _MODULES = {
     "SurfaceVectors": ".engine.problem.surface_directions",
     "TileState": ".engine.tiles.tiles",
     "Unsharp": ".engine.problem.body_class",
-    "VertexGroupDensity": ".esh_scatter.densities",
+    "VertexGroupDensity": ".esh_scatter.densities.kinds",
     "cover_of": ".engine.problem.cover",
     "draw_plan": ".engine.drawing.plan",
-    "export_result": ".esh_scatter.exchange",
+    "export_result": ".esh_scatter.result.exchange",
     "halftone_problem": ".engine.problem.color_separation",
-    "import_placement": ".esh_scatter.exchange",
+    "import_placement": ".esh_scatter.result.exchange",
     "ink_colors": ".engine.problem.color_separation",
     "load_placement": ".engine.files.placement_reader",
-    "measure_footprint": ".esh_scatter.object_outline",
+    "measure_footprint": ".esh_scatter.classes.object_outline",
     "read_color": ".engine.files.image_files",
     "read_density": ".engine.files.image_files",
     "read_fixed_bodies": ".engine.files.fixed_files",

@@ -31,8 +31,7 @@ from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.field.splitting import split_variance
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solve import solve
-from esh.engine.solver.descent import Descent
-from esh.engine.solver.model import Model
+from esh.engine.solver.solver import Solver
 from problems import SQUARE, problem_of
 from quality import quality_table
 
@@ -185,12 +184,11 @@ def force_evaluations(
 
 def other_libraries(python: Path, launcher: Launcher, count: int) -> dict[str, float]:
     """Seconds that other libraries take to evaluate the same forces."""
-    descent = Descent(Model(problem_of(count)), launcher)
-    position = (np.random.default_rng(0).random((count, 2)) * descent.model.size).astype(np.float32)
+    with Solver(problem_of(count), device=launcher.device.alias) as solver:
+        size, cutoff = solver.model.size, solver.descent.field.cutoff
+    position = (np.random.default_rng(0).random((count, 2)) * size).astype(np.float32)
     # As many modes as the same split needs for an accuracy of 1e-3, over twice the domain.
-    modes = 2 * math.ceil(
-        LAST_WAVE / math.sqrt(split_variance(descent.field.cutoff)) * max(descent.model.size) / math.pi
-    )
+    modes = 2 * math.ceil(LAST_WAVE / math.sqrt(split_variance(cutoff)) * max(size) / math.pi)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "points.npz"
         np.savez(path, position=position.astype(np.float64), charge=np.ones(count), modes=modes)

@@ -57,11 +57,11 @@ def solve(
     with Solver(problem, device=device, profile=profile) as solver:
         watched = _Watched(progress)
         steps, converged = solver.run(max_steps, None if progress is None else watched)
-        parted = solver.separate(None if progress is None else watched.go_on)
+        solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):
             placement = solver.placement()
             report = measure(placement, solver.launcher)
-        converged = converged and (parted or not report.overlaps)
+        converged = converged and not (problem.avoid_overlap and report.overlaps)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
 

@@ -18,8 +18,9 @@ from ..engine.problem.scatter_settings import ScatterSettings, Standing
 from ..engine.problem.settings import takes
 from ..engine.problem.validation import show
 from ..engine.solver.solver import Progress
-from .amount import Amount
-from .densities import (
+from .classes.amount import Amount
+from .classes.scatter_class import ScatterClass, ScatterSize
+from .densities.kinds import (
     AltitudeDensity,
     AttributeDensity,
     CameraDensity,
@@ -34,10 +35,9 @@ from .densities import (
     SlopeDensity,
     VertexGroupDensity,
 )
-from .job import ScatterJob, ScatterResult
-from .obstacles import ObstacleSource, ScatterObstacle
-from .scatter_class import ScatterClass, ScatterSize
-from .targets import Target
+from .solving.job import ScatterJob, ScatterResult
+from .solving.obstacles import ObstacleSource, ScatterObstacle
+from .targets.targets import Target
 
 __all__ = [
     "AltitudeDensity",

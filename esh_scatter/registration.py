@@ -4,20 +4,12 @@ import atexit
 
 import bpy
 
-from . import (
-    density_preview,
-    exchange_operators,
-    forecast,
-    lists,
-    live,
-    menus,
-    operators,
-    painting,
-    panels,
-    running,
-    versions,
-)
+from . import operators, versions
+from .editing import forecast, painting
+from .operators import exchange as exchange_operators
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
+from .sidebar import density_preview, lists, menus, panels
+from .solving import live, running
 
 __all__ = ["register", "unregister"]
 

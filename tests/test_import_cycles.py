@@ -97,7 +97,7 @@ def test_the_exceptions_are_needed_and_are_for_types_only():
 def test_imports_of_every_kind_are_seen():
     imports = graph()
     assert "engine.solver.solver" in imports["engine.solve"], "at the top"
-    assert "esh_scatter.live" in imports["esh_scatter.properties.scatter"], "of a package, in a function"
+    assert "esh_scatter.solving.live" in imports["esh_scatter.properties.scatter"], "of a package, in a function"
     assert "engine.problem.problem" in imports["engine.problem.feasibility"], "for types"
     assert "benchmarks.figures_of_color" in imports["benchmarks.figures"], "of a script beside it"
     assert "engine.device.launcher" in imports["benchmarks.figures"], "by the package's name"

@@ -172,12 +172,14 @@ def test_the_reference_of_the_api_has_every_public_name():
 
 
 def test_contributing_has_the_rooms_as_they_are_held():
-    spec = importlib.util.spec_from_file_location("test_rooms", ROOT / "tests" / "engine" / "test_rooms.py")
+    spec = importlib.util.spec_from_file_location("test_rooms", ROOT / "tests" / "test_rooms.py")
     rooms = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(rooms)
     table = TEXT["CONTRIBUTING.md"].partition("## The rooms")[2].partition("\n\n`errors.py`")[0]
     rows = re.findall(r"^\| `(\w+)` \|.*\| ([^|]*) \|$", table, re.MULTILINE)
     assert {room: set(re.findall(r"`(\w+)(?:\.py)?`", below)) for room, below in rows} == rooms.MAY_IMPORT
+    table = TEXT["CONTRIBUTING.md"].partition("| room or file |")[2].partition("\n\n")[0]
+    assert tuple(re.findall(r"^\| `(\w+)(?:/|\.py)` \|", table, re.MULTILINE)) == rooms.BLENDER_ORDER
 
 
 def test_contributing_names_every_file_that_draws_random_numbers():

@@ -104,14 +104,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    formats = one_of(f"{ending} ({writer.what})" for ending, writer in WRITERS.items())
-    models = one_of(f"{name} (default)" if name == DEFAULT_MODEL else name for name in INK_MODELS)
     parser = _Parser(
         prog="esh-scatter",
         description="Place objects by electrostatic sampling: exact counts, density images, several classes and sizes at once.",
     )
     parser.add_argument("--version", action="version", version=f"esh-scatter {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    _add_solve(commands)
+    add_batch(commands, _whole)
+    add_tiles(commands, _whole)
+    _add_separate(commands)
+    return parser
+
+
+def _add_solve(commands: argparse._SubParsersAction) -> None:
+    """Declare ``solve``."""
+    formats = one_of(f"{ending} ({writer.what})" for ending, writer in WRITERS.items())
     solve = commands.add_parser(
         "solve",
         help="place the bodies that a recipe describes",
@@ -161,8 +169,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     solve.add_argument("--profile", action="store_true", help="print how long each phase took")
     solve.add_argument("--quiet", action="store_true", help="show no progress bar and no report")
-    add_batch(commands, _whole)
-    add_tiles(commands, _whole)
+
+
+def _add_separate(commands: argparse._SubParsersAction) -> None:
+    """Declare ``separate``."""
+    models = one_of(f"{name} (default)" if name == DEFAULT_MODEL else name for name in INK_MODELS)
     separate = commands.add_parser(
         "separate",
         help="split a colour image into inks",
@@ -186,7 +197,6 @@ def _parser() -> argparse.ArgumentParser:
     separate.add_argument(
         "--overwrite", action="store_true", help="replace files of other content that lie in the folder already"
     )
-    return parser
 
 
 def _positive(text: str) -> float:

@@ -179,14 +179,19 @@ def _bands(
             passed = tuple(color[channel] for color in colors)
             # Red, green and blue of black ink are alike.
             if passed not in drawn:
-                light = np.ones((samples.rows, samples.columns), dtype=np.float32)
-                for mask, value in zip(masks, passed, strict=True):
-                    if value != 1.0:
-                        np.multiply(light, np.float32(value), out=light, where=mask)
-                blocks = light.reshape(len(result), supersampling, shape[1], supersampling)
+                blocks = _light(masks, passed, samples).reshape(len(result), supersampling, shape[1], supersampling)
                 drawn[passed] = blocks.mean(axis=(1, 3), dtype=np.float64)
             result[..., channel] = drawn[passed]
         yield rows, result
+
+
+def _light(masks: Sequence[np.ndarray], passed: Sequence[float], samples: _Samples) -> np.ndarray:
+    """Light of one channel that comes back from every sample, where each ink passes on so much of it."""
+    light = np.ones((samples.rows, samples.columns), dtype=np.float32)
+    for mask, value in zip(masks, passed, strict=True):
+        if value != 1.0:
+            np.multiply(light, np.float32(value), out=light, where=mask)
+    return light
 
 
 @dataclass(frozen=True)

@@ -97,10 +97,8 @@ class Field:
         fewest_nodes: int | None = None,
         smooth: bool = False,
     ) -> None:
-        self.launcher = launcher
-        self.space = space
-        self.group_count = len(targets)
-        self.charge_count = len(charge)
+        self.launcher, self.space = launcher, space
+        self.group_count, self.charge_count = len(targets), len(charge)
         device = launcher.device
         images, charge_of_image, self.image_of_class = _distinct_images(targets)
         uniform = all(float(np.ptp(image)) == 0.0 for image in images)
@@ -116,39 +114,26 @@ class Field:
         )
         self.cutoff = cutoff_of(self.layout, blur_over_spacing * spacing if smooth else 0.0)
         self.mesh = self.layout.for_kernels()
-        self.node_count = node_count = self.layout.node_count
+        self.node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._charge = wp.array(charge, dtype=float, device=device)
-        self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
+        self._charge = launcher.array(charge, float)
+        self._charge_group = launcher.array(charge_group, wp.int32)
         self._choose_cells()
-
-        n = self.charge_count
-        self._cell_sort = CellSort(launcher, n, self.cells.count_x * self.cells.count_y)
-        self._sorted = self._room_for_sorted()
-        self._node_charge = launcher.zeros(self.group_count * node_count, wp.int64)
-        self._potential = launcher.empty(self.group_count * node_count, float)
-
-        # Charges that follow each image: those of a group by what it has of its charge.
-        share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
-        number = np.bincount(charge_group, minlength=len(targets)) @ share
-        attracting = interaction @ charge_of_image
-        family = np.zeros(len(targets), np.int32) if family is None else np.asarray(family, np.int32)
-        same = family[:, None] == family[None, :]
-        self.images = images
-        self.deposited = deposit_images(launcher, images, self.layout)
-        self.attraction = mix_images(launcher, self.deposited, attracting, node_count)
-        self.mean_attraction = attracting.sum(axis=1) / (node_count * self.layout.node_area)
+        self._make_room()
+        self._lay_images(images, interaction @ charge_of_image)
         self._influence = launcher.kept(
             ("influence", self.layout, self.cutoff), lambda: far_influence(self._convolution, self.layout, self.cutoff)
         )
+        family = np.zeros(len(targets), np.int32) if family is None else np.asarray(family, np.int32)
+        same = family[:, None] == family[None, :]
         self._correction = TargetCorrection(
             launcher,
             space=space,
             images=images,
             attraction=np.stack([(interaction * same) @ charge_of_image, (interaction * ~same) @ charge_of_image]),
             sharper=sharper,
-            number=number.tolist(),
+            number=_followers(charge_of_image, charge_group),
             spacing=spacing,
             uniform=uniform,
             charge=charge,
@@ -165,15 +150,18 @@ class Field:
         self._blurred = self._blurred_by(sharper)
         self._corrected = self._correction.for_kernels()
 
-    def _room_for_sorted(self) -> kernels_cells.SortedCharges:
-        """Room for the charges in the order of their cells."""
+    def _make_room(self) -> None:
+        """Room for the charges in the order of their cells, and for what is on the mesh."""
         launcher, room = self.launcher, self.charge_count + kernels_field.LANES
+        self._cell_sort = CellSort(launcher, self.charge_count, self.cells.count_x * self.cells.count_y)
         charges = kernels_cells.SortedCharges()
         charges.order, charges.cell_start = self._cell_sort.order, self._cell_sort.cell_start
         charges.x, charges.y, charges.charge = (launcher.zeros(room, float) for _ in range(3))
         charges.group = launcher.empty(self.charge_count, wp.int32)
         charges.weight, charges.weight_stride = launcher.zeros(self.group_count * room, float), room
-        return charges
+        self._sorted = charges
+        self._node_charge = launcher.zeros(self.group_count * self.node_count, wp.int64)
+        self._potential = launcher.empty(self.group_count * self.node_count, float)
 
     def _blurred_by(self, sharper: float) -> kernels_field.Blurred:
         """How sorted charges are blurred; ``sharper`` is what the variance between two families is divided by."""
@@ -194,6 +182,13 @@ class Field:
         cells.inverse_size = wp.vec2(counts[0] / self.space.size[0], counts[1] / self.space.size[1])
         cells.space = self.space.for_kernels()
         self.cells = cells
+
+    def _lay_images(self, images: list[np.ndarray], attracting: np.ndarray) -> None:
+        """Lay the images on the mesh; ``attracting`` is the charge of each that every group sees, shape ``[groups, images]``."""
+        self.images = images
+        self.deposited = deposit_images(self.launcher, images, self.layout)
+        self.attraction = mix_images(self.launcher, self.deposited, attracting, self.node_count)
+        self.mean_attraction = attracting.sum(axis=1) / (self.node_count * self.layout.node_area)
 
     def evaluate(self, position: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -278,6 +273,13 @@ class Field:
             grain=max(1, GRAIN * 8 // (at_once * self.group_count**2)),
         )
         self._convolution.apply(self._influence, self._potential)
+
+
+def _followers(charge_of_image: np.ndarray, charge_group: np.ndarray) -> list[float]:
+    """Number of charges that follow each image: those of a group by what it has of its charge."""
+    share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
+    number = np.bincount(charge_group, minlength=len(share)) @ share
+    return number.tolist()
 
 
 def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray, dict[int, int]]:

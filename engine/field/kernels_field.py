@@ -226,13 +226,16 @@ def correction_at(at: wp.vec2, group: int, variance: float, correction: Correcti
     nodes = correction.mesh.count_x * correction.mesh.count_y
     base = correction.row[group] * correction.levels.shape[0] * nodes
     scale = correction.scale[group]
+    total = wp.vec2(0.0, 0.0)
     if correction.levels.shape[0] == 1:
-        return scale * potential_gradient(at, base, correction.mesh, correction.potential)
-    level, place = level_of(variance, correction.levels)
-    base += level * nodes
-    below = potential_gradient(at, base, correction.mesh, correction.potential)
-    above = potential_gradient(at, base + nodes, correction.mesh, correction.potential)
-    return scale * (below + place * (above - below))
+        total = scale * potential_gradient(at, base, correction.mesh, correction.potential)
+    else:
+        level, place = level_of(variance, correction.levels)
+        base += level * nodes
+        below = potential_gradient(at, base, correction.mesh, correction.potential)
+        above = potential_gradient(at, base + nodes, correction.mesh, correction.potential)
+        total = scale * (below + place * (above - below))
+    return total
 
 
 @wp.kernel

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -257,28 +258,9 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
         if key not in columns:
             raise InputFileError(f"{source} must hold the columns x and y; it holds {', '.join(columns) or 'none'}")
     count = len(columns["x"])
-
-    def column(key: str, default: float, dtype: type = np.float64) -> np.ndarray:
-        try:
-            values = np.asarray(columns[key] if key in columns else np.full(count, default), dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputFileError(f"{source}: column {key} must hold numbers") from None
-        if values.shape != (count,):
-            raise InputFileError(f"{source}: column {key} must hold one number per body, {count}; got {values.shape}")
-        if key != "area" and not np.isfinite(values).all():
-            raise InputFileError(f"{source}: column {key} must hold finite numbers")
-        return values.astype(dtype)
-
+    column = partial(_column, columns, source)
     position = np.stack([column(key, 0.0) for key in ("x", "y", "z")], axis=1)
-    if "rotation_w" in columns:
-        rotation = np.stack([column(f"rotation_{axis}", 0.0) for axis in "wxyz"], axis=1)
-        norm = np.linalg.norm(rotation, axis=1, keepdims=True)
-        if not (norm > 0.0).all():
-            raise InputFileError(f"{source}: rotations must be quaternions that are not 0")
-        rotation /= norm
-    else:
-        half = 0.5 * column("angle", 0.0)
-        rotation = np.stack([np.cos(half), np.zeros(count), np.zeros(count), np.sin(half)], axis=1)
+    rotation = _rotation(columns, source)
     class_index = _index(column("class_index", 0.0), f"{source}: class_index")
     size_index = _index(column("size_index", 0.0), f"{source}: size_index")
     class_name = _strings(names.get("class"), int(class_index.max(initial=-1)) + 1, "class")
@@ -293,17 +275,14 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
     prototype_index = _index(column("prototype_index", 0.0), f"{source}: prototype_index")
     labels = _strings(names.get("prototype"), int(prototype_index.max(initial=-1)) + 1, "prototype")
     area = column("area", math.nan)
-    prototypes = []
-    for number, label in enumerate(labels):
-        own = area[(prototype_index == number) & np.isfinite(area)]
-        radius = math.sqrt(float(own.mean()) / math.pi) if own.size else 0.5
-        prototypes.append(Prototype(label, _capsule(radius, 0.0), 2.0 * radius, PALETTE[number % len(PALETTE)]))
     return Bodies(
         position=position,
         rotation=rotation.astype(np.float32),
         scale=np.stack([column(f"scale_{axis}", 1.0) for axis in "xyz"], axis=1).astype(np.float32),
         prototype_index=prototype_index,
-        prototypes=tuple(prototypes),
+        prototypes=tuple(
+            _disc_of(label, area[prototype_index == number], number) for number, label in enumerate(labels)
+        ),
         # Not through float64: ids may be larger than what that counts exactly.
         id=np.asarray(columns["id"]).astype(np.int64) if "id" in columns else np.arange(count, dtype=np.int64),
         class_index=class_index,
@@ -316,6 +295,39 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
         fixed=column("fixed", 0.0) != 0.0,
         named=bool(names.get("class")),
     )
+
+
+def _column(columns: Mapping[str, Any], source: str, key: str, default: float, dtype: type = np.float64) -> np.ndarray:
+    """A column of a table, or its default for every body."""
+    count = len(columns["x"])
+    try:
+        values = np.asarray(columns[key] if key in columns else np.full(count, default), dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputFileError(f"{source}: column {key} must hold numbers") from None
+    if values.shape != (count,):
+        raise InputFileError(f"{source}: column {key} must hold one number per body, {count}; got {values.shape}")
+    if key != "area" and not np.isfinite(values).all():
+        raise InputFileError(f"{source}: column {key} must hold finite numbers")
+    return values.astype(dtype)
+
+
+def _rotation(columns: Mapping[str, Any], source: str) -> np.ndarray:
+    """Quaternions of a table's bodies (w, x, y, z), of length 1, shape ``[n, 4]``; about z where there is only an angle."""
+    if "rotation_w" not in columns:
+        half = 0.5 * _column(columns, source, "angle", 0.0)
+        return np.stack([np.cos(half), np.zeros(len(half)), np.zeros(len(half)), np.sin(half)], axis=1)
+    rotation = np.stack([_column(columns, source, f"rotation_{axis}", 0.0) for axis in "wxyz"], axis=1)
+    norm = np.linalg.norm(rotation, axis=1, keepdims=True)
+    if not (norm > 0.0).all():
+        raise InputFileError(f"{source}: rotations must be quaternions that are not 0")
+    return rotation / norm
+
+
+def _disc_of(label: str, areas: np.ndarray, number: int) -> Prototype:
+    """What stands for bodies of which only areas are known [m²], where they are: a disc of the mean one."""
+    known = areas[np.isfinite(areas)]
+    radius = math.sqrt(float(known.mean()) / math.pi) if known.size else 0.5
+    return Prototype(label, _capsule(radius, 0.0), 2.0 * radius, PALETTE[number % len(PALETTE)])
 
 
 def _capsule(radius: float, length: float) -> np.ndarray:

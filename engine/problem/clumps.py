@@ -32,8 +32,11 @@ LOWEST_WAVES = (0.6, 0.9)
 LEAST_FACTOR = 0.05
 PIXELS_PER_CLUMP = 8.0
 MOST_PIXELS = 4096
-# How often what is below that is cut off, and long waves are taken out: each time less of both is left.
-TIMES = 24
+# How often what is below that is cut off, and long waves are taken out: each time less of both is left. Of many pixels less often. And
+# along a side of more pixels than this there are a few more: transforms are slow where a length has large prime factors.
+TIMES, FEWEST_TIMES = 24, 6
+PIXELS_IN_ALL = TIMES * 2**20
+LONG_SIDE = 1024
 
 
 def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int) -> PreparedClass:
@@ -76,7 +79,7 @@ def _factor(
     shape: tuple[int, int], size: float, domain: Domain, contrast: float, random: np.random.Generator
 ) -> np.ndarray:
     """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
-    count = [max(math.ceil(PIXELS_PER_CLUMP * length / size), 4) for length in domain.size[::-1]]
+    count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
     step_y, step_x = (length / many for length, many in zip(domain.size[::-1], count, strict=True))
     # What does not wrap goes on as in mirrors: clumps at an edge are whole ones.
     period = [many if domain.periodic else 2 * many for many in count]
@@ -92,11 +95,19 @@ def _factor(
     low, high = LOWEST_WAVES
     share = np.clip((wave - low) / (high - low), 0.0, 1.0)
     kept = share**2 * (3.0 - 2.0 * share)
-    for _ in range(TIMES):
+    for _ in range(min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // factor.size))):
         # What is cut off below has long waves again, though fewer.
         factor = 1.0 + _filtered(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
     factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
     return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+
+
+def _length_of_transform(least: int) -> int:
+    """Pixels along a side: so many; of many the next number whose prime factors are 2, 3 and 5."""
+    if least <= LONG_SIDE:
+        return max(least, 4)
+    powers = (2**two * 3**three * 5**five for two in range(14) for three in range(9) for five in range(6))
+    return min(number for number in powers if number >= least)
 
 
 def _filtered(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:

@@ -318,7 +318,7 @@ def _as_bodies(part: object) -> FixedBodies:
 
 def _numbers(value: object, key: str) -> np.ndarray:
     try:
-        array = np.array(value, dtype=np.float64)
+        array = validation.as_reals(value)
     except validation.FOREIGN_ERRORS:
         raise ProblemError(f"{key} must be numbers; got {show(value)}") from None
     return array

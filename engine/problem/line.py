@@ -21,8 +21,8 @@ __all__ = ["Line"]
 
 def _check_direction(value: object, key: str) -> str | float | np.ndarray | Callable[..., Any]:
     """Return a preferred direction; those that there are on surfaces only are told from the others where the domain is known."""
-    if callable(value) or (isinstance(value, str) and value == "slope"):
-        return value
+    if validation.is_function(value) or (isinstance(value, str) and value == "slope"):
+        return value  # type: ignore[return-value]
     return validation.check_direction(value, key)
 
 

@@ -64,7 +64,7 @@ class Obstacle:
 def check_polygon(value: object, key: str) -> np.ndarray:
     """Return the corners, float64, shape ``[n, 2]``; raise ProblemError unless there are three or more."""
     try:
-        corners = np.array(value, dtype=np.float64)
+        corners = validation.as_reals(value)
     except validation.FOREIGN_ERRORS:
         corners = np.empty(0)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():

@@ -75,7 +75,12 @@ class SurfaceTriplanar:
 
 def check_density(value: object, key: str) -> np.ndarray | SurfaceDensity:
     """Return an image as :func:`~.validation.check_density` does, or a function of points as it is."""
-    return value if callable(value) else validation.check_density(value, key)
+    if validation.is_function(value):
+        return value  # type: ignore[return-value]
+    if isinstance(value, type):
+        what = "an image (an array of numbers), a number or a function of points"
+        raise ProblemError(f"{key} must be {what}; got the class {value.__name__}")
+    return validation.check_density(value, key)
 
 
 def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str = "`density`") -> np.ndarray:
@@ -87,7 +92,7 @@ def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str
     count = len(points.triangle)
     if density is None:
         return np.ones(count)
-    values = np.asarray(density(points), dtype=np.float64)
+    values = validation.numbers_of(density(points), key)
     if values.shape != (count,):
         raise ProblemError(f"{key} must return one value per point, shape [{count}]; got shape {list(values.shape)}")
     if not np.isfinite(values).all():

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import ProblemError
+from . import validation
 from .surface import PointsOnSurface
 
 __all__ = ["SLOPE", "SurfaceDirection", "SurfaceVectors", "direction_at", "down_the_slope"]
@@ -47,7 +48,7 @@ def direction_at(direction: SurfaceDirection, points: PointsOnSurface, key: str)
         ProblemError: It returns something else than a finite vector for each.
     """
     count = len(points.triangle)
-    vector = np.asarray(direction(points), dtype=np.float64)
+    vector = validation.numbers_of(direction(points), key)
     if vector.shape != (count, 3):
         raise ProblemError(f"{key} must return a vector per point, shape [{count}, 3]; got shape {list(vector.shape)}")
     if not np.isfinite(vector).all():

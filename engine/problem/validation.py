@@ -129,7 +129,7 @@ def check_non_overlap(value: object, key: str = "`balance.non_overlap`") -> np.n
     if value is None:
         return None
     try:
-        matrix = np.array(value, dtype=np.float64)
+        matrix = as_reals(value)
     except FOREIGN_ERRORS:
         matrix = np.empty(0)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
@@ -200,7 +200,7 @@ def check_distribution(value: object, key: str) -> str | np.ndarray:
     if isinstance(value, str) and value in DISTRIBUTIONS:
         return value
     try:
-        areas = None if isinstance(value, (str, bytes)) else np.array(value, dtype=np.float64)
+        areas = None if isinstance(value, (str, bytes)) else as_reals(value)
     except FOREIGN_ERRORS:
         areas = None
     if areas is None or areas.ndim != 1 or not len(areas) or not np.isfinite(areas).all():
@@ -415,6 +415,30 @@ def check_density(value: object, key: str, *, empty: bool = False) -> np.ndarray
     if not 1e-20 < float(largest) < 1e20:
         given = given.astype(np.longdouble) / largest.astype(np.longdouble)
     return given.astype(np.float32, order="C")
+
+
+def as_reals(value: object) -> np.ndarray:
+    """Return a new float64 array of what is given; raises one of FOREIGN_ERRORS where it is something else, complex numbers too."""
+    given = np.array(value)
+    if given.dtype.kind == "c":
+        raise TypeError("complex numbers")
+    return given.astype(np.float64)
+
+
+def is_function(value: object) -> bool:
+    """Whether a value can be asked for values at points: a class, which can be called as well, would only make an object of them."""
+    return callable(value) and not isinstance(value, type)
+
+
+def numbers_of(values: object, what: str) -> np.ndarray:
+    """Return what a function gave back as float64; raise ProblemError for something else than numbers."""
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind in "buif":
+            return given.astype(np.float64, copy=False)
+    except FOREIGN_ERRORS:
+        pass
+    raise ProblemError(f"{what} must return numbers; it returned {show(values)}")
 
 
 def check_unique(names: Sequence[str], what: str) -> None:

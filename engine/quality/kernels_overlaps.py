@@ -25,6 +25,7 @@ class Shapes:
     reach: wp.array(dtype=wp.float64)
     width: wp.array(dtype=wp.float64)
     fixed: wp.array(dtype=wp.int32)
+    pieces: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -123,6 +124,34 @@ def lay_out(
         if size == ZERO:
             size = ONE
         shapes.corner[to + k] = wp.vec4d(at[0], at[1], edge[1] / size, -edge[0] / size)
+
+
+@wp.kernel
+def lay_out_bent(
+    first: int,
+    body: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    point: wp.array(dtype=wp.vec2d),
+    smaller: wp.array(dtype=wp.float64),
+    # outputs
+    shapes: Shapes,
+):
+    """The same of bent lines, whose axis is straight from one point to the next: two corners for each piece."""
+    k = first + wp.tid()
+    i = body[k]
+    to = shapes.first_corner[i]
+    farthest = wp.length(point[start[k]])
+    for m in range(start[k + 1] - start[k] - 1):
+        at = point[start[k] + m] * smaller[i]
+        end = point[start[k] + m + 1] * smaller[i]
+        edge = end - at
+        size = wp.length(edge)
+        if size == ZERO:
+            size = ONE
+        shapes.corner[to + 2 * m] = wp.vec4d(at[0], at[1], edge[1] / size, -edge[0] / size)
+        shapes.corner[to + 2 * m + 1] = wp.vec4d(end[0], end[1], -edge[1] / size, edge[0] / size)
+        farthest = wp.max(farthest, wp.length(end))
+    shapes.reach[i] = farthest + shapes.rounding[i]
 
 
 @wp.kernel
@@ -243,18 +272,15 @@ def squared_distance_of_corners(corner: wp.array(dtype=wp.vec4d), a: int, a_end:
 
 
 @wp.func
-def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
-    """How far two outlines lie in each other: the shortest way that parts them; below 0 where they are apart."""
-    a = shapes.first_corner[i]
-    a_end = shapes.first_corner[i + 1]
-    b = shapes.first_corner[j]
-    b_end = shapes.first_corner[j + 1]
-    r = shapes.rounding[i] + shapes.rounding[j]
+def depth_of_cores(
+    corner: wp.array(dtype=wp.vec4d), a: int, a_end: int, b: int, b_end: int, r: wp.float64, d: wp.vec2d
+):
+    """How far what is within ``r`` of two cores in all lies in each other; below 0 where they are apart."""
     least = wp.float64(1.0e300)
     if a_end - a > 1:
-        least = wp.min(least, inside_of_faces(shapes.corner, a, a_end, b, b_end, d, -r))
+        least = wp.min(least, inside_of_faces(corner, a, a_end, b, b_end, d, -r))
     if b_end - b > 1 and least > -r:
-        least = wp.min(least, inside_of_faces(shapes.corner, b, b_end, a, a_end, -d, -r))
+        least = wp.min(least, inside_of_faces(corner, b, b_end, a, a_end, -d, -r))
     if least <= -r and a_end - a + b_end - b > 2:
         return least + r
     if least > ZERO and a_end - a + b_end - b > 2:
@@ -262,9 +288,37 @@ def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
     if r == ZERO:
         return least
     # Cores apart, and perhaps nearer at their corners than across a face.
-    square = squared_distance_of_corners(shapes.corner, a, a_end, b, b_end, d)
-    square = wp.min(square, squared_distance_of_corners(shapes.corner, b, b_end, a, a_end, -d))
+    square = squared_distance_of_corners(corner, a, a_end, b, b_end, d)
+    square = wp.min(square, squared_distance_of_corners(corner, b, b_end, a, a_end, -d))
     return r - wp.sqrt(square)
+
+
+@wp.func
+def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
+    """How far two outlines lie in each other: the shortest way that parts them; below 0 where they are apart.
+
+    Of bent lines it is that of the two pieces that lie deepest in each other.
+    """
+    a = shapes.first_corner[i]
+    a_end = shapes.first_corner[i + 1]
+    b = shapes.first_corner[j]
+    b_end = shapes.first_corner[j + 1]
+    r = shapes.rounding[i] + shapes.rounding[j]
+    own = shapes.pieces[i]
+    other = shapes.pieces[j]
+    if own == 0 and other == 0:
+        return depth_of_cores(shapes.corner, a, a_end, b, b_end, r, d)
+    depth = wp.float64(-1.0e300)
+    for k in range(wp.max(own, 1)):
+        if own > 0:
+            a = shapes.first_corner[i] + 2 * k
+            a_end = a + 2
+        for m in range(wp.max(other, 1)):
+            if other > 0:
+                b = shapes.first_corner[j] + 2 * m
+                b_end = b + 2
+            depth = wp.max(depth, depth_of_cores(shapes.corner, a, a_end, b, b_end, r, d))
+    return depth
 
 
 @wp.func

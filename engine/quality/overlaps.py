@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -71,6 +72,7 @@ def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootpr
         launcher,
         smaller=smaller,
         fixed=placement.fixed,
+        bends=placement.bends,
     )
 
 
@@ -93,7 +95,7 @@ def overlap_count(
         launcher: Where to count.
         angle: Directions of the axes [rad], shape ``[n]``; None where all are dots.
         length: Lengths of the axes [m], shape ``[n]``.
-        width: Thicknesses of the capsules around them [m], shape ``[n]``; 0 for dots. One that bends counts as straight.
+        width: Thicknesses of the capsules around them [m], shape ``[n]``; 0 for dots.
     """
     n = len(position)
     zero, one = np.zeros(n), np.ones(n)
@@ -124,6 +126,7 @@ def find_overlaps(
     *,
     smaller: np.ndarray | None = None,
     fixed: np.ndarray | None = None,
+    bends: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -137,6 +140,7 @@ def find_overlaps(
         launcher: Where to count.
         smaller: Factor on every outline, at most 1, shape ``[n]``.
         fixed: Whether a body is fixed, shape ``[n]``; pairs of such do not count, which no run can part.
+        bends: Points along lines that bend [m], see :class:`~esh.engine.problem.placement.Placement`; capsules are bent as they are.
     """
     n = len(position)
     if n == 0:
@@ -144,7 +148,8 @@ def find_overlaps(
     device = launcher.device
     slope = footprints.slopes_at(position, domain.size) if footprints.slopes else np.zeros((0, 2))
     factor = np.ones(n) if smaller is None else smaller
-    shapes = _laid_out(footprints, position, angle, length, width, factor, slope, launcher)
+    bent = _bent_lines(footprints, position, bends)
+    shapes = _laid_out(footprints, position, angle, length, width, factor, slope, bent, launcher)
     stays = np.zeros(n, np.int32) if fixed is None else fixed.astype(np.int32)
     shapes.fixed = wp.array(stays, dtype=wp.int32, device=device)
     reach = shapes.reach.numpy()
@@ -177,6 +182,25 @@ def find_overlaps(
     return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
+class _BentLines(NamedTuple):
+    """Lines that are bent: their bodies ``[m]``, where the points of each begin ``[m + 1]``, and the way to these ``[points, 2]``."""
+
+    body: np.ndarray
+    start: np.ndarray
+    point: np.ndarray
+
+
+def _bent_lines(footprints: BodyFootprints, position: np.ndarray, bends: np.ndarray | None) -> _BentLines:
+    if bends is None:
+        return _BentLines(np.zeros(0, np.int32), np.zeros(1, np.int32), np.zeros((0, 2)))
+    there = np.isfinite(bends).all(axis=2)
+    count = np.where(footprints.shape == CAPSULE, there.sum(axis=1), 0)
+    body = np.flatnonzero(count >= 2)
+    start = np.concatenate([[0], np.cumsum(count[body])])
+    point = (bends[body] - position[body, None])[there[body]]
+    return _BentLines(body.astype(np.int32), start.astype(np.int32), point)
+
+
 def _laid_out(
     footprints: BodyFootprints,
     position: np.ndarray,
@@ -185,20 +209,21 @@ def _laid_out(
     width: np.ndarray,
     smaller: np.ndarray,
     slope: np.ndarray,
+    bent: _BentLines,
     launcher: Launcher,
 ) -> kernels_overlaps.Shapes:
     """What lies where, but for what is fixed; without slopes all lies in horizontal planes."""
     device, n = launcher.device, len(position)
 
     def numbers(values: np.ndarray) -> wp.array:
-        return wp.array(np.ascontiguousarray(values, np.float64), dtype=wp.float64, device=device)
+        return launcher.array(values, wp.float64)
 
     outlines = footprints.shapes
     cores = [*(outline.corners for outline in outlines), np.array([[-1.0, 0.0], [1.0, 0.0]])]
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
     shape = np.where(footprints.shape == CAPSULE, len(outlines), footprints.shape).astype(np.int32)
     given = kernels_overlaps.Given()
-    given.shape = wp.array(shape, dtype=wp.int32, device=device)
+    given.shape = launcher.array(shape, wp.int32)
     given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)
     given.width, given.smaller = numbers(width), numbers(smaller)
     given.start = wp.array(start, dtype=wp.int32, device=device)
@@ -209,15 +234,22 @@ def _laid_out(
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
-    given.slope = wp.array(slope, dtype=wp.vec2d, device=device)
+    given.slope = launcher.array(slope, wp.vec2d)
+    pieces = np.zeros(n, np.int32)
+    pieces[bent.body] = np.diff(bent.start) - 1
     first = np.zeros(n + 1, np.int32)
-    np.cumsum(np.diff(start)[shape], out=first[1:])
+    np.cumsum(np.where(pieces > 0, 2 * pieces, np.diff(start)[shape]), out=first[1:])
     shapes = kernels_overlaps.Shapes()
-    shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
-    shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
+    shapes.position = launcher.array(position, wp.vec2d)
+    shapes.first_corner = launcher.array(first, wp.int32)
     shapes.corner = launcher.empty(int(first[-1]), wp.vec4d)
     shapes.rounding, shapes.reach, shapes.width = (launcher.empty(n, wp.float64) for _ in range(3))
+    shapes.pieces = launcher.array(pieces, wp.int32)
     launcher.launch(kernels_overlaps.lay_out, n, [given], [shapes])
+    if len(bent.body):
+        lines = [launcher.array(values, wp.int32) for values in (bent.body, bent.start)]
+        points = launcher.array(bent.point, wp.vec2d)
+        launcher.launch(kernels_overlaps.lay_out_bent, len(bent.body), [*lines, points, given.smaller], [shapes])
     return shapes
 
 

@@ -126,15 +126,7 @@ def run_batch(
             that is missing. Scenes that cannot be solved are no such error; they are in what is returned.
     """
     parquet = import_extra("pyarrow.parquet", "batch", "the manifest of a batch")
-    for ending in batch.endings:
-        WRITERS[check_ending(f"placement{ending}", WRITERS, "--as")].check()
-    recipe = parse_recipe(batch.recipe)
-    variations = [parse_variation(text) for text in batch.variations]
-    keys = [variation.key for variation in variations]
-    if "seed" in keys or len(set(keys)) < len(keys):
-        raise EshError(f"--set must name every key once, and seeds by --seeds; got {', '.join(keys)}")
-    if batch.design not in DESIGNS:
-        raise EshError(f"--design must be {' or '.join(DESIGNS)}; got {batch.design!r}")
+    recipe, variations = _read(batch)
     scenes = list(_scenes(batch, recipe, variations, device))
     _check_readable(scenes)
     inputs = _inputs(recipe, variations)
@@ -142,13 +134,7 @@ def run_batch(
 
     mine = [] if collect else scenes[part[0] - 1 :: part[1]]
     _remove_remains(batch.folder, mine)
-    done = _done(batch.folder)
-    failed = {n: why for n in done if (why := _read_report(batch.folder, n).get("error")) is not None}
-    if retry:
-        for number in failed:
-            shutil.rmtree(batch.folder / _name(number))
-        done -= failed.keys()
-        failed = {}
+    done, failed = _done_and_failed(batch.folder, retry)
     left = [scene for scene in mine if scene.number not in done]
     made = 0
 
@@ -169,8 +155,33 @@ def run_batch(
             failed[scene.number] = error
         show()
     if len(done) == len(scenes):
-        _write_manifest(batch, scenes, keys, parquet)
+        _write_manifest(batch, scenes, [variation.key for variation in variations], parquet)
     return BatchState(len(scenes), len(done), dict(sorted(failed.items())), made, len(left))
+
+
+def _read(batch: Batch) -> tuple[ParsedRecipe, list[Variation]]:
+    """The recipe of a batch, and what varies; everything else that it says is looked at, too."""
+    for ending in batch.endings:
+        WRITERS[check_ending(f"placement{ending}", WRITERS, "--as")].check()
+    recipe = parse_recipe(batch.recipe)
+    variations = [parse_variation(text) for text in batch.variations]
+    keys = [variation.key for variation in variations]
+    if "seed" in keys or len(set(keys)) < len(keys):
+        raise EshError(f"--set must name every key once, and seeds by --seeds; got {', '.join(keys)}")
+    if batch.design not in DESIGNS:
+        raise EshError(f"--design must be {' or '.join(DESIGNS)}; got {batch.design!r}")
+    return recipe, variations
+
+
+def _done_and_failed(folder: Path, retry: bool) -> tuple[set[int], dict[int, str]]:
+    """Scenes that are done, and why some of them failed; with ``retry`` these are removed."""
+    done = _done(folder)
+    failed = {n: why for n in done if (why := _read_report(folder, n).get("error")) is not None}
+    if not retry:
+        return done, failed
+    for number in failed:
+        shutil.rmtree(folder / _name(number))
+    return done - failed.keys(), {}
 
 
 def _scenes(batch: Batch, recipe: ParsedRecipe, variations: list[Variation], device: str) -> Iterator[Scene]:

@@ -67,7 +67,7 @@ class Contact:
         )
         n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)
-        self.discs = not (launcher.device.is_cuda or model.space.periodic or model.kinds)
+        self.discs = model.space.has_straight_ways and not (launcher.device.is_cuda or model.kinds)
         self._spare = launcher.zeros(n, wp.vec4)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
@@ -123,31 +123,13 @@ class Contact:
         self.launcher.launch(
             kernels_contact.push_apart,
             -(-near.body_count // at_once),
-            [
-                pose,
-                near.near,
-                near.footprints,
-                near.cell_start,
-                near.grid,
-                SLACK,
-                DAMPING,
-                near.body_count,
-                at_once,
-                int(self.discs),
-            ],
+            [pose, near.for_kernels, SLACK, DAMPING, near.body_count, at_once, int(self.discs)],
             [self._pushed],
             grain=max(1, GRAIN_OF_NEIGHBOURS // at_once),
         )
         self.launcher.launch(
             kernels_contact.accept_push,
             near.body_count,
-            [
-                self._pushed,
-                near.footprints,
-                self._bodies,
-                bend,
-                self._images,
-                near.grid.space,
-            ],
-            [near.near, pose, displacement],
+            [self._pushed, self._bodies, bend, self._images],
+            [near.for_kernels, pose, displacement],
         )

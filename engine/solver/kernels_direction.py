@@ -35,9 +35,12 @@ LARGEST_SHARE = wp.constant(2.0)
 # A last step whose cosine with the change of the moves is below this says nothing about the curvature.
 SMALLEST_COSINE = wp.constant(1.0e-3)
 # Charges that repel one another compress lines. The preferred length is raised until the mean length reached is the one asked for, by
-# this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown.
+# this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown. Lines far
+# shorter than the way to their neighbours, as those of a rare class are, are stretched by their own charges; the stronger the pull
+# that this takes, which may be one to less than no length, the faster they follow.
 LENGTH_GAIN = wp.constant(0.05)
 LARGEST_FACTOR = wp.constant(3.0)
+SMALLEST_FACTOR = wp.constant(-50.0)
 GROWN = wp.constant(0.6)
 
 
@@ -186,8 +189,9 @@ def decide_direction(
         ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
         # While lines still grow, what is missing is no pressure.
         if pressed[kind] > 0.0 and ratio > GROWN:
-            raised = length_factor[kind] + LENGTH_GAIN * (1.0 - ratio)
-            length_factor[kind] = wp.clamp(raised, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR)
+            factor = length_factor[kind]
+            raised = factor + LENGTH_GAIN * wp.max(1.0, 2.0 - 2.0 * factor) * (1.0 - ratio)
+            length_factor[kind] = wp.clamp(raised, SMALLEST_FACTOR, LARGEST_FACTOR)
     # What is broken once stays so, however many steps are taken before somebody looks.
     for kind in range(totals.shape[0]):
         if kind != BROKEN:

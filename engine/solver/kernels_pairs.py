@@ -7,15 +7,14 @@ import warp as wp
 from ..space.kernels_neighbourhood import (
     LANES,
     SAFELY,
-    ContactGrid,
-    Sorted,
+    Neighbours,
     bodies_of_run,
     cells_around,
     lowest_bit,
     next_near,
     run_count,
 )
-from ..space.kernels_space import Space, confine, difference
+from ..space.kernels_space import confine, difference
 from .kernels_outlines import Outlines, apart
 
 wp.set_module_options({"enable_backward": False})
@@ -31,7 +30,8 @@ class Pairs:
     """Pairs of bodies that are near, those of a body (the first) one after the other from ``start`` on, ``count`` of them.
 
     The second body; a note (see :data:`FACE_BITS`); what the contact asks for (along x and y of the second, turns of the first and the
-    second, per unit of inverse mass and inertia); depth over the smaller width, below 0 where they are apart.
+    second, per unit of inverse mass and inertia); depth over the smaller width, below 0 where they are apart. ``second_slot`` has the
+    places of all pairs by their second body, those of a body from ``second_start`` on.
     """
 
     start: wp.array(dtype=wp.int32)
@@ -40,23 +40,38 @@ class Pairs:
     note: wp.array(dtype=wp.int32)
     push: wp.array(dtype=wp.vec4)
     depth: wp.array(dtype=float)
+    second_start: wp.array(dtype=wp.int32)
+    second_slot: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Crowd:
+    """Bodies whose outlines are parted: where they are, in spatial order, their outlines, and what finds neighbours.
+
+    How many periods away, along x and y, images of a body can still be near; and whether they are to stay inside the edges.
+    """
+
+    place: wp.array(dtype=wp.vec4)
+    outlines: Outlines
+    neighbours: Neighbours
+    images: wp.vec2i
+    inset: wp.int32
 
 
 @wp.kernel
 def begin_list(
     first: int,
-    space: Space,
     # outputs
-    place: wp.array(dtype=wp.vec4),
+    crowd: Crowd,
     built: wp.array(dtype=wp.vec4),
     moved_far: wp.array(dtype=wp.int32),
 ):
     """Bring bodies back into a periodic domain, and note where they are when pairs are listed."""
     i = first + wp.tid()
-    own = place[i]
-    p = confine(wp.vec2(own[0], own[1]), space)
-    place[i] = wp.vec4(p[0], p[1], own[2], 0.0)
-    built[i] = place[i]
+    own = crowd.place[i]
+    p = confine(wp.vec2(own[0], own[1]), crowd.neighbours.grid.space)
+    crowd.place[i] = wp.vec4(p[0], p[1], own[2], 0.0)
+    built[i] = crowd.place[i]
     if i == 0:
         for thread in range(moved_far.shape[0]):
             moved_far[thread] = 0
@@ -79,27 +94,18 @@ def note_of(x: int, y: int):
 
 
 @wp.func
-def pairs_with(
-    before: int,
-    room: int,
-    i: int,
-    j: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    images: wp.vec2i,
-    fill: int,
-    space: Space,
-    pairs: Pairs,
-):
+def pairs_with(before: int, room: int, i: int, j: int, crowd: Crowd, fill: int, pairs: Pairs):
     """How many pairs body i has with those before and with the images of body j that are near; with notes where they are filled in."""
     count = before
-    own = wp.vec2(place[i][0], place[i][1])
-    other = wp.vec2(place[j][0], place[j][1])
+    outlines = crowd.outlines
+    space = crowd.neighbours.grid.space
+    own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    other = wp.vec2(crowd.place[j][0], crowd.place[j][1])
     short = difference(own, other, space)
     within = outlines.reach[i] + outlines.skin[i] + outlines.reach[j] + outlines.skin[j]
     skins = outlines.skin[i] + outlines.skin[j]
-    for y in range(-images[1], images[1] + 1):
-        for x in range(-images[0], images[0] + 1):
+    for y in range(-crowd.images[1], crowd.images[1] + 1):
+        for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within and count < room:
                 if fill == 0:
@@ -117,44 +123,28 @@ def pairs_with(
 
 @wp.func
 def pairs_of_run(
-    before: int,
-    room: int,
-    i: int,
-    smaller: bool,
-    members: wp.vec2i,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    images: wp.vec2i,
-    fill: int,
-    space: Space,
-    pairs: Pairs,
+    before: int, room: int, i: int, smaller: bool, members: wp.vec2i, crowd: Crowd, fill: int, pairs: Pairs
 ):
     """The same with the bodies of a run of cells; where they are as large as body i, with those of larger numbers only."""
     count = before
-    own = wp.vec2(place[i][0], place[i][1])
+    outlines = crowd.outlines
+    own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
     reach = outlines.reach[i] + outlines.skin[i]
     for start in range(members[0], members[1], LANES):
-        found = next_near(own, reach, SAFELY, start, members[1], near, space)
+        found = next_near(own, reach, SAFELY, start, members[1], crowd.neighbours)
         while found != 0:
             s = start + lowest_bit(found)
             found = found & (found - 1)
-            j = near.body[s]
+            j = crowd.neighbours.bodies.body[s]
             if (smaller or j > i) and count < room and outlines.lightness[i] + outlines.lightness[j] > 0.0:
-                count = pairs_with(count, room, i, j, place, outlines, images, fill, space, pairs)
+                count = pairs_with(count, room, i, j, crowd, fill, pairs)
     return count
 
 
 @wp.kernel
 def find_pairs(
     first: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    level: wp.array(dtype=wp.int32),
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
+    crowd: Crowd,
     most: int,
     fill: int,
     # outputs
@@ -162,24 +152,23 @@ def find_pairs(
 ):
     """Count the bodies that may come near each one while both move by no more than their skins; or note those that really may.
 
-    Of two bodies of a level the one with the smaller number has the pair, else the smaller one of the two. ``images`` is how many
-    periods away images of a body can still be near.
+    Of two bodies of a level the one with the smaller number has the pair, else the smaller one of the two.
     """
     i = first + wp.tid()
-    own_level = level[i]
-    reach = outlines.reach[i] + outlines.skin[i]
+    neighbours = crowd.neighbours
+    at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    own_level = neighbours.footprints.level[i]
+    reach = crowd.outlines.reach[i] + crowd.outlines.skin[i]
     count = int(0)
     room = most
     if fill != 0:
         room = pairs.start[i + 1] - pairs.start[i]
     for m in range(own_level + 1):
-        around = cells_around(wp.vec2(place[i][0], place[i][1]), reach + grid.reach[m], m, grid)
+        around = cells_around(at, reach + neighbours.grid.reach[m], m, neighbours)
         for run in range(run_count(around)):
-            members = bodies_of_run(run, around, cell_start)
+            members = bodies_of_run(run, around, neighbours)
             if count < room:
-                count = pairs_of_run(
-                    count, room, i, m < own_level, members, place, outlines, near, images, fill, grid.space, pairs
-                )
+                count = pairs_of_run(count, room, i, m < own_level, members, crowd, fill, pairs)
     pairs.count[i] = count
 
 

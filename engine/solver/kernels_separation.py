@@ -8,7 +8,7 @@ from ..space.kernels_images import Images
 from ..space.kernels_space import Space, confine, difference
 from .kernels_descent import Bodies, confine_line, slide
 from .kernels_outlines import Outlines, wall_contact
-from .kernels_pairs import FACE_BITS, Pairs, image_of
+from .kernels_pairs import FACE_BITS, Crowd, Pairs, image_of
 from .kernels_touch import touch
 
 wp.set_module_options({"enable_backward": False})
@@ -32,16 +32,15 @@ SLACK = wp.constant(4)
 @wp.kernel
 def find_pushes(
     first: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    size: wp.vec2,
+    crowd: Crowd,
     settings: wp.array(dtype=float),
     # outputs
     pairs: Pairs,
 ):
     """What every pair's contact asks for; an element is a body with the pairs whose first it is."""
     i = first + wp.tid()
-    own = place[i]
+    outlines = crowd.outlines
+    own = crowd.place[i]
     start = pairs.start[i]
     lightness = outlines.lightness[i]
     ease = outlines.ease[i]
@@ -50,8 +49,8 @@ def find_pushes(
     for p in range(start, start + pairs.count[i]):
         j = pairs.second[p]
         note = pairs.note[p]
-        other = place[j]
-        image = image_of(note, size)
+        other = crowd.place[j]
+        image = image_of(note, crowd.neighbours.grid.space.size)
         d = wp.vec2(other[0] - own[0] + image[0], other[1] - own[1] + image[1])
         narrower = wp.min(width, outlines.width[j])
         slack = slack_share * narrower
@@ -90,14 +89,7 @@ class Asked:
 
 
 @wp.func
-def asked_by_pairs(
-    i: int,
-    lightness: float,
-    ease: float,
-    pairs: Pairs,
-    second_start: wp.array(dtype=wp.int32),
-    second_slot: wp.array(dtype=wp.int32),
-):
+def asked_by_pairs(i: int, lightness: float, ease: float, pairs: Pairs):
     """What the contacts with other bodies ask of body i."""
     sx = float(0.0)
     sy = float(0.0)
@@ -111,8 +103,8 @@ def asked_by_pairs(
             sy -= push[1]
             turn -= push[2]
             contacts += 1
-    for at in range(second_start[i], second_start[i + 1]):
-        slot = second_slot[at]
+    for at in range(pairs.second_start[i], pairs.second_start[i + 1]):
+        slot = pairs.second_slot[at]
         if pairs.depth[slot] > -1.0:
             push = pairs.push[slot]
             sx += push[0]
@@ -217,69 +209,69 @@ def moved(
     return wp.vec3(way[0], way[1], angle)
 
 
+@wp.struct
+class Moves:
+    """Of every body: its last move, where the pull draws it, and where it was when pairs were listed.
+
+    And for every thread how many bodies are farther than their skins from there.
+    """
+
+    last: wp.array(dtype=wp.vec4)
+    home: wp.array(dtype=wp.vec4)
+    built: wp.array(dtype=wp.vec4)
+    moved_far: wp.array(dtype=wp.int32)
+
+
 @wp.kernel
 def move_apart(
     first: int,
     thread: int,
-    outlines: Outlines,
     pairs: Pairs,
-    second_start: wp.array(dtype=wp.int32),
-    second_slot: wp.array(dtype=wp.int32),
-    home: wp.array(dtype=wp.vec4),
-    built: wp.array(dtype=wp.vec4),
     bodies: Bodies,
     bend: wp.array(dtype=float),
     images: Images,
-    space: Space,
-    inset: int,
     settings: wp.array(dtype=float),
     # outputs
-    place: wp.array(dtype=wp.vec4),
-    last_move: wp.array(dtype=wp.vec4),
-    moved_far: wp.array(dtype=wp.int32),
+    crowd: Crowd,
+    moves: Moves,
 ):
-    """Move every body as its contacts, its momentum and the pull to where it came from ask for.
-
-    Every thread counts those in ``moved_far`` that are farther than their skins from where pairs were listed.
-    """
+    """Move every body as its contacts, its momentum and the pull to where it came from ask for."""
     i = first + wp.tid()
+    outlines = crowd.outlines
+    space = crowd.neighbours.grid.space
     lightness = outlines.lightness[i]
     if lightness == 0.0:
         return
     ease = outlines.ease[i]
-    own = place[i]
+    own = crowd.place[i]
     p = wp.vec2(own[0], own[1])
-    asked = asked_by_pairs(i, lightness, ease, pairs, second_start, second_slot)
-    if inset != 0:
+    asked = asked_by_pairs(i, lightness, ease, pairs)
+    if crowd.inset != 0:
         slack = 0.5 * settings[SLACK] * outlines.width[i]
         asked = asked_by_walls(asked, i, p, lightness, ease, slack, outlines, space.size)
-    move = move_of(asked, last_move[i], settings)
+    move = move_of(asked, moves.last[i], settings)
     pull = settings[PULL]
     if pull > 0.0:
-        back = difference(confine(p, space), confine(wp.vec2(home[i][0], home[i][1]), space), space)
+        back = difference(confine(p, space), confine(wp.vec2(moves.home[i][0], moves.home[i][1]), space), space)
         move = wp.vec3(move[0] + pull * back[0], move[1] + pull * back[1], move[2])
     move = limited(move, outlines.reach[i])
     way = moved(i, own, move, outlines, bodies, bend, images, space)
     angle = way[2]
-    place[i] = wp.vec4(own[0] + way[0], own[1] + way[1], angle, 0.0)
-    last_move[i] = wp.vec4(way[0], way[1], angle - own[2], 0.0)
-    gone_x = own[0] + way[0] - built[i][0]
-    gone_y = own[1] + way[1] - built[i][1]
-    gone = wp.sqrt(gone_x * gone_x + gone_y * gone_y) + wp.abs(angle - built[i][2]) * outlines.reach[i]
+    built = moves.built[i]
+    crowd.place[i] = wp.vec4(own[0] + way[0], own[1] + way[1], angle, 0.0)
+    moves.last[i] = wp.vec4(way[0], way[1], angle - own[2], 0.0)
+    gone_x = own[0] + way[0] - built[0]
+    gone_y = own[1] + way[1] - built[1]
+    gone = wp.sqrt(gone_x * gone_x + gone_y * gone_y) + wp.abs(angle - built[2]) * outlines.reach[i]
     if not (gone <= outlines.skin[i]):
-        wp.atomic_add(moved_far, thread, 1)
+        wp.atomic_add(moves.moved_far, thread, 1)
 
 
 @wp.kernel
 def measure_overlaps(
     first: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
+    crowd: Crowd,
     pairs: Pairs,
-    second_start: wp.array(dtype=wp.int32),
-    second_slot: wp.array(dtype=wp.int32),
-    space: Space,
-    inset: int,
     tolerance: float,
     # outputs
     deep: wp.array(dtype=wp.int32),
@@ -302,13 +294,15 @@ def measure_overlaps(
             squares += depth * depth
             if depth > tolerance:
                 deeper += 1
-    for at in range(second_start[i], second_start[i + 1]):
-        depth = wp.max(pairs.depth[second_slot[at]], 0.0)
+    for at in range(pairs.second_start[i], pairs.second_start[i + 1]):
+        depth = wp.max(pairs.depth[pairs.second_slot[at]], 0.0)
         squares += depth * depth
-    if inset != 0:
-        p = wp.vec2(place[i][0], place[i][1])
+    if crowd.inset != 0:
+        outlines = crowd.outlines
+        size = crowd.neighbours.grid.space.size
+        p = wp.vec2(crowd.place[i][0], crowd.place[i][1])
         for side in range(4):
-            depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, p, outlines, space.size)
+            depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, p, outlines, size)
             depth = depth / outlines.width[i]
             if depth > 0.0:
                 overlaps += 1

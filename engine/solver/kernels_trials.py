@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_neighbourhood import (
-    LANES,
-    SAFELY,
-    ContactGrid,
-    Sorted,
-    bodies_of_run,
-    cells_around,
-    lowest_bit,
-    next_near,
-    run_count,
-)
-from ..space.kernels_space import Space, confine, difference
+from ..space.kernels_neighbourhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
+from ..space.kernels_space import confine, difference
 from .kernels_outlines import Outlines, apart, turned_corner, wall_contact
+from .kernels_pairs import Crowd
 from .kernels_separation import WALL_COST
 
 wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class Bins:
+    """Bodies that may trade places: the bin of every body, and the members of all bins, those of a bin from ``start`` on."""
+
+    bin: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.int32)
+    member: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -34,23 +34,15 @@ def cost_of_walls(i: int, corners: int, at: wp.vec2, outlines: Outlines, size: w
 
 
 @wp.func
-def cost_with(
-    before: float,
-    i: int,
-    corners: int,
-    at: wp.vec2,
-    j: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    images: wp.vec2i,
-    space: Space,
-):
+def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: Crowd):
     """What there was before, and the squared overlaps that body i would have at a place with body j and its images."""
     total = before
-    short = difference(at, wp.vec2(place[j][0], place[j][1]), space)
+    outlines = crowd.outlines
+    space = crowd.neighbours.grid.space
+    short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j]
-    for y in range(-images[1], images[1] + 1):
-        for x in range(-images[0], images[0] + 1):
+    for y in range(-crowd.images[1], crowd.images[1] + 1):
+        for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within:
                 depth = -apart(i, corners, j, d, outlines, 0.0)
@@ -61,67 +53,52 @@ def cost_with(
 
 
 @wp.func
-def cost_of_place(
-    i: int,
-    corners: int,
-    without: int,
-    at: wp.vec2,
-    most: float,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
+def cost_with_run(
+    before: float, i: int, corners: int, without: int, at: wp.vec2, most: float, members: wp.vec2i, crowd: Crowd
 ):
+    """The same with the bodies of a run of cells, but for one of them; looks no further once there is ``most`` or more."""
+    total = before
+    reach = crowd.outlines.reach[i]
+    for start in range(members[0], members[1], LANES):
+        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
+        while found != 0 and total < most:
+            s = start + lowest_bit(found)
+            found = found & (found - 1)
+            j = crowd.neighbours.bodies.body[s]
+            if j != i and j != without:
+                total = cost_with(total, i, corners, at, j, crowd)
+    return total
+
+
+@wp.func
+def cost_of_place(i: int, corners: int, without: int, at: wp.vec2, most: float, crowd: Crowd):
     """Squared overlaps that body i would have at a place with all others but one; ``most`` or more where they are more.
 
     ``corners`` is the first of its corners: as it is turned, or as it might be.
     """
     total = float(0.0)
-    reach = outlines.reach[i]
-    if inset != 0:
-        total = cost_of_walls(i, corners, at, outlines, grid.space.size)
-    for m in range(grid.level_count):
-        around = cells_around(at, reach + grid.reach[m], m, grid)
+    neighbours = crowd.neighbours
+    reach = crowd.outlines.reach[i]
+    if crowd.inset != 0:
+        total = cost_of_walls(i, corners, at, crowd.outlines, neighbours.grid.space.size)
+    for m in range(neighbours.grid.level_count):
+        around = cells_around(at, reach + neighbours.grid.reach[m], m, neighbours)
         for run in range(run_count(around)):
-            members = wp.vec2i(0, 0)
             if total < most:
-                members = bodies_of_run(run, around, cell_start)
-            for start in range(members[0], members[1], LANES):
-                found = next_near(at, reach, SAFELY, start, members[1], near, grid.space)
-                while found != 0 and total < most:
-                    s = start + lowest_bit(found)
-                    found = found & (found - 1)
-                    j = near.body[s]
-                    if j != i and j != without:
-                        total = cost_with(total, i, corners, at, j, place, outlines, images, grid.space)
+                members = bodies_of_run(run, around, neighbours)
+                total = cost_with_run(total, i, corners, without, at, most, members, crowd)
     return total
 
 
 @wp.func
-def left_by_swap(
-    i: int,
-    j: int,
-    most: float,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
-):
+def left_by_swap(i: int, j: int, most: float, crowd: Crowd):
     """Squared overlaps of two bodies that have traded places; ``most`` or more where they are more."""
-    own = confine(wp.vec2(place[i][0], place[i][1]), grid.space)
-    there = confine(wp.vec2(place[j][0], place[j][1]), grid.space)
-    corners = outlines.first_corner[i]
-    after = cost_of_place(i, corners, j, there, most, place, outlines, near, cell_start, grid, images, inset)
+    space = crowd.neighbours.grid.space
+    own = confine(wp.vec2(crowd.place[i][0], crowd.place[i][1]), space)
+    there = confine(wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
+    after = cost_of_place(i, crowd.outlines.first_corner[i], j, there, most, crowd)
     if after < most:
-        corners = outlines.first_corner[j]
-        left = most - after
-        after += cost_of_place(j, corners, i, own, left, place, outlines, near, cell_start, grid, images, inset)
+        after += cost_of_place(j, crowd.outlines.first_corner[j], i, own, most - after, crowd)
     return after
 
 
@@ -129,19 +106,11 @@ def left_by_swap(
 def propose_swaps(
     first: int,
     stuck: wp.array(dtype=wp.int32),
-    bin: wp.array(dtype=wp.int32),
-    bin_start: wp.array(dtype=wp.int32),
-    bin_member: wp.array(dtype=wp.int32),
+    bins: Bins,
     candidates: int,
     keep: float,
     seed: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
+    crowd: Crowd,
     cost: wp.array(dtype=float),
     # outputs
     partner: wp.array(dtype=wp.int32),
@@ -150,23 +119,24 @@ def propose_swaps(
     """The body of its bin with which a stuck one had best trade places, and by how much their squared overlaps fall; -1: none."""
     q = first + wp.tid()
     i = stuck[q]
-    own = wp.vec2(place[i][0], place[i][1])
-    begin = bin_start[bin[i]]
-    end = bin_start[bin[i] + 1]
+    outlines = crowd.outlines
+    own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    begin = bins.start[bins.bin[i]]
+    end = bins.start[bins.bin[i] + 1]
     state = wp.rand_init(seed, i)
     best = float(0.0)
     chosen = int(-1)
     if end - begin > 1:
         for _candidate in range(candidates):
-            j = bin_member[wp.randi(state, begin, end)]
-            there = wp.vec2(place[j][0], place[j][1])
+            j = bins.member[wp.randi(state, begin, end)]
+            there = wp.vec2(crowd.place[j][0], crowd.place[j][1])
             apart_by = outlines.reach[i] + outlines.reach[j]
-            d = difference(own, there, grid.space)
+            d = difference(own, there, crowd.neighbours.grid.space)
             if j != i and wp.length_sq(d) > 4.0 * apart_by * apart_by:
                 before = cost[i] + cost[j]
                 # As much may be left at most.
                 most = keep * before - best
-                after = left_by_swap(i, j, most, place, outlines, near, cell_start, grid, images, inset)
+                after = left_by_swap(i, j, most, crowd)
                 if after < most:
                     best = keep * before - after
                     chosen = j
@@ -177,22 +147,14 @@ def propose_swaps(
 @wp.kernel
 def find_costs(
     first: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
+    crowd: Crowd,
     # outputs
     cost: wp.array(dtype=float),
 ):
     """Squared overlaps of every body."""
     i = first + wp.tid()
-    at = wp.vec2(place[i][0], place[i][1])
-    cost[i] = cost_of_place(
-        i, outlines.first_corner[i], i, at, 1.0e30, place, outlines, near, cell_start, grid, images, inset
-    )
+    at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    cost[i] = cost_of_place(i, crowd.outlines.first_corner[i], i, at, 1.0e30, crowd)
 
 
 @wp.kernel
@@ -203,16 +165,9 @@ def propose_turns(
     most_corners: int,
     keep: float,
     seed: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
     cost: wp.array(dtype=float),
     # outputs
-    corner: wp.array(dtype=wp.vec4),
+    crowd: Crowd,
     angle: wp.array(dtype=float),
     gain: wp.array(dtype=float),
 ):
@@ -221,11 +176,12 @@ def propose_turns(
     Corners of trials lie behind those of the bodies, from ``room_for_corners`` on, ``most_corners`` for each body.
     """
     i = first + wp.tid()
+    outlines = crowd.outlines
     best = float(0.0)
-    chosen = place[i][2]
+    chosen = crowd.place[i][2]
     if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
         count = outlines.first_corner[i + 1] - outlines.first_corner[i]
-        at = wp.vec2(place[i][0], place[i][1])
+        at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
         corners = room_for_corners + i * most_corners
         factor = outlines.factor[i]
         start = outlines.shape_start[outlines.shape[i]]
@@ -235,10 +191,11 @@ def propose_turns(
             c = wp.cos(trial)
             s = wp.sin(trial)
             for k in range(count):
-                corner[corners + k] = turned_corner(outlines.shape_corner[start + k], factor, c, s, outlines.slope[i])
+                corner = turned_corner(outlines.shape_corner[start + k], factor, c, s, outlines.slope[i])
+                outlines.corner[corners + k] = corner
             # As much may be left at most.
             most = keep * cost[i] - best
-            after = cost_of_place(i, corners, i, at, most, place, outlines, near, cell_start, grid, images, inset)
+            after = cost_of_place(i, corners, i, at, most, crowd)
             if after < most:
                 best = keep * cost[i] - after
                 chosen = trial
@@ -247,23 +204,15 @@ def propose_turns(
 
 
 @wp.func
-def gains_most(
-    i: int,
-    at: wp.vec2,
-    reach: float,
-    members: wp.vec2i,
-    gain: wp.array(dtype=float),
-    near: Sorted,
-    space: Space,
-):
+def gains_most(i: int, at: wp.vec2, members: wp.vec2i, gain: wp.array(dtype=float), crowd: Crowd):
     """Whether none of the bodies of a run of cells that may touch body i gains more than it does, or as much with a smaller number."""
     best = bool(True)
     for start in range(members[0], members[1], LANES):
-        found = next_near(at, reach, SAFELY, start, members[1], near, space)
+        found = next_near(at, crowd.outlines.reach[i], SAFELY, start, members[1], crowd.neighbours)
         while found != 0 and best:
             s = start + lowest_bit(found)
             found = found & (found - 1)
-            j = near.body[s]
+            j = crowd.neighbours.bodies.body[s]
             if gain[j] > gain[i] or (gain[j] == gain[i] and j < i):
                 best = False
     return best
@@ -274,26 +223,22 @@ def accept_turns(
     first: int,
     angle: wp.array(dtype=float),
     gain: wp.array(dtype=float),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    position: wp.array(dtype=wp.vec4),
     # outputs
-    place: wp.array(dtype=wp.vec4),
+    crowd: Crowd,
     turned: wp.array(dtype=wp.int32),
 ):
     """Turn those that gain more than all others within reach: of two that may touch only one turns at a time."""
     i = first + wp.tid()
-    own = position[i]
-    reach = outlines.reach[i]
+    neighbours = crowd.neighbours
+    own = crowd.place[i]
+    reach = crowd.outlines.reach[i]
     at = wp.vec2(own[0], own[1])
     best = gain[i] > 0.0
-    for m in range(grid.level_count):
-        around = cells_around(at, reach + grid.reach[m], m, grid)
+    for m in range(neighbours.grid.level_count):
+        around = cells_around(at, reach + neighbours.grid.reach[m], m, neighbours)
         for run in range(run_count(around)):
             if best:
-                best = gains_most(i, at, reach, bodies_of_run(run, around, cell_start), gain, near, grid.space)
+                best = gains_most(i, at, bodies_of_run(run, around, neighbours), gain, crowd)
     turned[i] = int(best)
     if best:
-        place[i] = wp.vec4(own[0], own[1], angle[i], own[3])
+        crowd.place[i] = wp.vec4(own[0], own[1], angle[i], own[3])

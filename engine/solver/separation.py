@@ -20,7 +20,7 @@ from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
 from .footprint_tables import FootprintTables, footprint_tables, numbered
 from .guidance import Guidance
@@ -136,7 +136,6 @@ class Separation:
         self._count = n = model.body_count
         domain = model.problem.rectangle
         self._space = model.space.for_kernels()
-        self._inset = int(domain.inset)
         unit = model.unit
         given = pose.numpy()
         length = given[:, 3].astype(np.float64) * unit
@@ -153,10 +152,7 @@ class Separation:
         level = self._near.footprints.level.numpy()[order]
         self._near.footprints.level.assign(level)
         # Images that are farther than the nearest one matter where two bodies reach over half a period.
-        largest = 2.0 * float((reach + skin).max())
-        self._image_range = wp.vec2i(
-            *(min(MOST_IMAGES, int(largest / side + 0.5)) if domain.periodic else 0 for side in model.size)
-        )
+        periods = model.space.images_within(2.0 * float((reach + skin).max()), MOST_IMAGES)
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         mass = tables.area / tables.area.mean()
@@ -175,6 +171,13 @@ class Separation:
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         self._prepare_bins(tables, is_round, pinned)
         self._make_arrays(given, angle)
+        self._crowd = kernels_pairs.Crowd()
+        self._crowd.place, self._crowd.outlines, self._crowd.neighbours = (
+            self._place,
+            self._outlines,
+            self._near.for_kernels,
+        )
+        self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
@@ -202,10 +205,10 @@ class Separation:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.float32)[order], dtype=float, device=device)
+            return self.launcher.array(values.astype(np.float32)[order], float)
 
         def whole(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
+            return self.launcher.array(values.astype(np.int32), wp.int32)
 
         corners = np.diff(tables.start)[tables.shape][order]
         first = np.concatenate([[0], np.cumsum(corners)])
@@ -248,9 +251,10 @@ class Separation:
             members = members[np.argsort(narrow[members], kind="stable")]
             start = np.concatenate([[0], np.cumsum(np.bincount(bin_of[members], minlength=count))])
         device = self.launcher.device
-        self._bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
-        self._bin_start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)
-        self._bin_member = wp.array(
+        self._bins = kernels_trials.Bins()
+        self._bins.bin = wp.array(bin_of.astype(np.int32), dtype=wp.int32, device=device)
+        self._bins.start = wp.array(start.astype(np.int32), dtype=wp.int32, device=device)
+        self._bins.member = wp.array(
             (members if len(members) else np.zeros(1)).astype(np.int32), dtype=wp.int32, device=device
         )
         self._swap_reach = 2.0 * float(tables.reach[self._order][members].max(initial=0.0)) / self._model.unit
@@ -262,10 +266,11 @@ class Separation:
         values = values[self._order]
         self._start = values
         self._place = wp.array(values, dtype=wp.vec4, device=launcher.device)
-        self._home = wp.clone(self._place)
-        self._built = wp.clone(self._place)
-        self._last_move = launcher.zeros(n, wp.vec4)
-        self._moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        moves = kernels_separation.Moves()
+        moves.home, moves.built = wp.clone(self._place), wp.clone(self._place)
+        moves.last = launcher.zeros(n, wp.vec4)
+        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        self._moves = moves
         self._settings = wp.zeros(5, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
@@ -288,11 +293,41 @@ class Separation:
         parted = self._try(go_on, hot=False)
         if parted is False and self._fixed and self._swappable and not self._too_crowded:
             self._place.assign(self._start)
-            self._home.assign(self._start)
+            self._moves.home.assign(self._start)
             parted = self._try(go_on, hot=True)
         self._write_back()
+        if self._model.may_bend.any():
+            self._straighten()
         self._forget()
         return bool(parted)
+
+    def _straighten(self) -> None:
+        """Let lines bend no farther than there is room: they were parted as if they were straight."""
+        launcher, n = self.launcher, self._count
+        self._turn_corners()
+        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
+        launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
+        # Bodies as they lie in space; those that are bent are looked for as far as they reach.
+        reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
+        near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        near.sort(self._place)
+        launcher.launch(
+            kernels_bends.find_room,
+            n,
+            [
+                self._place,
+                self._outlines,
+                near.near,
+                near.cell_start,
+                near.grid,
+                self._image_range,
+                self._inset,
+                widest,
+            ],
+            [room],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:
         """Let go of what was recorded, where there is something."""
@@ -318,7 +353,7 @@ class Separation:
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
         """One try; None where it was stopped."""
-        self._last_move.zero_()
+        self._moves.last.zero_()
         self._rebuild()
         if self._swappable and self._fixed and self._covered <= 1.0:
             # The more that fit where they are, the less they need to move.
@@ -348,7 +383,7 @@ class Separation:
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
-                guidance.lead(self._place, self._outlines, self._home)
+                guidance.lead(self._place, self._outlines, self._moves.home)
             self._find()
             if number % ROUNDS_AT_ONCE == 0 and number < guided:
                 if go_on is not None and not go_on():
@@ -388,19 +423,10 @@ class Separation:
     def _rebuild(self) -> None:
         """List the pairs that are near."""
         launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
-        launcher.launch(kernels_pairs.begin_list, n, [self._space], [self._place, self._built, self._moved_far])
+        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
         self._turn_corners()
         near.sort(self._place)
-        search = [
-            self._place,
-            self._outlines,
-            near.near,
-            near.footprints.level,
-            near.cell_start,
-            near.grid,
-            self._image_range,
-            max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n)),
-        ]
+        search = [self._crowd, max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n))]
         launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
         start = np.zeros(n + 1, np.int64)
         np.cumsum(pairs.count.numpy(), out=start[1:])
@@ -411,6 +437,7 @@ class Separation:
             pairs.push = launcher.empty(self._slots, wp.vec4)
             pairs.depth = launcher.empty(self._slots, float)
             self._seconds = CellSort(launcher, self._slots, n + 1)
+            pairs.second_start, pairs.second_slot = self._seconds.cell_start, self._seconds.order
             self._forget()
         pairs.start.assign(start.astype(np.int32))
         launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
@@ -435,7 +462,7 @@ class Separation:
         self.launcher.launch(
             kernels_separation.find_pushes,
             self._count,
-            [self._place, self._outlines, self._space.size, self._settings],
+            [self._crowd, self._settings],
             [self._pairs],
             grain=GRAIN_OF_NEIGHBOURS,
         )
@@ -444,21 +471,8 @@ class Separation:
         self.launcher.launch(
             kernels_separation.move_apart,
             self._count,
-            [
-                self._outlines,
-                self._pairs,
-                self._seconds.cell_start,
-                self._seconds.order,
-                self._home,
-                self._built,
-                self._bodies,
-                self._bend,
-                self._images,
-                self._space,
-                self._inset,
-                self._settings,
-            ],
-            [self._place, self._last_move, self._moved_far],
+            [self._pairs, self._bodies, self._bend, self._images, self._settings],
+            [self._crowd, self._moves],
             grain=GRAIN_OF_NEIGHBOURS,
             per_thread=True,
         )
@@ -473,7 +487,7 @@ class Separation:
     @property
     def _strayed(self) -> int:
         """Bodies that are farther than their skins from where they were when pairs were listed."""
-        return int(self._moved_far.numpy().sum())
+        return int(self._moves.moved_far.numpy().sum())
 
     def _move(self) -> None:
         assert self._one_round is not None
@@ -484,16 +498,7 @@ class Separation:
         self.launcher.launch(
             kernels_separation.measure_overlaps,
             self._count,
-            [
-                self._place,
-                self._outlines,
-                self._pairs,
-                self._seconds.cell_start,
-                self._seconds.order,
-                self._space,
-                self._inset,
-                TOLERANCE,
-            ],
+            [self._crowd, self._pairs, TOLERANCE],
             [self._deep, self._touching, self._cost],
             grain=GRAIN_OF_NEIGHBOURS,
         )
@@ -513,27 +518,18 @@ class Separation:
         candidates = max(1, min(CANDIDATES, PLACES_TO_TRY // len(stuck)))
         stuck = stuck[:PLACES_TO_TRY]
         device = self.launcher.device
-        near = self._near
-        near.sort(self._place)
+        self._near.sort(self._place)
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
         self.launcher.launch(
             kernels_trials.propose_swaps,
             len(stuck),
             [
                 wp.array(stuck.astype(np.int32), dtype=wp.int32, device=device),
-                self._bin,
-                self._bin_start,
-                self._bin_member,
+                self._bins,
                 candidates,
                 keep,
                 (self._model.problem.seed * 7919 + number) % (1 << 31),
-                self._place,
-                self._outlines,
-                near.near,
-                near.cell_start,
-                near.grid,
-                self._image_range,
-                self._inset,
+                self._crowd,
                 self._cost,
             ],
             [partner, gain],
@@ -543,35 +539,28 @@ class Separation:
         proposed = np.flatnonzero(found >= 0)
         proposed = proposed[np.argsort(-gained[proposed], kind="stable")]
         one, other = stuck[proposed], found[proposed]
-        place, home, last = self._place.numpy().copy(), self._home.numpy().copy(), self._last_move.numpy().copy()
+        place, home, last = self._place.numpy().copy(), self._moves.home.numpy().copy(), self._moves.last.numpy().copy()
         chosen = self._compatible(one, other, place)
         one, other = one[chosen], other[chosen]
         both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
         place[both, :2], home[both, :2] = place[swapped, :2], home[swapped, :2]
         last[both] = 0.0
         self._place.assign(place)
-        self._home.assign(home)
-        self._last_move.assign(last)
+        self._moves.home.assign(home)
+        self._moves.last.assign(last)
         if len(one):
             self._rebuild()
         return len(one)
 
     def _turn_first(self) -> None:
         """Turn bodies that may turn, where they are, so that they overlap less."""
-        launcher, n, near = self.launcher, self._count, self._near
+        launcher, n = self.launcher, self._count
         angle, gain, cost = (launcher.zeros(n, float) for _ in range(3))
         turned = launcher.zeros(n, wp.int32)
-        near.sort(self._place)
-        search = [self._outlines, near.near, near.cell_start, near.grid]
+        self._near.sort(self._place)
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
-            launcher.launch(
-                kernels_trials.find_costs,
-                n,
-                [self._place, *search, self._image_range, self._inset],
-                [cost],
-                grain=GRAIN_OF_NEIGHBOURS,
-            )
+            launcher.launch(kernels_trials.find_costs, n, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBOURS)
             launcher.launch(
                 kernels_trials.propose_turns,
                 n,
@@ -581,20 +570,16 @@ class Separation:
                     self._trial_corners,
                     KEEP_TURNS,
                     (self._model.problem.seed * 7919 + (1 << 20) + number) % (1 << 31),
-                    self._place,
-                    *search,
-                    self._image_range,
-                    self._inset,
                     cost,
                 ],
-                [self._outlines.corner, angle, gain],
+                [self._crowd, angle, gain],
                 grain=8,
             )
             launcher.launch(
                 kernels_trials.accept_turns,
                 n,
-                [angle, gain, *search, self._place],
-                [self._place, turned],
+                [angle, gain],
+                [self._crowd, turned],
                 grain=GRAIN_OF_NEIGHBOURS,
             )
             self._turn_corners()
@@ -622,12 +607,7 @@ class Separation:
         place = self._place.numpy()
         pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
         lines, order = self._is_line[self._order], self._order
-        size = np.array(self._model.size, np.float32)
-        position = place[:, :2].copy()
-        if self._model.problem.rectangle.periodic:
-            position -= np.floor(position / size) * size
-            position[position >= size] = 0.0
-        pose[order, :2] = position
+        pose[order, :2] = self._model.space.wrapped(place[:, :2])
         pose[order[lines], 2] = place[lines, 2]
         dots = ~lines
         turn[order[dots]] = place[dots, 2]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..problem.surface import PointsOnSurface, Surface
+from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
@@ -42,67 +42,128 @@ def carry_over_on_surface(
     Returns:
         Who stays and who is new, and where all of them are, by facets; fixed ones are anywhere.
     """
-    body, before = model.body, old.body
-    source = np.full(model.body_count, -1, np.int64)
-    facet, weight = np.zeros(model.body_count, np.int32), np.full((model.body_count, 2), 1.0 / 3.0, np.float32)
-    old_facet, old_weight = spots_of_points(facets, points)
-    used = (before.flags & BodyFlags.GHOST) != 0
-    fixed = np.flatnonzero(model.fixed)
-    index_of = {identity: index for index, identity in enumerate(before.identity.tolist())} if len(fixed) else {}
-    for row in fixed.tolist():
-        source[row] = index_of.get(int(body.identity[row]), -1)
-    used[source[fixed][source[fixed] >= 0]] = True
-    taken = used.copy()
-
-    tile_area, places = facets.tile_area, TilePlaces(facets, rng)
-    middles = facets.surface.points(*facets.in_triangle(*facets.tiles(np.arange(facets.count))))
-    tile_of_old = tiles_of(facets, old_facet, old_weight)
-    rank_on_curve = np.argsort(np.argsort(tile_of_old, kind="stable"), kind="stable")
-    old_classes = {c.name: index for index, c in enumerate(old.problem.classes)}
+    edit = _SurfaceEdit(old, points, model, facets, share, rng)
     for c, body_class in enumerate(model.problem.classes):
-        k = old_classes.get(body_class.name, -1)
-        share_before = np.zeros(facets.tile_count)
-        if k >= 0:
-            share_before = old.problem.classes[k].density_on(middles) * tile_area
-            share_before /= max(share_before.sum(), 1e-300)
-        # Compared as both are at the middles of tiles.
-        share_now = body_class.density_on(middles) * tile_area
-        share_now /= max(share_now.sum(), 1e-300)
-        old_sizes = {} if k < 0 else {s.name: i for i, s in enumerate(old.problem.classes[k].sizes)}
+        share_before, share_now = edit.shares_of(c)
         for s, size in enumerate(body_class.sizes):
-            rows = np.flatnonzero((body.class_index == c) & (body.size_index == s) & ~model.fixed)
-            of_size = (before.class_index == k) & (before.size_index == old_sizes.get(size.name, -1))
-            pool = np.flatnonzero(of_size & ~used)
-            used[pool] = True
-            wanted, there = len(rows) * share_now, len(pool) * share_before
-            staying = _staying(pool, tile_of_old, rank_on_curve, wanted, there, len(rows))
-            seats = rows
-            if len(staying) and np.ptp(before.area[staying]) > 0.0:
-                # Bodies of a range keep their ranks.
-                staying = staying[np.argsort(before.area[staying], kind="stable")]
-                chosen = np.floor((np.arange(len(staying)) + 0.5) * len(rows) / len(staying)).astype(int)
-                by_area = rows[np.argsort(body.area[rows], kind="stable")]
-                seats = np.concatenate([by_area[chosen], np.delete(by_area, chosen)])
-            kept, fresh = seats[: len(staying)], seats[len(staying) :]
-            source[kept] = staying
-            facet[kept], weight[kept] = old_facet[staying], old_weight[staying]
-            gain = np.where(share[c] > 0.0, np.maximum(wanted - there, 0.0), 0.0)
-            gain[gain < UNCHANGED * wanted] = 0.0
-            facet[fresh], weight[fresh] = places.draw(gain if gain.any() else share[c], len(fresh))
-    gone = ~taken
-    gone[source[source >= 0]] = False
-    identity = body.identity.astype(np.int64)
-    carried = (source >= 0) & ~model.fixed
-    identity[carried] = before.identity[source[carried]]
-    new = (source < 0) & ~model.fixed
-    identity[new] = first_identity + np.arange(int(new.sum()))
-    # Where the density is 0 now nobody stays.
-    own_share = share[body.class_index, tiles_of(facets, facet, weight)]
-    for row in np.flatnonzero((own_share <= 0.0) & ~model.fixed).tolist():
-        (facet[row],), (weight[row],) = places.draw(share[body.class_index[row]], 1)
-    position = points.position
-    assert isinstance(model.problem.domain, Surface)
-    return CarriedOver(np.zeros((model.body_count, 3)), source, identity, position[gone]), (facet, weight)
+            edit.settle(c, s, size.name, share_before, share_now)
+    edit.leave_the_empty()
+    return CarriedOver(np.zeros((model.body_count, 3)), edit.source, edit.identities(first_identity), edit.removed()), (
+        edit.facet,
+        edit.weight,
+    )
+
+
+class _SurfaceEdit:
+    """An edit that is being made: who has come from where so far.
+
+    Args:
+        old: The model before it.
+        points: Where its bodies are.
+        model: The model after it.
+        facets: The surface as the new model has it cut.
+        share: Share of every class's density on every tile now.
+        rng: What is random.
+
+    Attributes:
+        source: Index of the same body in the old model, -1 for a new one, shape ``[n]``.
+        facet: Facet of every body, shape ``[n]``.
+        weight: Weights of its second and third corner, shape ``[n, 2]``.
+    """
+
+    def __init__(
+        self,
+        old: Model,
+        points: PointsOnSurface,
+        model: Model,
+        facets: Facets,
+        share: np.ndarray,
+        rng: np.random.Generator,
+    ) -> None:
+        self._old, self._points, self._model, self._facets, self._share = old, points, model, facets, share
+        n = model.body_count
+        self.source = np.full(n, -1, np.int64)
+        self.facet, self.weight = np.zeros(n, np.int32), np.full((n, 2), 1.0 / 3.0, np.float32)
+        self._old_facet, self._old_weight = spots_of_points(facets, points)
+        self._find_fixed()
+        # Who is no longer there to be chosen: it acts on others only, was chosen, or is fixed now.
+        self._used = (old.body.flags & BodyFlags.GHOST) != 0
+        self._used[self.source[self.source >= 0]] = True
+        self._taken = self._used.copy()
+        self._places = TilePlaces(facets, rng)
+        self._middles = facets.surface.points(*facets.in_triangle(*facets.tiles(np.arange(facets.count))))
+        self._tile_of_old = tiles_of(facets, self._old_facet, self._old_weight)
+        self._rank_on_curve = np.argsort(np.argsort(self._tile_of_old, kind="stable"), kind="stable")
+        self._old_classes = {c.name: index for index, c in enumerate(old.problem.classes)}
+
+    def _find_fixed(self) -> None:
+        """Fixed bodies are known by their identities."""
+        fixed = np.flatnonzero(self._model.fixed)
+        before = self._old.body.identity.tolist() if len(fixed) else []
+        index_of = {identity: index for index, identity in enumerate(before)}
+        for row in fixed.tolist():
+            self.source[row] = index_of.get(int(self._model.body.identity[row]), -1)
+
+    def _old_class(self, c: int) -> int:
+        """Index that a class had; -1 where there was none of its name."""
+        return self._old_classes.get(self._model.problem.classes[c].name, -1)
+
+    def shares_of(self, c: int) -> tuple[np.ndarray, np.ndarray]:
+        """Share of a class's density on every tile before and now, each as it is at the middles of tiles."""
+        k, area = self._old_class(c), self._facets.tile_area
+        share_before = np.zeros(self._facets.tile_count)
+        if k >= 0:
+            share_before = self._old.problem.classes[k].density_on(self._middles) * area
+            share_before /= max(share_before.sum(), 1e-300)
+        share_now = self._model.problem.classes[c].density_on(self._middles) * area
+        share_now /= max(share_now.sum(), 1e-300)
+        return share_before, share_now
+
+    def settle(self, c: int, s: int, name: str, share_before: np.ndarray, share_now: np.ndarray) -> None:
+        """Decide who of a size stays, and put those that are new where more of them are wanted."""
+        body, before, k = self._model.body, self._old.body, self._old_class(c)
+        old_sizes = {} if k < 0 else {size.name: i for i, size in enumerate(self._old.problem.classes[k].sizes)}
+        rows = np.flatnonzero((body.class_index == c) & (body.size_index == s) & ~self._model.fixed)
+        of_size = (before.class_index == k) & (before.size_index == old_sizes.get(name, -1))
+        pool = np.flatnonzero(of_size & ~self._used)
+        self._used[pool] = True
+        wanted, there = len(rows) * share_now, len(pool) * share_before
+        staying = _staying(pool, self._tile_of_old, self._rank_on_curve, wanted, there, len(rows))
+        seats = rows
+        if len(staying) and np.ptp(before.area[staying]) > 0.0:
+            # Bodies of a range keep their ranks.
+            staying = staying[np.argsort(before.area[staying], kind="stable")]
+            chosen = np.floor((np.arange(len(staying)) + 0.5) * len(rows) / len(staying)).astype(int)
+            by_area = rows[np.argsort(body.area[rows], kind="stable")]
+            seats = np.concatenate([by_area[chosen], np.delete(by_area, chosen)])
+        kept, fresh = seats[: len(staying)], seats[len(staying) :]
+        self.source[kept] = staying
+        self.facet[kept], self.weight[kept] = self._old_facet[staying], self._old_weight[staying]
+        gain = np.where(self._share[c] > 0.0, np.maximum(wanted - there, 0.0), 0.0)
+        gain[gain < UNCHANGED * wanted] = 0.0
+        self.facet[fresh], self.weight[fresh] = self._places.draw(gain if gain.any() else self._share[c], len(fresh))
+
+    def leave_the_empty(self) -> None:
+        """Where the density is 0 now nobody stays."""
+        body = self._model.body
+        own_share = self._share[body.class_index, tiles_of(self._facets, self.facet, self.weight)]
+        for row in np.flatnonzero((own_share <= 0.0) & ~self._model.fixed).tolist():
+            (self.facet[row],), (self.weight[row],) = self._places.draw(self._share[body.class_index[row]], 1)
+
+    def identities(self, first: int) -> np.ndarray:
+        """Identities of all bodies, int64; those that are new have ``first`` and the following ones."""
+        identity = self._model.body.identity.astype(np.int64)
+        carried = (self.source >= 0) & ~self._model.fixed
+        identity[carried] = self._old.body.identity[self.source[carried]]
+        new = (self.source < 0) & ~self._model.fixed
+        identity[new] = first + np.arange(int(new.sum()))
+        return identity
+
+    def removed(self) -> np.ndarray:
+        """Positions of bodies that were taken out [m], shape ``[m, 3]``."""
+        gone = ~self._taken
+        gone[self.source[self.source >= 0]] = False
+        return self._points.position[gone]
 
 
 def _staying(

@@ -8,7 +8,6 @@ charge as there is.
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import numpy as np
 
@@ -96,9 +95,8 @@ def _on_cells(model: Model, image: np.ndarray, own: np.ndarray, bodies: int) -> 
     row = np.minimum(((1.0 - position[:, 1] / domain.size[1]) * rows).astype(int), rows - 1)
     there = np.bincount(row * columns + column, weights=model.body_charge[own], minlength=rows * columns)
     there = there.reshape(rows, columns)
-    mode: Literal["wrap", "symmetric"] = "wrap" if domain.periodic else "symmetric"
     pad = [min(math.ceil(5.0 * BLUR_OF_FIXED), n) for n in (rows, columns)]
-    wide = gaussian_blur(np.pad(there, [(pad[0], pad[0]), (pad[1], pad[1])], mode=mode), BLUR_OF_FIXED)
+    wide = gaussian_blur(model.space.padded(there, *pad), BLUR_OF_FIXED)
     there = wide[pad[0] : pad[0] + rows, pad[1] : pad[1] + columns]
     there *= model.body_charge[own].sum() / max(float(there.sum()), 1e-300)
     return there, box_integrals(image, (rows, columns))[::-1]

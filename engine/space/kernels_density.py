@@ -7,49 +7,66 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 
+@wp.struct
+class Band:
+    """Which pixels make up every node along an axis: the first one of each, and the weights of ``reach`` of them.
+
+    There are ``fold`` entries more at either end, which on a periodic mesh belong to the nodes one period further on.
+    """
+
+    first: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=float)
+    reach: wp.int32
+    fold: wp.int32
+
+
+@wp.func
+def weigh_pixels(
+    before: float, entry: int, band: Band, source: wp.array(dtype=float), start: int, step: int, pixels: int
+):
+    """What was weighed before, and the pixels of an entry of a band, of ``pixels`` that lie ``step`` apart from ``start`` on."""
+    total = before
+    for k in range(band.reach):
+        weight = band.weight[entry * band.reach + k]
+        if weight != 0.0:
+            pixel = wp.clamp(band.first[entry] + k, 0, pixels - 1)
+            total += weight * source[start + pixel * step]
+    return total
+
+
 @wp.kernel
 def apply_band(
     first: int,
     source: wp.array(dtype=float),
     source_rows: int,
     source_columns: int,
-    band_first: wp.array(dtype=wp.int32),
-    band_weight: wp.array(dtype=float),
-    reach: int,
-    fold: int,
+    band: Band,
     along_columns: int,
     rows: int,
     columns: int,
     # outputs
     result: wp.array(dtype=float),
 ):
-    """Weigh the rows of ``source`` (or its columns) into those of ``result``, each row's few pixels by a band of weights.
-
-    The band has ``fold`` entries more at either end, which on a periodic mesh belong to the nodes one period further on.
-    """
+    """Weigh the rows of ``source`` (or its columns) into those of ``result``, each row's few pixels by a band of weights."""
     i = first + wp.tid()
     row = i / columns
     column = i - row * columns
     node = row
     count = rows
     pixels = source_rows
+    start = column
+    step = source_columns
     if along_columns != 0:
         node = column
         count = columns
         pixels = source_columns
+        start = row * source_columns
+        step = 1
     total = float(0.0)
     for period in range(3):
-        entry = node + fold + (period - 1) * count
-        if entry >= 0 and entry < count + 2 * fold:
-            start = band_first[entry]
-            for k in range(reach):
-                weight = band_weight[entry * reach + k]
-                if weight != 0.0:
-                    pixel = wp.clamp(start + k, 0, pixels - 1)
-                    if along_columns != 0:
-                        total += weight * source[row * source_columns + pixel]
-                    else:
-                        total += weight * source[pixel * source_columns + column]
+        entry = node + band.fold + (period - 1) * count
+        if entry >= 0 and entry < count + 2 * band.fold:
+            total = weigh_pixels(total, entry, band, source, start, step, pixels)
     result[i] = total
 
 

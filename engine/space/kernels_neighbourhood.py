@@ -60,6 +60,16 @@ class Sorted:
     half_axis: wp.array(dtype=wp.vec2)
 
 
+@wp.struct
+class Neighbours:
+    """What finds neighbours: bodies in the order of their cells, their footprints, where every cell begins, and the cells."""
+
+    bodies: Sorted
+    footprints: Footprints
+    cell_start: wp.array(dtype=wp.int32)
+    grid: ContactGrid
+
+
 @wp.func
 def set_sorted(s: int, pose: wp.vec4, radius: float, bodies: Sorted):
     bodies.x[s] = pose[0]
@@ -72,14 +82,14 @@ def set_sorted(s: int, pose: wp.vec4, radius: float, bodies: Sorted):
 def contact_keys(
     first: int,
     pose: wp.array(dtype=wp.vec4),
-    footprints: Footprints,
-    grid: ContactGrid,
+    neighbours: Neighbours,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
     i = first + wp.tid()
-    m = footprints.level[i]
+    m = neighbours.footprints.level[i]
+    grid = neighbours.grid
     x = wp.clamp(int(pose[i][0] / grid.space.size[0] * float(grid.count_x[m])), 0, grid.count_x[m] - 1)
     y = wp.clamp(int(pose[i][1] / grid.space.size[1] * float(grid.count_y[m])), 0, grid.count_y[m] - 1)
     key[i] = grid.first_cell[m] + y * grid.count_x[m] + x
@@ -154,8 +164,9 @@ class Around:
 
 
 @wp.func
-def cells_around(position: wp.vec2, reach: float, level: int, grid: ContactGrid):
+def cells_around(position: wp.vec2, reach: float, level: int, neighbours: Neighbours):
     """The cells of a level that come within ``reach`` of ``position``."""
+    grid = neighbours.grid
     space = grid.space
     around = Around()
     around.count_x = grid.count_x[level]
@@ -175,14 +186,14 @@ def run_count(around: Around):
 
 
 @wp.func
-def bodies_of_run(run: int, around: Around, cell_start: wp.array(dtype=wp.int32)):
+def bodies_of_run(run: int, around: Around, neighbours: Neighbours):
     """First place in :class:`Sorted` of the bodies of a run, and the one after the last."""
     cells = cells_of_period(around.columns, around.first_period + run % around.periods, around.count_x)
     if cells[0] > cells[1]:
         return wp.vec2i(0, 0)
     row = wrap(around.rows[0] + run / around.periods, around.count_y)
     base = around.first_cell + row * around.count_x
-    return wp.vec2i(cell_start[base + cells[0]], cell_start[base + cells[1] + 1])
+    return wp.vec2i(neighbours.cell_start[base + cells[0]], neighbours.cell_start[base + cells[1] + 1])
 
 
 # Which of the next bodies may be within reach, as bits: a quick look at several at once, wrong on the safe side only. Positions differ
@@ -237,8 +248,10 @@ def may_touch(
 
 
 @wp.func
-def next_near(position: wp.vec2, reach: float, wider: float, start: int, end: int, near: Sorted, space: Space):
+def next_near(position: wp.vec2, reach: float, wider: float, start: int, end: int, neighbours: Neighbours):
     """Which of the bodies from ``start`` on, :data:`LANES` of them at most, may be within reach of ``position``, as bits."""
+    space = neighbours.grid.space
+    near = neighbours.bodies
     return may_touch(
         position[0], position[1], reach, wider, space.size, space.periodic, start, end, near.x, near.y, near.reach
     )
@@ -258,11 +271,10 @@ def lowest_bit(bits: int) -> int: ...
 def gather_bodies(
     first: int,
     pose: wp.array(dtype=wp.vec4),
-    footprints: Footprints,
     # outputs
-    bodies: Sorted,
+    neighbours: Neighbours,
 ):
     s = first + wp.tid()
-    i = bodies.body[s]
-    bodies.place[i] = s
-    set_sorted(s, pose[i], footprints.radius[i], bodies)
+    i = neighbours.bodies.body[s]
+    neighbours.bodies.place[i] = s
+    set_sorted(s, pose[i], neighbours.footprints.radius[i], neighbours.bodies)

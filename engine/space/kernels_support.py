@@ -24,20 +24,20 @@ def find_nearer_support(
     column = i - row * width
     best = nearest[i]
     least = float(1.0e30)
-    for b in range(-1, 2):
-        for a in range(-1, 2):
-            r = row + b * jump
-            c = column + a * jump
-            if r >= 0 and r < height and c >= 0 and c < width:
-                candidate = nearest[r * width + c]
-                if candidate >= 0:
-                    to = candidate / width
-                    dx = float(candidate - to * width - column) * size[0]
-                    dy = float(to - row) * size[1]
-                    away = dx * dx + dy * dy
-                    if away < least:
-                        least = away
-                        best = candidate
+    for neighbour in range(9):
+        r = row + (neighbour / 3 - 1) * jump
+        c = column + (neighbour % 3 - 1) * jump
+        candidate = int(-1)
+        if r >= 0 and r < height and c >= 0 and c < width:
+            candidate = nearest[r * width + c]
+        if candidate >= 0:
+            to = candidate / width
+            dx = float(candidate - to * width - column) * size[0]
+            dy = float(to - row) * size[1]
+            away = dx * dx + dy * dy
+            if away < least:
+                least = away
+                best = candidate
     nearer[i] = best
 
 

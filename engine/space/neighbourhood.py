@@ -31,6 +31,10 @@ class Neighbourhood:
         radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
         half_length: Half the longest axis that it may have, shape ``[n]``.
         mass: Of every body, shape ``[n]``; infinite for one that others cannot push.
+
+    Attributes:
+        footprints: Level, radius and mass of every body, on the device.
+        for_kernels: What kernels find neighbours by.
     """
 
     def __init__(
@@ -60,11 +64,10 @@ class Neighbourhood:
         grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
         grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
         grid.space = space.for_kernels()
-        self.grid = grid
         footprints = kernels_neighbourhood.Footprints()
-        footprints.level = wp.array(level, dtype=wp.int32, device=device)
-        footprints.radius = wp.array(radius, dtype=float, device=device)
-        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
+        footprints.level = launcher.array(level, wp.int32)
+        footprints.radius = launcher.array(radius, float)
+        footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))
@@ -74,14 +77,12 @@ class Neighbourhood:
         near.place = launcher.empty(n, wp.int32)
         near.x, near.y, near.reach = (launcher.zeros(room, float) for _ in range(3))
         near.half_axis = launcher.zeros(room, wp.vec2)
-        self.near = near
-
-    @property
-    def cell_start(self) -> wp.array:
-        """Place of the first body of every cell in :attr:`near`."""
-        return self._cells.cell_start
+        neighbours = kernels_neighbourhood.Neighbours()
+        neighbours.bodies, neighbours.footprints = near, footprints
+        neighbours.cell_start, neighbours.grid = self._cells.cell_start, grid
+        self.for_kernels = neighbours
 
     def sort(self, pose: wp.array) -> None:
         """Put bodies where they are now into the cells."""
-        self._cells.sort(kernels_neighbourhood.contact_keys, [pose, self.footprints, self.grid])
-        self.launcher.launch(kernels_neighbourhood.gather_bodies, self.body_count, [pose, self.footprints], [self.near])
+        self._cells.sort(kernels_neighbourhood.contact_keys, [pose, self.for_kernels])
+        self.launcher.launch(kernels_neighbourhood.gather_bodies, self.body_count, [pose], [self.for_kernels])

@@ -35,6 +35,11 @@ class Space:
         """Area of the rectangle."""
         return self.size[0] * self.size[1]
 
+    @property
+    def has_straight_ways(self) -> bool:
+        """Whether the way from one position to another is always their difference: nothing repeats itself."""
+        return not self.periodic
+
     def with_mirror_images(self) -> Space:
         """The space of everything in this one and of its images in two mirrors, the right and the upper edge, which repeats itself."""
         return Space((2.0 * self.size[0], 2.0 * self.size[1]), True)
@@ -44,8 +49,26 @@ class Space:
         return way - np.array(self.size) * np.round(way / np.array(self.size)) if self.periodic else way
 
     def wrapped(self, position: np.ndarray) -> np.ndarray:
-        """Positions, shape ``[..., 2]``, inside a space that wraps; where one ends, they are as they were."""
-        return np.mod(position, self.size) if self.periodic else position
+        """Positions, shape ``[..., 2]``, inside a space that wraps, as precise as they were; where one ends, they are as they were."""
+        if not self.periodic:
+            return position
+        size = np.array(self.size, position.dtype)
+        return self.inside(position - np.floor(position / size) * size)
+
+    def inside(self, position: np.ndarray) -> np.ndarray:
+        """Put positions, shape ``[n, 2]``, that rounding left beyond the far edges onto these, or where it wraps onto the near ones.
+
+        They are changed in place, and returned.
+        """
+        size = np.array(self.size, position.dtype)
+        if not self.periodic:
+            return np.minimum(position, size, out=position)
+        position[position >= size] = 0.0
+        return position
+
+    def padded(self, image: np.ndarray, rows: int, columns: int) -> np.ndarray:
+        """An image over the space with so many more rows and columns on every side: its own other side, or mirrored where it ends."""
+        return np.pad(image, [(rows, rows), (columns, columns)], mode="wrap" if self.periodic else "symmetric")
 
     def images_within(self, distance: float, most: int) -> tuple[int, int]:
         """How many periods away along x and y, at most ``most``, images lie within ``distance``; 0 where nothing repeats."""

@@ -67,19 +67,14 @@ def _apply_bands(
     on_rows = launcher.empty(rows * width, float)
     steps = ((source, (height, width), on_rows, (rows, width)), (on_rows, (rows, width), result, (rows, columns)))
     for along, ((first, weight), (given, given_shape, made, made_shape)) in enumerate(zip(bands, steps, strict=True)):
+        band = kernels_density.Band()
+        band.first = wp.array(first, dtype=wp.int32, device=device)
+        band.weight = wp.array(weight.ravel(), dtype=float, device=device)
+        band.reach, band.fold = weight.shape[1], fold
         launcher.launch(
             kernels_density.apply_band,
             made_shape[0] * made_shape[1],
-            [
-                given,
-                *given_shape,
-                wp.array(first, dtype=wp.int32, device=device),
-                wp.array(weight.ravel(), dtype=float, device=device),
-                weight.shape[1],
-                fold,
-                along,
-                *made_shape,
-            ],
+            [given, *given_shape, band, along, *made_shape],
             [made],
         )
 

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_copy import CLASS_PARTS, copy_class
+from ..editing.class_copy import CLASS_PARTS, copy_class
 from ..properties.body_class import ESH_PG_class
 from ..properties.names import unused_name
 from ..properties.scene import active_scatter, selected_class, selected_scatter

@@ -64,8 +64,8 @@ class ESH_OT_classes_from_image(Edit):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add the classes."""
         from ...engine.surface.chart import Chart
-        from ..inks import add_ink_classes
-        from ..targets import check_targets, read_targets
+        from ..classes.inks import add_ink_classes
+        from ..targets.targets import check_targets, read_targets
 
         scatter = selected_scatter(context)
         image = bpy.data.images.get(self.image)
@@ -91,7 +91,7 @@ class _ClassesFromObjects(Edit):
     )
 
     def _add(self, context: bpy.types.Context, items: list[bpy.types.Object]) -> set[str]:
-        from ..selection import add_classes, measure
+        from ..editing.selection import add_classes, measure
 
         scatter = selected_scatter(context)
         measured, flat = measure(items, context)
@@ -112,7 +112,7 @@ class ESH_OT_classes_from_selection(_ClassesFromObjects):
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
-        from ..selection import sources_in
+        from ..editing.selection import sources_in
 
         scatter = active_scatter(context)
         return (scatter and sources_in(context.selected_objects, scatter.targets)) or None
@@ -121,7 +121,7 @@ class ESH_OT_classes_from_selection(_ClassesFromObjects):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add them."""
-        from ..selection import sources_in
+        from ..editing.selection import sources_in
 
         return self._add(context, sources_in(context.selected_objects, selected_scatter(context).targets))
 
@@ -149,7 +149,7 @@ class ESH_OT_classes_from_collection(_ClassesFromObjects):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add them."""
-        from ..selection import sources_in
+        from ..editing.selection import sources_in
 
         collection = bpy.data.collections.get(self.collection)
         if collection is None:

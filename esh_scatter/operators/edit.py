@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty
 
-from .. import running
 from ..properties.scene import active_scatter
+from ..solving import running
 
 __all__ = ["ClassEdit", "Edit", "EntryEdit", "MoveEntry", "RemoveEntry", "remove_at", "sentence", "settings_editable"]
 

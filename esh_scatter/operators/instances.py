@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 from bpy.props import FloatProperty
 
-from .. import pins
-from ..kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
+from ..result import pins
+from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
 from .edit import Edit
 
 __all__ = ["CLASSES"]

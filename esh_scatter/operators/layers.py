@@ -11,7 +11,7 @@ from bpy.props import EnumProperty, IntProperty
 from mathutils import Vector
 
 from ...engine.errors import EshError
-from ..density_curve import remove_curve
+from ..densities.density_curve import remove_curve
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
 from .edit import ClassEdit, MoveEntry, RemoveEntry, sentence
@@ -108,7 +108,7 @@ class ESH_OT_layer_paint(ClassEdit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Make what is missing, and begin to paint."""
-        from ..painting import begin_to_paint
+        from ..editing.painting import begin_to_paint
 
         scatter, body_class = selected_scatter(context), selected_class(context)
         layer = body_class.active_layer

@@ -6,7 +6,7 @@
 import bpy
 
 from ..properties.scene import selected_scatter
-from ..target import is_result
+from ..targets.target import is_result
 from .edit import Edit, RemoveEntry
 
 __all__ = ["CLASSES"]

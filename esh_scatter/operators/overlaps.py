@@ -7,10 +7,10 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from .. import forecast
+from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
-from ..result import OVERLAPPING
+from ..result.result import OVERLAPPING
 from .edit import Edit, settings_editable
 
 __all__ = ["CLASSES"]

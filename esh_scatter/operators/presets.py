@@ -12,7 +12,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...engine.errors import EshError
 from ..properties.scene import active_scatter, selected_scatter
-from ..target import is_result
+from ..targets.target import is_result
 from .edit import Edit, remove_at, sentence
 
 __all__ = ["CLASSES"]
@@ -26,10 +26,10 @@ class _Preset(Edit):
         return _ground(context)
 
     def _apply(self, context: bpy.types.Context, path: str) -> set[str]:
-        from ..amount_ahead import area_of
-        from ..preset_files import read_preset
-        from ..presets import apply_preset
-        from ..selection import sources_in
+        from ..editing.amount_ahead import area_of
+        from ..editing.preset_files import read_preset
+        from ..editing.presets import apply_preset
+        from ..editing.selection import sources_in
 
         settings = context.scene.esh_scatter
         ground = _ground(context)
@@ -88,8 +88,8 @@ class ESH_OT_preset_export(ExportHelper, Edit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write it."""
-        from ..preset_files import write_preset
-        from ..presets import preset_of
+        from ..editing.preset_files import write_preset
+        from ..editing.presets import preset_of
 
         try:
             write_preset(self.filepath, preset_of(selected_scatter(context)))

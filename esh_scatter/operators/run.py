@@ -14,19 +14,20 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty
 from ...engine.errors import EshError, ProblemError
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import settings_of
-from .. import running, words
-from ..amount_ahead import bodies_ahead, question
+from ..editing.amount_ahead import bodies_ahead, question
 from ..properties.described import property_of
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
-from ..target import is_result
+from ..result import words
+from ..solving import running
+from ..targets.target import is_result
 from .edit import remove_at, sentence, settings_editable
 
 if TYPE_CHECKING:
     from ..api import ScatterResult
-    from ..running import Session
-    from ..selection import SelectionSurvey
-    from ..survey import Survey
+    from ..classes.survey import Survey
+    from ..editing.selection import SelectionSurvey
+    from ..solving.running import Session
 
 __all__ = ["CLASSES"]
 
@@ -266,13 +267,13 @@ class ESH_OT_scatter_selection(_Run):
             layout.prop(self, name)
 
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
-        from ..selection import SelectionSurvey
+        from ..editing.selection import SelectionSurvey
 
         ground = context.view_layer.objects.active
         return SelectionSurvey(ground, _selected_sources(context, ground), context)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
-        from ..selection import add_classes, pleasant_counts
+        from ..editing.selection import add_classes, pleasant_counts
 
         found = getattr(self, "_found", None)
         if found is None:
@@ -346,7 +347,7 @@ class ESH_OT_keep(bpy.types.Operator):
 
 def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> list[bpy.types.Object]:
     """Return the selected objects to place; where only the ground is selected, those of the active collection."""
-    from ..selection import sources_in
+    from ..editing.selection import sources_in
 
     chosen = sources_in(context.selected_objects, [ground])
     if chosen or any(item != ground for item in context.selected_objects):

@@ -30,7 +30,7 @@ from .size import ESH_PG_size
 
 if TYPE_CHECKING:
     from ..api import ScatterClass
-    from ..densities import Density
+    from ..densities.kinds import Density
 
 __all__ = ["CLASSES", "CLASS_COLORS", "DERIVED_COUNTS", "ESH_PG_class"]
 
@@ -266,7 +266,7 @@ class ESH_PG_class(PropertyGroup):
 
     def density(self) -> "Density":
         """Return the density as :func:`~esh.scatter` takes it: 1, what a plain layer reads, or a stack."""
-        from ..densities import DensityStack
+        from ..densities.kinds import DensityStack
 
         layers = [layer for layer in self.layers if layer.use]
         if not layers:

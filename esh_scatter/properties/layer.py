@@ -9,7 +9,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 from bpy.types import PropertyGroup
 
-from ..densities import (
+from ..densities.density_curve import curve_points, curve_record, make_curve
+from ..densities.kinds import (
     AltitudeDensity,
     AttributeDensity,
     CameraDensity,
@@ -23,12 +24,11 @@ from ..densities import (
     SlopeDensity,
     VertexGroupDensity,
 )
-from ..density_curve import curve_points, curve_record, make_curve
 from .described import shown_settings, values_from, with_properties
 from .names import scatter_of
 
 if TYPE_CHECKING:
-    from ..densities import Density
+    from ..densities.kinds import Density
 
 __all__ = ["BY_HAND", "CLASSES", "KINDS", "ESH_PG_layer", "LayerKind"]
 

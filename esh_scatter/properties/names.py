@@ -42,7 +42,7 @@ def class_renamed(item: PropertyGroup, context: object) -> None:
 
 def scatter_renamed(item: PropertyGroup, context: object) -> None:
     """Keep the name of a scatter unused, and rename its result."""
-    from ..result import rename_result
+    from ..result.result import rename_result
 
     keep_name_unused(item, context)
     result = item.result_in(item.id_data)

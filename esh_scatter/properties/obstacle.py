@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
-from ..obstacles import FreePlace, ScatterObstacle
+from ..solving.obstacles import FreePlace, ScatterObstacle
 from .described import property_of
 
 __all__ = ["CLASSES", "ESH_PG_free_place", "ESH_PG_obstacle"]

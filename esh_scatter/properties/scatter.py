@@ -13,7 +13,8 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import settings_of
-from .. import checksums, words
+from ..result import words
+from ..targets import checksums
 from . import settings_record
 from .body_class import CLASS_COLORS, ESH_PG_class
 from .described import values_from, with_properties
@@ -33,7 +34,7 @@ BY_HAND = ("non_overlap", *settings_of(Standing))
 
 def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
     """Follow this scatter, or no longer."""
-    from .. import live
+    from ..solving import live
 
     if not item.uid:
         item.give_own_uid()
@@ -140,7 +141,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def names_in_report(self) -> list[str]:
         """Return the names of the report's classes, as they are called now."""
-        from ..kept_ground import CLASSES_OF_POINTS
+        from ..result.kept_ground import CLASSES_OF_POINTS
 
         entries = (self.report or {}).get("classes", [])
         result = self.result
@@ -189,8 +190,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         An object that was deleted in the viewport stays in the file as long as something points to it. The settings of a linked copy
         of a scene point to the result of the other scene.
         """
-        from ..result import is_shared
-        from ..target import is_result
+        from ..result.result import is_shared
+        from ..targets.target import is_result
 
         result = self.result
         if result is None or scene.objects.get(result.name) != result or is_shared(result) or not is_result(result):
@@ -244,7 +245,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def classes_of_result(self, scene: bpy.types.Scene) -> list[int | None]:
         """Return, by class of the result, which of the classes that are ready it is now; None where it is none of them."""
-        from ..kept_ground import CLASSES_OF_POINTS
+        from ..result.kept_ground import CLASSES_OF_POINTS
 
         result = self.result_in(scene)
         now = {body_class.uid: number for number, body_class in enumerate(self.ready_classes())}
@@ -261,8 +262,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
 
     def remember(self, result: bpy.types.Object, report: dict, ran_with: str | None = None) -> None:
         """Keep what a run made and reached; ``ran_with`` is the fingerprint that it began with, None that of now."""
-        from ..display import begin_with_points
-        from ..kept_ground import CLASSES_OF_POINTS
+        from ..result.display import begin_with_points
+        from ..result.kept_ground import CLASSES_OF_POINTS
 
         few = self.result != result or words.placed(self.report) <= self.points_above
         if few and words.placed(report) > self.points_above:
@@ -286,7 +287,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         """Remove a result that was deleted in the viewport from the file, so that the next one can have its name."""
         result = self.result
         if result is not None and not in_a_scene(result) and result.library is None:
-            from ..result import remove_result
+            from ..result.result import remove_result
 
             remove_result(result)
 

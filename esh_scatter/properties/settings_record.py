@@ -8,8 +8,9 @@ from typing import Any
 
 import bpy
 
-from .. import checksums, pins
-from ..target import members_of
+from ..result import pins
+from ..targets import checksums
+from ..targets.target import members_of
 from .influence import WITHOUT_INFLUENCE
 
 __all__ = ["changes", "completed", "record", "same"]

@@ -13,7 +13,7 @@ __all__ = ["paint_class_anew", "show_class_anew", "stand_class_anew"]
 
 def _points_of_class(body_class: PropertyGroup) -> tuple[bpy.types.Object, int] | None:
     """Return the result and the number that a class has in it, or None where it has no points."""
-    from ..kept_ground import CLASSES_OF_POINTS
+    from ..result.kept_ground import CLASSES_OF_POINTS
 
     result = scatter_of(body_class).result_in(body_class.id_data)
     if result is None or result.type != "MESH":
@@ -24,7 +24,7 @@ def _points_of_class(body_class: PropertyGroup) -> tuple[bpy.types.Object, int] 
 
 def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
     """Change in the result how the objects of a class stand; where that cannot be done, the result is out of date."""
-    from ..kept_ground import can_stand_anew, stand_anew
+    from ..result.kept_ground import can_stand_anew, stand_anew
 
     found = _points_of_class(body_class)
     if found and can_stand_anew(found[0]):
@@ -35,7 +35,7 @@ def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
 
 def paint_class_anew(body_class: PropertyGroup, _context: object) -> None:
     """Give the points of a class its colour."""
-    from ..kept_ground import paint_points
+    from ..result.kept_ground import paint_points
 
     if found := _points_of_class(body_class):
         paint_points(*found, tuple(body_class.color))
@@ -43,7 +43,7 @@ def paint_class_anew(body_class: PropertyGroup, _context: object) -> None:
 
 def show_class_anew(body_class: PropertyGroup, _context: object) -> None:
     """Show or hide the objects of a class."""
-    from ..kept_ground import hide_points
+    from ..result.kept_ground import hide_points
 
     if found := _points_of_class(body_class):
         hide_points(*found, viewport=not body_class.show_viewport, render=not body_class.show_render)

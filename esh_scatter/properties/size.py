@@ -11,7 +11,7 @@ from bpy.types import PropertyGroup
 
 from ...engine.problem.settings import settings_of
 from ...engine.problem.size import Size
-from ..target import members_of
+from ..targets.target import members_of
 from .described import property_of, values_from
 from .names import keep_name_unused
 

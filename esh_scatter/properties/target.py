@@ -47,7 +47,7 @@ class WithTarget:
     @property
     def targets(self) -> list[bpy.types.Object]:
         """The meshes that are scattered on, by name; empty while there is none."""
-        from ..target import is_result
+        from ..targets.target import is_result
 
         if self.target_kind == "OBJECT":
             return [self.target] if self.target is not None and self.target.type == "MESH" else []

@@ -39,19 +39,15 @@ def problem_of(count, groups):
 
 def operations(count, groups):
     """Additions and multiplications, roughly, of one evaluation of the forces: transforms, splines and pairs."""
-    launcher = Launcher(resolve_device("cpu"))
-    try:
-        descent = Descent(Model(problem_of(count, groups)), launcher)
-        field = descent.field
+    with Solver(problem_of(count, groups), device="cpu") as solver:
+        field, size = solver.descent.field, solver.model.size
         rows, columns = field.layout.padded
         transforms = groups * 5 * rows * columns * np.log2(rows * columns)
         mixing = groups**2 * field.layout.node_count * 2
         splines = count * (16 * 4 + 2 * 16 * 8)
-        cell = (descent.model.size[0] / field.cells.count_x) * (descent.model.size[1] / field.cells.count_y)
+        cell = (size[0] / field.cells.count_x) * (size[1] / field.cells.count_y)
         pairs = (2 * ROWS_PER_CUTOFF + 1) * (2 * COLUMNS_PER_CUTOFF + 1) * cell * count * 38
         return (transforms + mixing + splines + pairs) / count
-    finally:
-        launcher.close()
 
 
 # Operations per body when this was written, which do not scatter.
@@ -138,9 +134,8 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
     monkeypatch.delitem(sys.modules, "direct_summation", raising=False)
     from direct_summation import DirectSummation
 
-    launcher = Launcher(resolve_device("cpu"))
-    try:
-        descent = Descent(Model(problem_of(20_000, 1)), launcher)
+    with Solver(problem_of(20_000, 1), device="cpu") as solver:
+        descent, launcher = solver.descent, solver.launcher
         position = (np.random.default_rng(0).random((20_000, 2)) * descent.model.size).astype(np.float32)
         points = wp.array(position, dtype=wp.vec2, device="cpu")
         sums = DirectSummation(problem_of(8192, 1), launcher, double=False)
@@ -162,5 +157,3 @@ def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypat
         ratio = min(ours) / min(direct)
         print(f"ratio {ratio:.2f}")
         assert ratio < SLACK * MEASURED_RATIO
-    finally:
-        launcher.close()

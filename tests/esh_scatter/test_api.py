@@ -380,8 +380,8 @@ def test_what_sharpening_clipped_is_in_the_report():
 
 
 def test_what_many_classes_share_is_read_once(monkeypatch):
-    from esh.esh_scatter import survey
-    from esh.esh_scatter.density_source import DensityReader
+    from esh.esh_scatter.classes import survey
+    from esh.esh_scatter.densities.density_source import DensityReader
 
     read = {"density": 0, "outline": 0}
     honest_density, honest_outline = DensityReader.class_density, survey.outline_of

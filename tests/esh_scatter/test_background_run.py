@@ -2,7 +2,7 @@
 
 import threading
 
-from esh.esh_scatter.background_run import BackgroundRun
+from esh.esh_scatter.solving.background_run import BackgroundRun
 
 
 def test_progress_and_the_end_are_seen_from_outside():

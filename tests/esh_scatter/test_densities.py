@@ -14,8 +14,8 @@ from esh.esh_scatter.api import (  # noqa: E402
     VertexGroupDensity,
     scatter,
 )
-from esh.esh_scatter.density_source import DensityReader  # noqa: E402
-from esh.esh_scatter.image_density import stored_density  # noqa: E402
+from esh.esh_scatter.densities.density_source import DensityReader  # noqa: E402
+from esh.esh_scatter.densities.image_density import stored_density  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -9,9 +9,9 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.chart import Chart  # noqa: E402
-from esh.esh_scatter.density_source import DensityReader, attribute_names  # noqa: E402
-from esh.esh_scatter.image_density import stored_density  # noqa: E402
-from esh.esh_scatter.target import read_target  # noqa: E402
+from esh.esh_scatter.densities.density_source import DensityReader, attribute_names  # noqa: E402
+from esh.esh_scatter.densities.image_density import stored_density  # noqa: E402
+from esh.esh_scatter.targets.target import read_target  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -6,9 +6,10 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter import density_preview, registration  # noqa: E402
-from esh.esh_scatter.density_preview import RAMP, density_colors  # noqa: E402
-from esh.esh_scatter.survey import Survey  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.classes.survey import Survey  # noqa: E402
+from esh.esh_scatter.sidebar import density_preview  # noqa: E402
+from esh.esh_scatter.sidebar.density_preview import RAMP, density_colors  # noqa: E402
 
 
 def new_object(name, vertices, faces=()):

@@ -5,9 +5,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.amount_ahead import bodies_ahead, question  # noqa: E402
-from esh.esh_scatter.display import get_inputs, our_modifier, set_inputs  # noqa: E402
+from esh.esh_scatter.editing.amount_ahead import bodies_ahead, question  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
+from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
 
 
 def new_object(name, width):

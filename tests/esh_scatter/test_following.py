@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter.display import get_inputs, our_modifier, set_inputs  # noqa: E402
+from esh.esh_scatter.result.display import get_inputs, our_modifier, set_inputs  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 
@@ -135,7 +135,7 @@ def test_it_stays_where_the_target_no_longer_is_what_it_was(scattered):
 
 
 def test_standing_that_is_changed_at_once_is_followed(scattered):
-    from esh.esh_scatter.kept_ground import stand_anew
+    from esh.esh_scatter.result.kept_ground import stand_anew
 
     ground, item = bpy.data.objects["Ground"], scattered.object
     stand_anew(item, 1, esh.Standing(align_to_normal=0.0))

@@ -8,8 +8,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import forecast, registration, words  # noqa: E402
-from esh.esh_scatter.result import OVERLAPPING  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.editing import forecast  # noqa: E402
+from esh.esh_scatter.result import words  # noqa: E402
+from esh.esh_scatter.result.result import OVERLAPPING  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

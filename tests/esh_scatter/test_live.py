@@ -7,7 +7,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import live, registration  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.solving import live  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -5,9 +5,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import moving_bodies  # noqa: E402
 from esh.esh_scatter.api import ScatterClass, ScatterJob, ScatterSize  # noqa: E402
-from esh.esh_scatter.moving_bodies import MovingBodies  # noqa: E402
+from esh.esh_scatter.solving import moving_bodies  # noqa: E402
+from esh.esh_scatter.solving.moving_bodies import MovingBodies  # noqa: E402
 
 
 @pytest.fixture

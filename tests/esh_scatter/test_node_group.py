@@ -5,8 +5,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.node_group import INSTANCE_INDEX, ROTATION, SCALE, build_node_group  # noqa: E402
-from esh.esh_scatter.target import RESULT_TAG  # noqa: E402
+from esh.esh_scatter.result.node_group import INSTANCE_INDEX, ROTATION, SCALE, build_node_group  # noqa: E402
+from esh.esh_scatter.targets.target import RESULT_TAG  # noqa: E402
 from mathutils import Matrix, Quaternion  # noqa: E402
 
 

@@ -7,7 +7,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.engine.errors import EshError  # noqa: E402
-from esh.esh_scatter.object_outline import measure_footprint  # noqa: E402
+from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

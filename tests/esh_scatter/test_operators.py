@@ -9,8 +9,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import background_run, operators, registration, running  # noqa: E402
+from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
+from esh.esh_scatter.solving import background_run, running  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -221,3 +221,45 @@ def test_a_disc_that_was_asked_for_stays_one():
         avoid_overlap=True,
     )
     assert job.problem.classes[0].sizes[0].footprint is None
+
+
+def test_the_capsules_of_a_line_that_was_given_stay_capsules():
+    ground = terrain("Ground", 10.0, GROUNDS["slope"])
+    size = esh.ScatterSize("all", 20, rectangle("Box", 1.0, 0.3), area=0.3, line=esh.Line(0.8, width=0.3))
+    job = esh.ScatterJob(ground, [esh.ScatterClass("box", [size])], device="cpu", avoid_overlap=True)
+    assert job.problem.classes[0].sizes[0].footprint is None
+
+
+@pytest.mark.parametrize("area", [math.pi * 0.25, (0.3, 0.9)], ids=["one area", "a range"])
+@pytest.mark.parametrize("ground", ["plane", "slope", "hills"])
+def test_discs_that_were_asked_for_are_as_large_as_their_objects_and_lean_with_them(ground, area):
+    item = rectangle("Ground", 10.0, 10.0) if ground == "plane" else terrain("Ground", 10.0, GROUNDS[ground])
+    # What stands there is the disc itself.
+    size = esh.ScatterSize("all", 70, disc("Disc", 0.5, 96), area=area, line=False)
+    result = esh.scatter(
+        item, [esh.ScatterClass("disc", [size])], device="cpu", avoid_overlap=True, scale_jitter=0.4, seed=5
+    )
+    seen = outlines_in_the_scene()
+    assert len(seen) == 70 and result.report.overlaps == 0
+    assert overlapping(seen) == 0
+    widths = [width_of(polygon) for polygon in seen]
+    lengths = [math.hypot(*(np.ptp(np.array(polygon.exterior.coords), axis=0))) for polygon in seen]
+    assert max(lengths) > 1.6 * min(lengths)
+    if ground == "slope":
+        # Foreshortened by 1 / sqrt(1 + 0.9² + 0.6²).
+        assert np.median(widths) == pytest.approx(
+            np.sqrt(np.median([p.area for p in seen]) * 4.0 / math.pi / 1.473), rel=0.05
+        )
+    expected = np.mean(area) * 70 * (1.0 + 0.4**2 / 3.0) / 100.0
+    surface = 1.0 if ground == "plane" else sum(face.area for face in item.data.polygons) / 100.0
+    assert result.report.covered == pytest.approx(expected / surface, rel=0.2)
+
+
+def test_more_discs_fit_on_a_slope_than_in_its_plan():
+    """Seen from above discs of their size would cover 105 %."""
+    item = terrain("Ground", 10.0, lambda x, y: 1.2 * x)
+    count = round(0.68 * 100.0 * math.hypot(1.0, 1.2) / (math.pi * 0.25))
+    size = esh.ScatterSize("all", count, disc("Disc", 0.5, 96), area=math.pi * 0.25)
+    result = esh.scatter(item, [esh.ScatterClass("disc", [size])], device="cpu", avoid_overlap=True)
+    assert count * math.pi * 0.25 > 105.0
+    assert result.report.overlaps == 0 and overlapping(outlines_in_the_scene()) == 0

@@ -6,7 +6,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.painting import unsaved_images  # noqa: E402
+from esh.esh_scatter.editing.painting import unsaved_images  # noqa: E402
 
 
 @pytest.fixture

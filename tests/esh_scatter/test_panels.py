@@ -9,11 +9,14 @@ bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
-from esh.esh_scatter import forecast, operators, panel_parts, panels, registration, running  # noqa: E402
+from esh.esh_scatter import operators, registration  # noqa: E402
+from esh.esh_scatter.editing import forecast  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
-from esh.esh_scatter.result import write_result  # noqa: E402
+from esh.esh_scatter.result.result import write_result  # noqa: E402
+from esh.esh_scatter.sidebar import panel_parts, panels  # noqa: E402
+from esh.esh_scatter.solving import running  # noqa: E402
 
 
 class Layout:

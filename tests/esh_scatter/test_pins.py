@@ -6,8 +6,10 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter import live, pins, registration  # noqa: E402
-from esh.esh_scatter.kept_ground import read_attribute, write_attribute  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.result import pins  # noqa: E402
+from esh.esh_scatter.result.kept_ground import read_attribute, write_attribute  # noqa: E402
+from esh.esh_scatter.solving import live  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 20}
 

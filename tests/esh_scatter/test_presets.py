@@ -8,8 +8,8 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.preset_files import BUILT_IN, built_in_presets, read_preset, write_preset  # noqa: E402
-from esh.esh_scatter.presets import preset_of  # noqa: E402
+from esh.esh_scatter.editing.preset_files import BUILT_IN, built_in_presets, read_preset, write_preset  # noqa: E402
+from esh.esh_scatter.editing.presets import preset_of  # noqa: E402
 
 NAMES = sorted(path.stem for path in BUILT_IN.glob("*.json"))
 

@@ -6,10 +6,10 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh.esh_scatter.api import EshError, ScatterClass, ScatterJob, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter.node_group import placed_objects  # noqa: E402
-from esh.esh_scatter.references import Reference  # noqa: E402
-from esh.esh_scatter.result import find_result  # noqa: E402
-from esh.esh_scatter.target import RESULT_TAG, RESULT_TARGET, is_result  # noqa: E402
+from esh.esh_scatter.result.node_group import placed_objects  # noqa: E402
+from esh.esh_scatter.result.result import find_result  # noqa: E402
+from esh.esh_scatter.targets.references import Reference  # noqa: E402
+from esh.esh_scatter.targets.target import RESULT_TAG, RESULT_TARGET, is_result  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 3}
 

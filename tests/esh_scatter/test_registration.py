@@ -7,18 +7,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import (  # noqa: E402
-    class_panels,
-    exchange_operators,
-    lists,
-    menus,
-    operators,
-    panels,
-    registration,
-    report_panel,
-)
+from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.operators import classes, classes_from, layers, overlaps, presets, run, scatters, sizes  # noqa: E402
+from esh.esh_scatter.operators import exchange as exchange_operators  # noqa: E402
 from esh.esh_scatter.properties import body_class, layer, scatter, scene, size  # noqa: E402
+from esh.esh_scatter.sidebar import class_panels, lists, menus, panels, report_panel  # noqa: E402
 
 PROPERTIES = (size, layer, body_class, scatter, scene)
 OPERATORS = (run, overlaps, scatters, presets, classes_from, classes, sizes, layers)
@@ -118,7 +111,7 @@ def test_registering_imports_neither_warp_nor_trimesh_nor_scipy():
 def test_leaving_python_while_a_solve_is_under_way_does_not_hang():
     code = (
         "import time\n"
-        "from esh.esh_scatter.background_run import BackgroundRun\n"
+        "from esh.esh_scatter.solving.background_run import BackgroundRun\n"
         "run = BackgroundRun(lambda progress: time.sleep(300))\n"
         "print(run.running)"
     )

@@ -8,8 +8,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import running  # noqa: E402
-from esh.esh_scatter.background_run import BackgroundRun  # noqa: E402
+from esh.esh_scatter.solving import running  # noqa: E402
+from esh.esh_scatter.solving.background_run import BackgroundRun  # noqa: E402
 
 
 class Solver:

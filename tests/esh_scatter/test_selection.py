@@ -5,7 +5,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import registration, selection  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.editing import selection  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -193,7 +194,7 @@ def test_one_class_has_no_other_to_copy_to(scatter):
 
 
 def test_every_property_of_a_class_belongs_to_one_part():
-    from esh.esh_scatter.class_copy import CLASS_PARTS
+    from esh.esh_scatter.editing.class_copy import CLASS_PARTS
     from esh.esh_scatter.properties.body_class import ESH_PG_class
 
     parts = [name for _, _, names in CLASS_PARTS.values() for name in names]

@@ -10,8 +10,9 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.instances import body_rotations, rotate  # noqa: E402
-from esh.esh_scatter import kept_ground, registration  # noqa: E402
-from esh.esh_scatter.standing import Ground, stand  # noqa: E402
+from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.classes.standing import Ground, stand  # noqa: E402
+from esh.esh_scatter.result import kept_ground  # noqa: E402
 
 UP = np.array([[0.0, 0.0, 1.0]])
 

@@ -7,7 +7,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import survey  # noqa: E402
 from esh.esh_scatter.api import (  # noqa: E402
     EshError,
     ImageDensity,
@@ -16,8 +15,9 @@ from esh.esh_scatter.api import (  # noqa: E402
     ScatterSize,
     VertexGroupDensity,
 )
-from esh.esh_scatter.density_source import DensityReader  # noqa: E402
-from esh.esh_scatter.survey import Survey  # noqa: E402
+from esh.esh_scatter.classes import survey  # noqa: E402
+from esh.esh_scatter.classes.survey import Survey  # noqa: E402
+from esh.esh_scatter.densities.density_source import DensityReader  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 5}
 

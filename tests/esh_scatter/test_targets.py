@@ -366,7 +366,8 @@ def test_several_classes_of_several_sizes_do_not_overlap_on_a_torus():
 
 
 def test_the_sidebar_scatters_on_a_whole_surface_and_shows_its_report():
-    from esh.esh_scatter import registration, words
+    from esh.esh_scatter import registration
+    from esh.esh_scatter.result import words
 
     registration.register()
     try:
@@ -406,7 +407,7 @@ def test_long_objects_run_down_the_slope(surface):
     if surface == "whole":
         assert (place[:, 2] < -0.5).sum() > 20
         # Standing anew, as a change of the sidebar does, leaves them as they lie.
-        from esh.esh_scatter.kept_ground import stand_anew
+        from esh.esh_scatter.result.kept_ground import stand_anew
 
         before = values(result.object, "rotation").copy()
         stand_anew(result.object, 0, esh.Standing())

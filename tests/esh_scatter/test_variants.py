@@ -7,7 +7,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.object_outline import measure_footprint  # noqa: E402
+from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.vertex_groups import read_vertex_groups  # noqa: E402
+from esh.esh_scatter.targets.vertex_groups import read_vertex_groups  # noqa: E402
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """Reports in the words of the sidebar."""
 
 import pytest
-from esh.esh_scatter import words
+from esh.esh_scatter.result import words
 
 
 def report(placed=1042, error=0.01, alone=0.02, **changes):

@@ -333,3 +333,9 @@ def test_any_bytes_are_refused(folder, content):
 def test_what_is_no_name_of_a_recipe_is_a_sentence(path):
     with pytest.raises(InputFileError):
         read_recipe(path)
+
+
+@pytest.mark.parametrize("path", [None, 3, ["recipe.toml"]])
+def test_what_is_no_name_of_a_file_is_no_recipe(path):
+    with pytest.raises(InputFileError, match="`path` must be the name of a recipe; got "):
+        read_recipe(path)

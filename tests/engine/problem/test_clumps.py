@@ -1,5 +1,7 @@
 """Clumps of a class."""
 
+import time
+
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Problem, ProblemError, Size, Surface, SurfaceMesh, solve
@@ -80,3 +82,18 @@ def test_what_cannot_have_clumps_is_named():
     triangle = Surface(SurfaceMesh([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]))
     with pytest.raises(ProblemError, match=r'`clustering` of class "a" must be 0 on a surface; got 0\.5'):
         problem_of(0.5, domain=triangle)
+
+
+def test_very_many_clumps_do_not_take_minutes():
+    """A side of 3,547 pixels, a prime number: two minutes went into its transforms."""
+    from esh.engine.problem import clumps
+
+    assert [clumps._length_of_transform(n) for n in (1, 97, 1024, 1031, 3547)] == [4, 97, 1024, 1080, 3600]
+    began = time.perf_counter()
+    image = density_of(problem_of(1.0, 0.0676, domain=Domain((1.0, 30.0))))
+    assert time.perf_counter() - began < 60.0
+    rows, columns = image.shape
+    assert rows >= 3547 and image.min() > 0.0
+    # No long waves, all the same.
+    blocks = image[: rows // 50 * 50, : columns // 50 * 50].reshape(rows // 50, 50, columns // 50, 50).mean(axis=(1, 3))
+    assert blocks.std() < 0.1 * image.mean() < 0.2 * image.std()

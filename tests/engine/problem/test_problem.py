@@ -8,12 +8,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from esh import Balance, BodyClass, Domain, EshError, Problem, ProblemError, Size
+from esh import Balance, BodyClass, Domain, EshError, Obstacle, Problem, ProblemError, Size
 from esh.engine.problem.body_class import Unsharp
 from esh.engine.problem.line import Line
 from esh.engine.problem.prepared_class import prepare
 from esh.engine.problem.validation import show
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 SIZE = Size("large", 1.0, 3)
@@ -63,6 +63,10 @@ ANYTHING = st.one_of(
 
 @given(first=ANYTHING, second=ANYTHING, third=ANYTHING)
 @settings(max_examples=300, deadline=None)
+# Classes can be called, as functions of points can.
+@example(first=object, second=Size, third=object)
+@example(first="a", second=[SIZE], third=object)
+@example(first=1.0, second=object, third=None)
 def test_nothing_but_a_sentence_comes_of_any_input(first, second, third):
     makers = [
         lambda: Domain(first, second),
@@ -116,11 +120,13 @@ def _check_meaning(made):
         image = made.density
         if callable(image):
             # A function of points, which is asked on a surface only.
+            assert not isinstance(image, type)
             return
         assert image.dtype == np.float32 and image.ndim == 2 and image.size > 0
         assert np.isfinite(image).all() and image.min() >= 0 and image.max() > 0
         assert np.isfinite(image.sum(dtype=np.float64))
     elif isinstance(made, Line):
+        assert not isinstance(made.direction, type)
         assert made.longest > 0 and np.min(made.length) > 0
         assert type(made.charges) is int and made.charges >= 2
         assert made.charge_shares().sum() == pytest.approx(1.0) and (made.charge_shares() > 0).all()
@@ -132,6 +138,24 @@ def _check_meaning(made):
         assert 0 <= made.amount < math.inf and 0 < made.radius < math.inf
     else:
         assert type(made.seed) is int and made.seed >= 0
+
+
+def test_complex_numbers_are_no_numbers():
+    with pytest.raises(ProblemError, match="must be a square matrix of numbers"):
+        Balance(non_overlap=np.array([[1j]]))
+    with pytest.raises(ProblemError, match="a list of one area per body"):
+        Size("a", (0.5, 2.0), 1, distribution=np.array([1.0 + 1j]))
+    with pytest.raises(ProblemError, match="must be three or more corners"):
+        Obstacle(polygon=[(0.0, 0.0), (1.0, 0.0), (1.0, 1j)])
+
+
+@pytest.mark.parametrize("given", [object, Size, np.ndarray, float])
+def test_a_class_is_no_function_of_points(given):
+    sentence = rf"`density` of class \"a\" must be an image .*, a number or a function of points; got the class {given.__name__}"
+    with pytest.raises(ProblemError, match=sentence):
+        BodyClass("a", [SIZE], given)
+    with pytest.raises(ProblemError, match=r"`line.direction` must be .*; got <class"):
+        Line(1.0, given)
 
 
 @pytest.mark.parametrize(
@@ -297,6 +321,19 @@ def test_directions_without_meaning_are_refused(direction, complaint):
         ({"charges": True}, "got True"),
         ({"middle_charge": 0}, "`line.middle_charge` must be a number above 0"),
         ({"turn_weights": (0.6, 0.6)}, "`line.turn_weights` must not add up to more than 1"),
+        (
+            {"turn_weights": np.array(3)},
+            "`line.turn_weights` must be two weights, of the forces and of what is preferred; got array(3)",
+        ),
+        (
+            {"turn_weights": None},
+            "`line.turn_weights` must be two weights, of the forces and of what is preferred; got None",
+        ),
+        ({"tensor_scales": None}, "`line.tensor_scales` must be two standard deviations in pixels; got None"),
+        (
+            {"tensor_scales": np.array(3)},
+            "`line.tensor_scales` must be two standard deviations in pixels; got array(3)",
+        ),
         ({"turn_weights": (-0.1, 0.6)}, "must be a number between 0 and 1; got -0.1"),
         ({"stretch_weights": 0.2}, "`line.stretch_weights` must be two weights"),
         ({"straightness": 1.5}, "`line.straightness` must be a number between 0 and 1; got 1.5"),

@@ -1,5 +1,6 @@
 """Overlaps that the report counts, against shapely."""
 
+import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -16,6 +17,8 @@ from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, overlap_count, overlaps_of
+from esh.engine.solve import solve
+from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
@@ -154,3 +157,75 @@ def test_discs_of_all_sizes_on_any_number_of_threads(threads, monkeypatch):
     finally:
         launcher.close()
     assert found == deep.sum() > 100
+
+
+def overlapping_ribbons(placement):
+    """Pairs that shapely finds, of lines as they are bent and of discs, and how deep the deepest lies."""
+    import shapely
+
+    cores, radius = [], np.where(placement.width > 0.0, 0.5 * placement.width, np.sqrt(placement.area / math.pi))
+    for bend, position in zip(placement.bends, placement.position, strict=True):
+        there = np.isfinite(bend).all(axis=1)
+        cores.append(shapely.LineString(bend[there]) if there.any() else shapely.Point(position))
+    cores = np.array(cores)
+    size = placement.problem.domain.size
+    periods = (-1, 0, 1) if placement.problem.domain.periodic else (0,)
+    distance = np.full((len(cores), len(cores)), np.inf)
+    for a in periods:
+        for b in periods:
+            moved = shapely.transform(cores, lambda p, a=a, b=b: p + np.array([a * size[0], b * size[1]]))
+            distance = np.minimum(distance, shapely.distance(cores[:, None], moved[None]))
+    i, j = np.triu_indices(len(cores), 1)
+    depth = (radius[i] + radius[j] - distance[i, j]) / (2.0 * np.minimum(radius[i], radius[j]))
+    return {(int(a), int(b)) for a, b in zip(i[depth > TOLERANCE], j[depth > TOLERANCE], strict=True)}
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lines_that_bend_count_as_they_are_bent(launcher, boundary, seed):
+    bending = [Line(1.0, "none", width=0.15, charges=charges, straightness=0.1) for charges in (3, 7)]
+    sizes = [Size("bent", 0.2, 150, line=bending[0]), Size("more", 0.2, 150, line=bending[1]), Size("disc", 0.05, 150)]
+    placement = scattered(Domain((20.0, 18.0), boundary), sizes, seed)
+    rng = np.random.default_rng(seed)
+    bends = np.full((450, 7, 2), np.nan)
+    for i in range(300):
+        along = 0.5 * placement.length[i] * np.linspace(-1.0, 1.0, 3 if i < 150 else 7)
+        across = rng.uniform(-0.25, 0.25, len(along)) * placement.length[i]
+        c, s = math.cos(placement.angle[i]), math.sin(placement.angle[i])
+        bends[i, : len(along)] = placement.position[i] + np.stack([c * along - s * across, s * along + c * across], 1)
+    straight = overlaps_of(placement, launcher)
+    bent = dataclasses.replace(placement, bends=bends)
+    found = overlaps_of(bent, launcher)
+    expected = overlapping_ribbons(bent)
+    assert found.count == len(expected) > 100
+    assert set(found.bodies) == {body for pair in expected for body in pair}
+    assert found.pair in expected
+    assert set(straight.bodies) != set(found.bodies)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_lines_bend_as_far_as_there_is_room(boundary):
+    """Parted as if they were straight they would overlap as they are bent: in 60 pairs."""
+    line = Line(2.0, "none", width=0.25, charges=5, straightness=0.02, turn_weights=(0.4, 0.0))
+    image = np.ones((8, 8))
+    image[::2] = 0.3
+    sizes = [Size("bent", 0.5, 90, line=line), Size("disc", 0.3, 60)]
+    crowd = Problem(Domain((14.0, 12.0), boundary), [BodyClass("a", sizes, image)], seed=3, avoid_overlap=True)
+    placement = solve(crowd, device="cpu", max_steps=40)
+    assert placement.report.overlaps == len(overlapping_ribbons(placement)) == 0
+    assert placement.bends is not None and np.isfinite(placement.bends[:90]).all()
+    # Where nobody is near they stay as they are.
+    few = [Size("bent", 0.5, 12, line=line)]
+    bends = []
+    for avoid in (False, True):
+        domain = Domain((14.0, 12.0), boundary)
+        made = Problem(domain, [BodyClass("a", few, image)], seed=3, avoid_overlap=avoid)
+        with Solver(made, device="cpu") as solver:
+            solver.run(40)
+            before = solver.state.bend.numpy().copy()
+            solver.separate()
+            bends.append((np.abs(before).max(), np.abs(solver.state.bend.numpy()).max()))
+        placement = solve(made, device="cpu", max_steps=40)
+        assert not avoid or placement.report.overlaps == len(overlapping_ribbons(placement)) == 0
+    assert bends[0][0] == bends[0][1]
+    assert 0.02 < bends[1][1] <= bends[1][0]

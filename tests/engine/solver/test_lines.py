@@ -104,3 +104,14 @@ def test_lines_and_dots_of_one_picture_share_it_and_the_same_seed_gives_the_same
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
     assert (first.length[first.size_index == 1] == 0).all() and (first.width[first.size_index == 1] == 0).all()
     assert first.report.coverage_error < 0.06
+
+
+@pytest.mark.parametrize("many", [200, 2000])
+@pytest.mark.parametrize("charges", [None, 15])
+def test_lines_that_are_rare_beside_others_are_as_long_as_was_asked(many, charges):
+    """Their own charges, which count for more the rarer they are, stretched them by a fifth to a half."""
+    line = Line(2.0, 0.3, width=0.1, charges=charges) if charges else Line(2.0, 0.3, width=0.1)
+    classes = [BodyClass("rare", [Size("s", 0.3, 30, line=line)]), BodyClass("many", [Size("d", 0.2, many)])]
+    length = solve(Problem(Domain((40.0, 40.0)), classes, seed=2), device="cpu").length[:30]
+    assert length.mean() == pytest.approx(2.0, rel=0.05)
+    assert (np.abs(length - 2.0) < 0.2).all()

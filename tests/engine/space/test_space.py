@@ -96,6 +96,7 @@ def test_a_space_has_the_extent_of_its_domain_and_its_mirror_images_repeat():
     assert space == Space((15.0, 10.0), periodic=False) and space.area == 150.0
     assert space.with_mirror_images() == Space((30.0, 20.0), periodic=True)
     assert Space.of(Domain((30.0, 20.0), "periodic")).periodic
+    assert space.has_straight_ways and not space.with_mirror_images().has_straight_ways
 
 
 def test_images_are_as_many_periods_away_as_they_can_be_near():
@@ -105,16 +106,51 @@ def test_images_are_as_many_periods_away_as_they_can_be_near():
     assert Space(SIZE).images_within(1e30, 4) == (0, 0)
 
 
-def test_only_the_room_space_looks_into_a_space():
-    """A second space must not need a change in the kernels of forces or of the descent; overlaps are counted independently."""
-    read = [
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_positions_that_are_wrapped_stay_as_precise_and_never_end_on_the_far_edge(kind):
+    position = np.array([[-1e-9, 4.0], [6.0, -0.5], [13.0, 9.0], [2.5, 3.5]], kind)
+    before = position.copy()
+    wrapped = Space(SIZE, True).wrapped(position)
+    assert wrapped.dtype == kind and (wrapped >= 0.0).all() and (wrapped < SIZE).all()
+    np.testing.assert_allclose(wrapped[1:], [[0.0, 3.5], [1.0, 1.0], [2.5, 3.5]], atol=1e-6)
+    np.testing.assert_array_equal(position, before)
+    assert Space(SIZE).wrapped(position) is position
+
+
+def test_what_rounding_left_beyond_the_far_edges_is_inside():
+    beyond = [[6.0, 4.0], [6.0000005, 1.0], [2.0, 3.9]]
+    np.testing.assert_array_equal(Space(SIZE).inside(np.array(beyond)), [[6.0, 4.0], [6.0, 1.0], [2.0, 3.9]])
+    np.testing.assert_array_equal(Space(SIZE, True).inside(np.array(beyond)), [[0.0, 0.0], [0.0, 1.0], [2.0, 3.9]])
+
+
+def test_images_go_on_beyond_the_edges_as_the_space_does():
+    image = np.arange(6.0).reshape(2, 3)
+    np.testing.assert_array_equal(Space(SIZE, True).padded(image, 0, 1)[0], [2, 0, 1, 2, 0])
+    np.testing.assert_array_equal(Space(SIZE).padded(image, 0, 1)[0], [0, 0, 1, 2, 2])
+    np.testing.assert_array_equal(Space(SIZE, True).padded(image, 1, 0)[:, 0], [3, 0, 3, 0])
+    np.testing.assert_array_equal(Space(SIZE).padded(image, 1, 0)[:, 0], [0, 0, 3, 3])
+
+
+def lines_that_ask_how_a_space_ends(paths):
+    return [
         f"{path.relative_to(ENGINE)}: {line.strip()}"
-        for path in sorted(ENGINE.rglob("kernels_*.py"))
-        if path.parent.name != "space" and path.name != "kernels_overlaps.py"
+        for path in paths
         for line in path.read_text(encoding="utf-8").splitlines()
         if re.search(r"\b\w+\.periodic\b", line.partition("#")[0])
     ]
-    assert not read
+
+
+def test_only_the_room_space_looks_into_a_space():
+    """A second space must not need a change in the kernels of forces or of the descent; overlaps are counted independently."""
+    kernels = sorted(ENGINE.rglob("kernels_*.py"))
+    asking = [path for path in kernels if path.parent.name != "space" and path.name != "kernels_overlaps.py"]
+    assert not lines_that_ask_how_a_space_ends(asking)
+
+
+def test_the_solver_does_not_ask_how_a_space_ends():
+    """But for the estimate of memory, which counts what the report takes of a domain."""
+    solver = sorted((ENGINE / "solver").glob("*.py"))
+    assert not lines_that_ask_how_a_space_ends([path for path in solver if path.name != "memory.py"])
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/how-it-works.md"])

@@ -1,0 +1,91 @@
+"""What a tuned constant of contact is worth: crowded scenes with other values of it, beside the one that it has.
+
+    python benchmarks/constants.py separation.DAMPING 0.5 0.7
+    python benchmarks/constants.py kernels_separation.FULL_CONTACTS 1 4 --scenes planks --bodies 200
+
+A constant is named as in `engine/solver`. Every value has a process of its own, because kernels take constants when they are
+compiled. Scenes are those of `contact.py`, with a few seeds each. Of every value: overlaps left over all scenes, counted by
+shapely; in how many runs there were none; the mean coverage error at k = 1 after contact; how far bodies moved, in mean
+spacings; and the seconds that contact took, over those of the constant as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+ROOM = "esh.engine.solver"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("constant", help="module and name, such as separation.DAMPING")
+    parser.add_argument("values", nargs="+", help="other values of it, as Python writes them")
+    parser.add_argument("--scenes", metavar="WORD", default="", help="only scenes whose names hold this")
+    parser.add_argument("--bodies", type=int, default=200, metavar="N")
+    parser.add_argument("--seeds", type=int, default=2, metavar="N")
+    parser.add_argument("--value", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    module_name, _, name = options.constant.rpartition(".")
+    try:
+        module = importlib.import_module(f"{ROOM}.{module_name}")
+        now = getattr(module, name)
+    except (ImportError, AttributeError):
+        parser.error(f"there is no {options.constant} in {ROOM}")
+    if options.value:
+        setattr(module, name, type(now)(json.loads(options.values[0])))
+        print(json.dumps(total(options.scenes, options.bodies, options.seeds)))
+        return 0
+    print(
+        f"| {options.constant} | overlaps left | runs without | coverage error | moved | seconds over those as it is |"
+    )
+    print("|---|---|---|---|---|---|")
+    usual = 0.0
+    for value in [now, *(json.loads(text) for text in options.values)]:
+        found = in_a_process(options, value)
+        usual = usual or found["seconds"]
+        print(
+            f"| {value}{' (as it is)' if value == now else ''} | {found['left']:.0f} | {found['clean']:.0f} of {found['runs']:.0f} | "
+            f"{found['error']:.4f} | {found['moved']:.3f} | {found['seconds'] / usual:.2f} |",
+            flush=True,
+        )
+    return 0
+
+
+def in_a_process(options: argparse.Namespace, value: object) -> dict[str, float]:
+    """What comes of all scenes with a value of the constant."""
+    command = [sys.executable, str(Path(__file__)), options.constant, json.dumps(value), "--value"]
+    command += ["--scenes", options.scenes, "--bodies", str(options.bodies), "--seeds", str(options.seeds)]
+    outcome = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(outcome.stdout.splitlines()[-1])
+
+
+def total(word: str, bodies: int, seeds: int) -> dict[str, float]:
+    """What comes of the scenes whose names hold a word: sums, and means over all runs."""
+    from contact import SCENES, outcome
+
+    found = [
+        outcome(replace(make(bodies), seed=seed))
+        for name, make in SCENES.items()
+        if word in name
+        for seed in range(1, seeds + 1)
+    ]
+    return {
+        "left": sum(run["left"] for run in found),
+        "clean": sum(run["left"] == 0 for run in found),
+        "runs": len(found),
+        "error": sum(run["error"] for run in found) / len(found),
+        "moved": sum(run["moved"] for run in found) / len(found),
+        "seconds": sum(run["seconds"] for run in found),
+    }
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

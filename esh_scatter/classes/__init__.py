@@ -1,0 +1,1 @@
+"""Classes of objects: what is asked for, and what their objects are."""

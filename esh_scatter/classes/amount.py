@@ -1,0 +1,70 @@
+"""How many of a class are placed, said in other ways than by a number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ...engine.errors import ProblemError
+from ...engine.problem.validation import as_float, show
+
+__all__ = ["Amount"]
+
+# A density or a distance that was mistyped can ask for any number.
+MOST = 50_000_000
+
+
+@dataclass(frozen=True)
+class Amount:
+    """How many of a class are placed, for ``count`` of a :class:`~esh.ScatterClass`. One of these is given.
+
+    It holds where the class's density is 1 or more. Where the density is lower, so is the number.
+
+    Attributes:
+        per_area: Number for each square metre of surface [1/m²].
+        distance: Distance between neighbours in an even placement [m].
+        cover: Share of the surface that the footprints cover together.
+
+    Raises:
+        ProblemError: None or several are given, or one that is not above 0.
+    """
+
+    per_area: float | None = None
+    distance: float | None = None
+    cover: float | None = None
+
+    def __post_init__(self) -> None:
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        if len(given) != 1:
+            raise ProblemError(
+                f"an Amount must have one of `per_area`, `distance` and `cover`; got {show(given or None)}"
+            )
+        ((name, value),) = given.items()
+        number = as_float(value)
+        if number is None or not 0.0 < number < math.inf:
+            raise ProblemError(f"`{name}` of an Amount must be a number above 0, and finite; got {show(value)}")
+
+    def number(self, area: float, footprint: float, where: str) -> int:
+        """Return how many that are: at least one.
+
+        Args:
+            area: Surface, every point weighed by the density there, up to 1 [m²].
+            footprint: Mean ground that one takes [m²].
+            where: How a sentence names the class.
+
+        Raises:
+            ProblemError: More than anything could hold.
+        """
+        if self.per_area is not None:
+            number = self.per_area * area
+        elif self.distance is not None:
+            # As many as a hexagonal lattice of this distance has.
+            number = area * 2.0 / (math.sqrt(3.0) * self.distance**2)
+        else:
+            assert self.cover is not None
+            number = self.cover * area / footprint
+        if number > MOST:
+            raise ProblemError(
+                f"`count` of {where} comes to {number:,.0f} on {area:,.4g} m² of ground; at most {MOST:,} can be placed"
+            )
+        return max(1, round(number))

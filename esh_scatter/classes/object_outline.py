@@ -1,0 +1,93 @@
+"""How much ground an object of Blender takes."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...engine.errors import ProblemError
+from ...engine.surface.mesh_outline import Outline, outline_from_above
+from ...engine.surface.triangle_mesh import TriangleMesh
+from ..targets.target import members_of, read_triangles, world_matrix
+
+__all__ = ["measure_footprint", "outline_of", "read_source"]
+
+
+def measure_footprint(
+    item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context | None = None, key: str = "`area`"
+) -> Outline:
+    """Measure the footprint of an object as it stands, with its rotation and scale.
+
+    Modifiers count where Blender evaluates the object, that is, in the view layer.
+
+    Args:
+        item: A mesh, or whatever Blender makes one of.
+        context: Whose view layer; None is Blender's own.
+        key: How sentences name what was asked for.
+
+    Raises:
+        ProblemError: It has no faces, or all of them stand upright.
+    """
+    return outline_of(read_source(item, context or bpy.context, key), key)
+
+
+def read_source(item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context, key: str) -> TriangleMesh:
+    """Read an object to place as it stands, with its rotation and scale; its origin is where it is in no matter what place.
+
+    Of a collection, all objects are read as one, at their places about its offset.
+
+    Raises:
+        ProblemError: It has no faces.
+    """
+    if isinstance(item, bpy.types.Collection):
+        return _read_as_one(item, context, key)
+    matrix = world_matrix(item, context)
+    matrix[:3, 3] = 0.0
+    return _read(item, matrix, context, key)
+
+
+def _read_as_one(collection: bpy.types.Collection, context: bpy.types.Context, key: str) -> TriangleMesh:
+    parts = []
+    for item in members_of(collection):
+        matrix = world_matrix(item, context)
+        matrix[:3, 3] -= np.array(collection.instance_offset)
+        try:
+            parts.append(_read(item, matrix, context, key))
+        except ProblemError:  # a curve among meshes takes no ground
+            continue
+    name = f'collection "{collection.name}"'
+    if not parts:
+        raise ProblemError(f"{key} must be given in m²: {name} has no faces to measure it from")
+    first = np.cumsum([0, *(len(part.position) for part in parts)])
+    triangle = np.concatenate([part.triangle + start for part, start in zip(parts, first, strict=False)])
+    position = np.concatenate([part.position for part in parts])
+    corner = np.arange(triangle.size, dtype=np.int32).reshape(-1, 3)
+    face = np.arange(len(triangle), dtype=np.int32)
+    return TriangleMesh(name, position, triangle.astype(np.int32), corner, face, np.empty((0, 3), np.float32))
+
+
+def _read(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Context, key: str) -> TriangleMesh:
+    name = f'object "{item.name}"'
+    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+    try:
+        mesh = evaluated.to_mesh()
+    except RuntimeError:
+        mesh = None
+    try:
+        if mesh is None or not len(mesh.polygons):
+            raise ProblemError(f"{key} must be given in m²: {name} has no faces to measure it from")
+        return read_triangles(mesh, matrix, name)
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def outline_of(mesh: TriangleMesh, key: str) -> Outline:
+    """Return the outline of what :func:`read_source` has read; touches nothing of Blender.
+
+    Raises:
+        ProblemError: All of its faces stand upright.
+    """
+    found = outline_from_above(mesh)
+    if not 0.0 < found.area < np.inf:
+        raise ProblemError(f"{key} must be given in m²: {mesh.name} covers no ground seen from above")
+    return found

@@ -1,0 +1,87 @@
+"""Classes on a target as a whole: their densities are functions of points, and counts follow from its area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...engine.errors import ProblemError
+from ...engine.problem.body_class import BodyClass, ClassSettings
+from ...engine.problem.direction_field import direction_field
+from ...engine.problem.line import Line
+from ...engine.problem.prepared_class import prepare
+from ...engine.problem.settings import values_of
+from ...engine.problem.size import Size
+from ...engine.problem.surface import PointsOnSurface
+from ...engine.surface.instances import body_rotations, rotate
+from ...engine.surface.whole_surface import WholeSurface
+from .amount import Amount
+
+if TYPE_CHECKING:
+    from .scatter_class import ScatterClass
+
+__all__ = ["class_on_surface", "headings", "mean_footprint"]
+
+
+def class_on_surface(
+    chart: WholeSurface, scatter_class: ScatterClass, sizes: Sequence[Size], values: np.ndarray
+) -> BodyClass:
+    """Return a class as the engine takes it.
+
+    Args:
+        chart: The target.
+        scatter_class: What is asked.
+        sizes: Its sizes as the engine takes them.
+        values: Its density at the points of the chart, shape ``[n]``.
+
+    Raises:
+        ProblemError: What is not known on whole surfaces.
+    """
+    c = scatter_class
+    if c.unsharp is not None:
+        raise ProblemError(
+            f'`unsharp` of class "{c.name}" must be None on a whole surface; densities are sharpened only from above'
+        )
+    sizes = [size if size.line is None else replace(size, line=_along(chart, size.line)) for size in sizes]
+    even = values.min() == values.max()
+    density = float(values[0]) if even else chart.density(values)
+    if not isinstance(c.count, Amount):
+        return BodyClass(c.name, sizes, density, c.count, **values_of(c, ClassSettings))
+    asked = BodyClass(c.name, sizes, density, 1, **values_of(c, ClassSettings))
+    share = np.minimum(prepare(asked, chart.surface).density_on(chart.surface.sample()), 1.0).mean()
+    count = c.count.number(chart.area * float(share), mean_footprint(asked), f'class "{c.name}"')
+    return replace(asked, count=count)
+
+
+def headings(normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """Return the turns about their own axes that lay the x axes of objects along tangents, if they stand along the normal [rad]."""
+    upright = body_rotations(normal, 1.0, np.zeros(len(normal)))
+    along, beside = (rotate(upright, np.broadcast_to(axis, normal.shape)) for axis in np.eye(3)[:2])
+    return np.arctan2((tangent * beside).sum(axis=1), (tangent * along).sum(axis=1))
+
+
+def _along(chart: WholeSurface, line: Line) -> Line:
+    """Return a line whose direction is known on a surface: those that are seen from above are laid onto it."""
+    direction = line.direction
+    if isinstance(direction, str) or callable(direction):
+        return line
+    field = direction_field(direction, np.ones((1, 1), np.float32))
+    angle, weight = np.atleast_2d(field.angle), np.atleast_2d(field.weight)
+
+    def vectors(points: PointsOnSurface) -> np.ndarray:
+        extent = np.maximum(chart.high[:2] - chart.low[:2], 1e-300)
+        u, v = np.clip((points.position[:, :2] - chart.low[:2]) / extent, 0.0, 1.0).T
+        row = np.minimum(((1.0 - v) * angle.shape[0]).astype(int), angle.shape[0] - 1)
+        column = np.minimum((u * angle.shape[1]).astype(int), angle.shape[1] - 1)
+        a, w = angle[row, column], weight[row, column]
+        return np.stack([w * np.cos(a), w * np.sin(a), np.zeros(len(a))], axis=1)
+
+    return replace(line, direction=vectors)
+
+
+def mean_footprint(asked: BodyClass) -> float:
+    """Return the mean ground that one body of a class takes [m²]."""
+    return 1.0 / sum((size.share or 0.0) / size.mean_area for size in asked.sizes)

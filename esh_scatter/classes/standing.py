@@ -1,0 +1,101 @@
+"""How objects stand on their points: turned, tilted, moved along the normal and scaled; needs no solving.
+
+A result keeps with every point what this needs to know (:class:`Ground`), so that another standing can be given to it at once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...engine.problem.scatter_settings import Standing
+from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal
+from ...engine.surface.instances import body_rotations, rotate
+
+__all__ = ["Ground", "Stand", "draw", "stand"]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What is known of the points that objects stand on.
+
+    Attributes:
+        identity: Number of the point, which its random numbers follow, shape ``[n]``, int32.
+        normal: Of the surface, of length 1, shape ``[n, 3]``, float32.
+        heading: Turn about the object's own axis that the placement asks for [rad], shape ``[n]``, float32; of a long one as it is
+            seen from above.
+        long: Whether the object lies along a direction, so that it is not turned at random, shape ``[n]``, bool.
+        fit: Scale that fits the object to its footprint, shape ``[n]``, float32.
+        middle: What of an object at scale 1 lies on the point, seen from its origin [m], shape ``[n, 2]``, float32.
+        axis: Of a long object, where its longer side points before it is turned [rad], shape ``[n]``, float32.
+        laid: Whether the heading of a long object is the turn about its own axis all the same, as on a whole surface, which is not
+            seen from above, shape ``[n]``, bool.
+    """
+
+    identity: np.ndarray
+    normal: np.ndarray
+    heading: np.ndarray
+    long: np.ndarray
+    fit: np.ndarray
+    middle: np.ndarray
+    axis: np.ndarray
+    laid: np.ndarray
+
+    def part(self, chosen: np.ndarray) -> Ground:
+        """Return some of the points."""
+        return Ground(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+
+class Stand(NamedTuple):
+    """How objects stand: unit quaternions (w, x, y, z) ``[n, 4]``, scale ``[n]``, and the way from point to origin [m] ``[n, 3]``."""
+
+    rotation: np.ndarray
+    scale: np.ndarray
+    to_origin: np.ndarray
+
+
+def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is random about points, whether they have a place yet or not: the factor of their scale, and their turn [rad]."""
+    random = np.random.default_rng([seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))[identity]
+    # A line has no front: half of the objects look the other way.
+    back = np.where(random[:, 1] < 0.5, 0.0, math.pi)
+    turn = np.where(long, back, standing.random_turn * (random[:, 1] - 0.5))
+    return 1.0 + standing.scale_jitter * (2.0 * random[:, 2] - 1.0), turn
+
+
+def _turn_seen_so(direction: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return the turns with which axes in planes of these slopes have these directions [rad] seen from above."""
+    way = lengthened(np.stack([np.cos(direction), np.sin(direction)], axis=1), slope)
+    leaning = np.abs(slope).max(axis=1) > LEVEL
+    return np.where(leaning, np.arctan2(way[:, 1], way[:, 0]), direction)
+
+
+def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
+    """Return how objects stand on their points; all float32.
+
+    A point's random numbers follow from its number and the seed: a longer list of points leaves the earlier ones as they are.
+    """
+    most = int(ground.identity.max(initial=-1)) + 1
+    factor, turn = draw(standing, ground.identity, ground.long, seed)
+    scale = (ground.fit * factor).astype(np.float32)
+    turn = ground.heading + turn
+    long = np.flatnonzero(ground.long & ~ground.laid)
+    if len(long) and standing.align_to_normal > 0.0:
+        slope = slope_of_normal(ground.normal[long], standing.align_to_normal)
+        turn[long] = _turn_seen_so(turn[long] + ground.axis[long], slope) - ground.axis[long]
+    tilt = None
+    if standing.tilt > 0.0:
+        # Directions alike, and within the cone all points alike, as far as it is flat.
+        lean = np.random.default_rng([seed, 6]).random((most, 2))[ground.identity]
+        tilt = standing.tilt * np.sqrt(lean[:, 0]), 2.0 * math.pi * lean[:, 1]
+    rotation = body_rotations(ground.normal, standing.align_to_normal, turn, tilt)
+    to_origin = standing.offset * ground.normal.astype(np.float64)
+    moved = np.flatnonzero(ground.middle.any(axis=1))
+    if len(moved):
+        middle = np.zeros((len(moved), 3))
+        middle[:, :2] = scale[moved, None] * ground.middle[moved]
+        to_origin[moved] -= rotate(rotation[moved], middle)
+    return Stand(rotation.astype(np.float32), scale, to_origin.astype(np.float32))

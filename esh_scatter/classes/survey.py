@@ -1,0 +1,101 @@
+"""What was worked out of meshes and images, to be used again for as long as they say the same; asks nothing of Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+import numpy as np
+
+from ...engine.problem.domain import Domain
+from ...engine.problem.scatter_settings import TargetSettings
+from ...engine.problem.surface import Surface
+from ...engine.surface.chart import RESOLUTION, Chart
+from ...engine.surface.mesh_outline import Outline
+from ...engine.surface.triangle_mesh import TriangleMesh
+from ...engine.surface.whole_surface import WholeSurface
+from ..densities.density_source import DensityReader, checksum
+from ..targets.targets import chart_of
+from .object_outline import outline_of
+
+__all__ = ["Survey"]
+
+# A target whose extent differs by no more than this share has the same: it was moved, and numbers were rounded.
+SAME_EXTENT = 1e-5
+
+
+class Survey:
+    """Charts, outlines and densities by the contents of what they were made of; the last ones that were asked for are kept.
+
+    One thread at a time may use it.
+
+    Args:
+        resolution: Cells along the longer side of charts.
+    """
+
+    def __init__(self, resolution: int = RESOLUTION) -> None:
+        self.resolution = resolution
+        self._chart: tuple[Hashable, Chart | WholeSurface] | None = None
+        self._domain: Domain | None = None
+        self._outlines: dict[Hashable, Outline] = {}
+        self._densities: dict[Hashable, np.ndarray] = {}
+        self._used: set[Hashable] = set()
+
+    def begin(self, mesh: TriangleMesh, settings: TargetSettings) -> Chart | WholeSurface:
+        """Return the part of a target that the settings choose; what nobody has asked for since the last call is let go of."""
+        self._outlines = {key: value for key, value in self._outlines.items() if key in self._used}
+        self._densities = {key: value for key, value in self._densities.items() if key in self._used}
+        self._used.clear()
+        content = (mesh.position, mesh.triangle, mesh.corner, mesh.corner_normal, mesh.normal_matrix)
+        bounds = np.zeros((0, 3)) if mesh.bounds is None else mesh.bounds
+        shape = settings.surface, settings.both_sides, checksum(*content, bounds)
+        if self._chart is not None and self._chart[0] == shape:
+            chart = self._chart[1].with_mesh(mesh)
+        else:
+            chart = chart_of(mesh, settings, self.resolution)
+            self._densities.clear()
+        self._chart = shape, chart
+        return chart
+
+    @property
+    def shape(self) -> Hashable:
+        """What the target's mesh is, in short."""
+        return None if self._chart is None else self._chart[0]
+
+    def domain(self, chart: Chart | WholeSurface) -> Domain | Surface:
+        """Return where bodies lie: the rectangle of a chart, that of the one before where they differ by rounding only."""
+        if isinstance(chart, WholeSurface):
+            return chart.surface
+        size = float(chart.size[0]), float(chart.size[1])
+        before = self._domain
+        if before is None or not np.allclose(size, before.size, rtol=SAME_EXTENT, atol=0.0):
+            self._domain = Domain(size)
+        assert self._domain is not None
+        return self._domain
+
+    def outline(self, mesh: TriangleMesh, key: str) -> Outline:
+        """Return the outline of an object to place."""
+        content = checksum(mesh.position, mesh.triangle)
+        self._used.add(content)
+        if content not in self._outlines:
+            self._outlines[content] = outline_of(mesh, key)
+        return self._outlines[content]
+
+    def density(self, name: str, reader: DensityReader, chart: Chart | WholeSurface) -> np.ndarray:
+        """Return the density of a class over the cells of a chart, shape ``chart.shape``, or at a surface's points, ``[n]``, float32.
+
+        Args:
+            name: Of the class.
+            reader: Knows what the classes follow, and the chart's points.
+            chart: Of the last :meth:`begin`.
+        """
+        content = reader.content(name)
+        if content is None:
+            return _continued(chart, reader.class_density(name))
+        self._used.add(content)
+        if content not in self._densities:
+            self._densities[content] = _continued(chart, reader.class_density(name))
+        return self._densities[content]
+
+
+def _continued(chart: Chart | WholeSurface, values: np.ndarray) -> np.ndarray:
+    return values if isinstance(chart, WholeSurface) else chart.continued(values)

@@ -1,0 +1,1 @@
+"""How densely a class is placed: images, layers, the ground, what stands nearby."""

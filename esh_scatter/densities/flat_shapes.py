@@ -1,0 +1,148 @@
+"""Reading what densities keep near to or away from: objects, curves and collections, seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...engine.errors import ProblemError
+from ...engine.problem.validation import show
+from ..targets.target import check_exists, is_result, read_triangles, world_matrix
+from .density_source import Known, checksum
+
+__all__ = ["Shapes", "check_shapes", "read_shapes", "shape_objects"]
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Shapes seen from above as they were when they were read, in the world's x and y [m]: what any thread may look at.
+
+    Attributes:
+        names: Of what was asked for.
+        triangle: Faces, edges without faces (two corners are the same) and points (all three are), shape ``[t, 3, 2]``, float64.
+        outlines: For each object the pieces of the closed outlines that its edges without faces make, shape ``[s, 2, 2]``, float64.
+    """
+
+    names: tuple[str, ...]
+    triangle: np.ndarray
+    outlines: tuple[np.ndarray, ...]
+
+    @cached_property
+    def checksum(self) -> Hashable:
+        """Numbers that differ where shapes do."""
+        return checksum(self.triangle, *self.outlines)
+
+
+class _Shape(NamedTuple):
+    triangle: np.ndarray
+    outline: np.ndarray
+
+
+def check_shapes(source: object, key: str) -> object:
+    """Return what shapes are read from; raise ProblemError unless it is objects and collections."""
+    items = source if isinstance(source, list | tuple) else (source,)
+    if isinstance(source, Shapes):
+        return source
+    if not items or not all(isinstance(item, bpy.types.Object | bpy.types.Collection) for item in items):
+        raise ProblemError(f"{key} must be an object, a collection, or a list of them; got {show(source)}")
+    return tuple(items) if isinstance(source, list | tuple) else source
+
+
+def shape_objects(source: object, key: str) -> list[bpy.types.Object]:
+    """Return the objects that shapes are read from, by name.
+
+    Raises:
+        ProblemError: One has been removed from the file, or there is none.
+    """
+    found: dict[int, bpy.types.Object] = {}
+    items: Sequence = source if isinstance(source, tuple) else (source,)
+    for item in items:
+        check_exists(item, key)
+        for member in item.all_objects if isinstance(item, bpy.types.Collection) else (item,):
+            found[member.session_uid] = member
+    if not found:
+        name = getattr(items[0], "name", "")
+        raise ProblemError(f'{key} must be near something; collection "{name}" is empty')
+    return sorted(found.values(), key=lambda item: item.name_full)
+
+
+def read_shapes(source: object, key: str, known: Known) -> Shapes:
+    """Read objects as they stand in the world, with their modifiers. Only the main thread may call this.
+
+    Of another scatter's result, its points are read; of what has no geometry, its origin.
+    """
+    if isinstance(source, Shapes):
+        return source
+    context = bpy.context
+    triangles, outlines = [], []
+    for item in shape_objects(source, key):
+        number = "shape", item.session_uid
+        if number not in known:
+            known[number] = list(_shapes_of(item, world_matrix(item, context), context))
+        shapes: list[_Shape] = known[number]
+        triangles += [shape.triangle for shape in shapes]
+        outlines.append(np.concatenate([shape.outline for shape in shapes]) if shapes else np.empty((0, 2, 2)))
+    triangle = np.concatenate(triangles) if triangles else np.empty((0, 3, 2))
+    if not len(triangle):
+        raise ProblemError(f"{key} must be near something; what was given is empty")
+    if not np.isfinite(triangle).all():
+        raise ProblemError(f"{key} must be near something that has finite positions; some are NaN or infinite")
+    items = source if isinstance(source, tuple) else (source,)
+    return Shapes(tuple(str(getattr(item, "name", item)) for item in items), triangle, tuple(outlines))
+
+
+def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Context) -> Iterator[_Shape]:
+    if item.type == "EMPTY" and item.instance_type == "COLLECTION" and item.instance_collection is not None:
+        offset = np.eye(4)
+        offset[:3, 3] = -np.array(item.instance_collection.instance_offset)
+        for member in item.instance_collection.all_objects:
+            yield from _shapes_of(member, matrix @ offset @ world_matrix(member, context), context)
+        return
+    if is_result(item):
+        yield _points(_positions(item.data, matrix))
+        return
+    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+    try:
+        mesh = evaluated.to_mesh()
+    except RuntimeError:  # lights, cameras, empties
+        mesh = None
+    try:
+        if mesh is None or not len(mesh.vertices):
+            yield _points(matrix[None, :3, 3])
+        elif len(mesh.polygons):
+            read = read_triangles(mesh, matrix, item.name)
+            yield _Shape(read.position[read.triangle][..., :2], np.empty((0, 2, 2)))
+        elif len(mesh.edges):
+            yield _edges(mesh, _positions(mesh, matrix), item.type == "CURVE")
+        else:
+            yield _points(_positions(mesh, matrix))
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def _positions(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
+    position = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    return position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _points(position: np.ndarray) -> _Shape:
+    return _Shape(np.repeat(position[:, None, :2], 3, axis=1), np.empty((0, 2, 2)))
+
+
+def _edges(mesh: bpy.types.Mesh, position: np.ndarray, closed: bool) -> _Shape:
+    """Return edges; as outlines, those whose ends lie open are closed by a straight piece where ``closed``."""
+    edge = np.empty((len(mesh.edges), 2), np.int32)
+    mesh.edges.foreach_get("vertices", edge.ravel())
+    segment = position[edge][..., :2]
+    outline = segment
+    ends = np.flatnonzero(np.bincount(edge.ravel(), minlength=len(position)) == 1)
+    if closed and len(ends) % 2 == 0:
+        # Of curves, vertices follow one another: two ends in a row are those of one spline.
+        outline = np.concatenate([segment, position[ends.reshape(-1, 2)][..., :2]])
+    return _Shape(segment[:, [0, 1, 1]], outline)

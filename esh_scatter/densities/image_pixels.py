@@ -1,0 +1,132 @@
+"""The pixels of Blender's images, as they are now or as they were when they were read."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Hashable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...engine.errors import ProblemError
+from ...engine.problem.image_filters import luminance
+from ..targets.target import check_exists
+from .density_source import checksum
+
+__all__ = ["FIRST_TILE", "TILES_IN_ROW", "StoredImage", "image_pixels", "read_image"]
+
+# Tiles of an image are numbered from here on, so many for each whole step of v.
+FIRST_TILE = 1001
+TILES_IN_ROW = 10
+_CHANNELS = ("red", "green", "blue")
+
+
+@dataclass(frozen=True, eq=False)
+class StoredImage:
+    """The pixels of an image of Blender as they were when it was read: what any thread may look at.
+
+    Attributes:
+        name: Of the image.
+        tiled: Whether it has UDIM tiles.
+        linear: Whether its values are amounts of light, or plain numbers: not those of a display.
+        tiles: Stored values by the number of the tile, shape ``[height, width, channels]``, float32, row 0 at the top; an image
+            without tiles is tile 1001.
+    """
+
+    name: str
+    tiled: bool
+    linear: bool
+    tiles: dict[int, np.ndarray]
+
+    @cached_property
+    def checksum(self) -> Hashable:
+        """Numbers that differ where pixels do."""
+        return tuple((number, checksum(pixels)) for number, pixels in self.tiles.items())
+
+    def channel(self, channel: str, color_space: str) -> dict[int, np.ndarray]:
+        """Return the tiles as one channel, shape ``[height, width]``, float32; see :class:`.ImageDensity` for the words."""
+        known = self._channels
+        if (channel, color_space) not in known:
+            decoded = color_space == "linear" and not self.linear
+            known[channel, color_space] = {n: _channel_of(pixels, channel, decoded) for n, pixels in self.tiles.items()}
+        return known[channel, color_space]
+
+    @cached_property
+    def _channels(self) -> dict[tuple[str, str], dict[int, np.ndarray]]:
+        return {}
+
+
+def image_pixels(image: bpy.types.Image, key: str) -> np.ndarray:
+    """Return the stored values of an image, shape ``[height, width, channels]``, float32, row 0 at the top.
+
+    Raises:
+        ProblemError: The image has no pixels, because its file is missing or is no image; or it was removed from the file.
+    """
+    check_exists(image, key)
+    width, height = image.size
+    channels = image.channels
+    if width * height * channels == 0 or len(image.pixels) != width * height * channels:
+        path = bpy.path.abspath(image.filepath, library=image.library) if image.filepath else ""
+        where = f"its file {path} is missing or cannot be read" if path else "it holds none"
+        raise ProblemError(f'{key}: image "{image.name}" must have pixels; {where}')
+    pixels = np.empty(width * height * channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, channels)[::-1]
+
+
+def _channel_of(pixels: np.ndarray, channel: str, decoded: bool) -> np.ndarray:
+    """Return a channel of pixels ``[height, width, channels]``, where ``decoded`` as amounts of light; what is transparent is 0."""
+    channels = pixels.shape[2]
+    alpha = pixels[..., -1] if channels in (2, 4) else np.ones((), np.float32)
+    if channel == "alpha":
+        return np.ascontiguousarray(np.broadcast_to(alpha, pixels.shape[:2]))
+    colors = pixels[..., : max(1, channels - 1) if channels in (2, 4) else channels]
+    if decoded:
+        # As sRGB has it.
+        colors = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    if channels < 3:
+        grey = colors[..., 0]
+    elif channel in _CHANNELS:
+        grey = colors[..., _CHANNELS.index(channel)]
+    else:
+        grey = luminance(colors)
+    return np.ascontiguousarray(grey * alpha)
+
+
+def read_image(image: bpy.types.Image, key: str, whole: bool) -> StoredImage:
+    """Read an image; ``whole``: with all of its tiles."""
+    tiled = whole and image.source == "TILED"
+    # Images of floating-point numbers hold amounts of light already.
+    linear = image.is_float or image.colorspace_settings.name != "sRGB"
+    tiles = _tiles(image, key) if tiled else {FIRST_TILE: image_pixels(image, key)}
+    return StoredImage(image.name, tiled, linear, tiles)
+
+
+def _tiles(image: bpy.types.Image, key: str) -> dict[int, np.ndarray]:
+    """Return the pixels of every tile of an image, by the tile's number.
+
+    Blender tells the pixels of the first tile only, so that all of them, changed or packed as they may be, are saved and read again.
+    """
+    result = {}
+    with tempfile.TemporaryDirectory(prefix="esh-scatter-") as folder:
+        ending = ".exr" if image.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") else ".png"
+        try:
+            image.save(filepath=str(Path(folder) / f"tile.<UDIM>{ending}"), save_copy=True)
+        except RuntimeError:  # Blender names the image, not the tile
+            raise ProblemError(f'{key}: image "{image.name}" must have pixels in all its tiles; one has none') from None
+        for tile in image.tiles:
+            path = Path(folder) / f"tile.{tile.number}{ending}"
+            if not path.is_file():
+                raise ProblemError(
+                    f'{key}: image "{image.name}" must have pixels in all its tiles; {tile.number} has none'
+                )
+            loaded = bpy.data.images.load(str(path))
+            try:
+                loaded.alpha_mode = image.alpha_mode
+                result[tile.number] = image_pixels(loaded, key)
+            finally:
+                bpy.data.images.remove(loaded)
+    return result

@@ -1,0 +1,64 @@
+"""Copying settings from one class of the sidebar to another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+from bpy.types import PropertyGroup, bpy_prop_collection
+
+from ...engine.problem.body_class import ClassSettings
+from ...engine.problem.scatter_settings import Standing
+from ...engine.problem.settings import settings_of
+from ..densities.density_curve import copy_curve
+from ..properties.described import shown_settings
+
+__all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class", "copy_values"]
+
+# Settings of a class that say how much room each of its bodies takes.
+KEPT_APART = ("room", "gap")
+# Parts of a class's settings that are copied together: label, description, names of the properties.
+CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "DENSITY": (
+        "Density",
+        "Where there are many and where few",
+        ("layers", "layer_index"),
+    ),
+    "STANDING": ("Turn and Scale", "How objects stand, turn and vary", tuple(settings_of(Standing))),
+    "DETAIL": (
+        "Direction and Detail",
+        "Where long ones point, and what is done to the density",
+        (
+            *("direction_kind", "direction_angle", "direction_image", "may_overlap"),
+            *(shown.name for shown in shown_settings(ClassSettings, KEPT_APART)),
+        ),
+    ),
+    "COUNT": (
+        "Sizes and Counts",
+        "What is placed, how many, and how much room each takes",
+        ("count_kind", "total", "per_area", "distance", "cover_share", "sizes", *KEPT_APART),
+    ),
+}
+
+
+def copy_class(source: PropertyGroup, to: PropertyGroup, parts: Mapping[str, Any]) -> None:
+    """Copy parts of the settings of a class, keys of :data:`CLASS_PARTS`, to another; name, color and switches stay."""
+    for part in parts:
+        copy_values(source, to, CLASS_PARTS[part][2])
+
+
+def copy_values(source: PropertyGroup, to: PropertyGroup, names: tuple[str, ...] | None = None) -> None:
+    """Copy properties, lists of groups with all that is in them; None copies all."""
+    told = [one.identifier for one in source.bl_rna.properties if one.identifier != "rna_type"]
+    for name in names or told:
+        value = getattr(source, name)
+        if isinstance(value, bpy_prop_collection):
+            entries = getattr(to, name)
+            entries.clear()
+            for entry in value:
+                copy_values(entry, entries.add())
+        elif isinstance(value, bpy.types.NodeTree):
+            setattr(to, name, copy_curve(value))
+        else:
+            setattr(to, name, value)

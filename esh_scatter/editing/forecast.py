@@ -1,0 +1,154 @@
+"""What can be said of a scatter of the sidebar before it is solved: how much of the ground it covers, and whether that fits.
+
+Drawing asks, and must not wait: what is not known yet is worked out a moment later, once for everything that has changed, on a coarse
+chart of the target.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import bpy
+
+from ...engine.errors import EshError
+from ..solving import running
+from ..targets.references import Reference
+
+if TYPE_CHECKING:
+    from ...engine.problem.cover import Cover
+    from ..classes.survey import Survey
+
+__all__ = ["MOST_BODIES", "Forecast", "detach", "forecast", "known", "scale_counts_to_fit"]
+
+# Cells along the longer side of the chart: enough for a share of the ground.
+RESOLUTION = 192
+# Seconds after the last change that somebody saw.
+PAUSE = 0.4
+# Bodies of which it is worked out: each has an outline of its own.
+MOST_BODIES = 500_000
+# Counts are scaled to this share of what fits, and so many times at most: some cannot be scaled, or not below one.
+MARGIN = 0.98
+TIMES = 4
+
+
+class Forecast(NamedTuple):
+    """What is known of a scatter with certain settings: ``fingerprint`` names these; ``cover`` is None where nothing can be said."""
+
+    fingerprint: str
+    cover: Cover | None
+
+
+_survey: Survey | None = None
+# By scene and the number of a scatter in it.
+_known: dict[tuple[int, int], Forecast] = {}
+_asked: tuple[Reference, int] | None = None
+
+
+def forecast(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
+    """Work out what the footprints of a scatter will cover; None where overlap is allowed, or nothing can be placed."""
+    from ...engine.problem.cover import cover_of
+    from ..api import ScatterJob
+    from ..classes.survey import Survey
+
+    global _survey
+    if not scatter.avoid_overlap or scatter.obstacle(scene) is not None:
+        return None
+    if sum(body_class.count for body_class in scatter.ready_classes()) > MOST_BODIES:
+        return None
+    positional, named = scatter.arguments(scene)
+    _survey = _survey or Survey(RESOLUTION)
+    try:
+        job = ScatterJob(*positional, **{**named, "device": "cpu", "result": None}, survey=_survey)
+    except EshError:
+        # The run will say it.
+        return None
+    return cover_of(job.problem)
+
+
+def known(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
+    """Return what is known of a scatter as it is now, without waiting; what is not known will be, a moment later."""
+    global _asked
+    number = _number_of(scatter)
+    found = _known.get((scene.session_uid, number))
+    if found is not None and found.fingerprint == _fingerprint(scatter):
+        return found.cover
+    _asked = Reference(scene, "scene"), number
+    if not bpy.app.background and not bpy.app.timers.is_registered(_work):
+        bpy.app.timers.register(_work, first_interval=PAUSE)
+    return None
+
+
+def look(scene: bpy.types.Scene, number: int) -> Forecast | None:
+    """Work out a forecast anew and remember it; None where there is no such scatter."""
+    scatters = scene.esh_scatter.scatters
+    if number >= len(scatters):
+        return None
+    scatter = scatters[number]
+    made = Forecast(_fingerprint(scatter), forecast(scatter, scene))
+    _known[scene.session_uid, number] = made
+    return made
+
+
+def scale_counts_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
+    """Scale the counts of a scatter's classes so that its footprints fit; returns the share of them that is left, 1 where all fit."""
+    whole = 1.0
+    for _ in range(TIMES):
+        cover = forecast(scatter, scene)
+        if cover is None or cover.covered <= cover.fits:
+            break
+        factor = MARGIN * cover.fits / cover.covered
+        for body_class in scatter.ready_classes():
+            _scale(body_class, factor)
+        whole *= factor
+    return whole
+
+
+def detach() -> None:
+    """Forget everything."""
+    global _survey, _asked
+    if bpy.app.timers.is_registered(_work):
+        bpy.app.timers.unregister(_work)
+    _known.clear()
+    _survey, _asked = None, None
+
+
+def _scale(body_class: Any, factor: float) -> None:
+    kind = body_class.count_kind
+    if kind == "SIZES":
+        for size in body_class.sizes:
+            size.count = max(1, math.floor(size.count * factor))
+    elif kind == "TOTAL":
+        body_class.total = max(len(body_class.sizes), math.floor(body_class.total * factor))
+    elif kind == "PER_AREA":
+        body_class.per_area *= factor
+    elif kind == "DISTANCE":
+        body_class.distance /= math.sqrt(factor)
+    elif kind == "SHARE":
+        body_class.cover_share *= factor
+
+
+def _work() -> None:
+    """Work out what was asked for last, and show it; Blender calls it."""
+    global _asked
+    if running.session is not None:
+        # Whoever draws after the run asks again.
+        return
+    asked, _asked = _asked, None
+    scene = asked[0].find() if asked is not None else None
+    if asked is None or not isinstance(scene, bpy.types.Scene):
+        return
+    # Scripts and panels see what the context's scene holds.
+    if bpy.context.scene == scene and look(scene, asked[1]) is not None:
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
+
+
+def _number_of(scatter: Any) -> int:
+    return int(scatter.path_from_id().rpartition("[")[2].rstrip("]"))
+
+
+def _fingerprint(scatter: Any) -> str:
+    return scatter.fingerprint()

@@ -1,0 +1,124 @@
+"""Painting densities: what is painted on, the mode that does it, and images that are kept when the file is saved."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ...engine.errors import ProblemError
+from ..targets.target import check_target
+
+__all__ = ["attach", "begin_to_paint", "detach", "unsaved_images"]
+
+# What a UV map is called that lays an image over the target as it is seen from above.
+UV_MAP = "From Above"
+
+
+def begin_to_paint(
+    context: bpy.types.Context, target: bpy.types.Object, layer: Any, name: str, resolution: int
+) -> None:
+    """Go into the mode that paints what a layer follows; make image, UV map or vertex group where they are missing.
+
+    Args:
+        context: Whose view layer.
+        target: The mesh that is painted on.
+        layer: A layer of the kind ``IMAGE`` or ``VERTEX_GROUP``.
+        name: Of what is made.
+        resolution: Pixels along each side of a new image.
+
+    Raises:
+        ProblemError: The target cannot be painted on.
+    """
+    check_target(target, context)
+    if not target.data.is_editable:
+        raise ProblemError(f'target "{target.name}" must have a mesh that can be changed; its mesh is linked')
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for item in context.selected_objects:
+        item.select_set(False)
+    target.select_set(True)
+    context.view_layer.objects.active = target
+    if layer.kind == "VERTEX_GROUP":
+        _paint_weights(target, layer, name)
+    else:
+        _paint_image(context, target, layer, name, resolution)
+
+
+def _paint_weights(target: bpy.types.Object, layer: Any, name: str) -> None:
+    if layer.vertex_group not in target.vertex_groups:
+        layer.vertex_group = target.vertex_groups.new(name=name).name
+    target.vertex_groups.active = target.vertex_groups[layer.vertex_group]
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+
+
+def _paint_image(context: bpy.types.Context, target: bpy.types.Object, layer: Any, name: str, resolution: int) -> None:
+    if layer.image is None:
+        layer.image = bpy.data.images.new(name, resolution, resolution, alpha=False, is_data=True)
+        # Black: nothing stands there before something is painted.
+        layer.image.generated_color = (0.0, 0.0, 0.0, 1.0)
+        layer.image.pack()
+    mesh = target.data
+    if layer.image_mapping == "POSITION":
+        # Painting goes through a UV map: one that lays the image just as it was.
+        layer.uv_map = _map_from_above(target)
+        layer.image_mapping = "UV"
+    elif not mesh.uv_layers:
+        layer.uv_map = _map_from_above(target)
+    chosen = layer.uv_map or mesh.uv_layers.active.name
+    if chosen in mesh.uv_layers:
+        mesh.uv_layers.active = mesh.uv_layers[chosen]
+    paint = context.scene.tool_settings.image_paint
+    paint.mode, paint.canvas = "IMAGE", layer.image
+    bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+
+
+def _map_from_above(target: bpy.types.Object) -> str:
+    """Return the UV map that lays an image over a mesh as it is seen from above in the world; made where there is none."""
+    mesh = target.data
+    position = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    matrix = np.array(target.matrix_world)
+    world = (position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])[:, :2]
+    low, high = world.min(axis=0), world.max(axis=0)
+    if not (high > low).all():
+        raise ProblemError(f'target "{target.name}" must have an extent in x and y to be painted from above')
+    vertex = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
+    uv = ((world - low) / (high - low))[vertex].astype(np.float32)
+    layer = mesh.uv_layers.get(UV_MAP)
+    if layer is None:
+        layer = mesh.uv_layers.new(name=UV_MAP, do_init=False)
+        if layer is None:
+            raise ProblemError(f'target "{target.name}" must have room for a UV map; it has {len(mesh.uv_layers)}')
+    layer.uv.foreach_set("vector", uv.ravel())
+    mesh.update()
+    return layer.name
+
+
+def unsaved_images(scatter: Any) -> list[bpy.types.Image]:
+    """Return the images that densities of a scatter follow and that were painted since they were saved."""
+    images = {layer.image for c in scatter.classes for layer in c.layers if layer.kind == "IMAGE" and layer.image}
+    return sorted((image for image in images if image.is_dirty and image.is_editable), key=lambda image: image.name)
+
+
+@persistent
+def pack_painted_images(*_arguments: object) -> None:
+    """Pack the images that densities follow where they would be lost otherwise; Blender calls it before a file is saved."""
+    for scene in bpy.data.scenes:
+        for scatter in scene.esh_scatter.scatters:
+            for image in unsaved_images(scatter):
+                image.pack()
+
+
+def attach() -> None:
+    """Have painted images packed whenever a file is saved."""
+    bpy.app.handlers.save_pre.append(pack_painted_images)
+
+
+def detach() -> None:
+    """Leave images as they are from now on."""
+    if pack_painted_images in bpy.app.handlers.save_pre:
+        bpy.app.handlers.save_pre.remove(pack_painted_images)

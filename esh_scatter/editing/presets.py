@@ -1,0 +1,184 @@
+"""Presets in Blender: a scatter's settings made from one, and one made from a scatter's settings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import bpy
+
+from ...engine.errors import EshError, ProblemError
+from ...engine.problem.validation import show
+from ..classes.stand_ins import stand_in
+from ..densities.density_curve import curve_node
+
+__all__ = ["apply_preset", "preset_of"]
+
+# At most so many objects of a class: small ones that somebody has chosen could be without end.
+MOST = 20_000
+# Seconds and settings of one's own machine are no part of a preset.
+_NOT_OF_SCATTERS = {"name", "device", "class_index", "points_above", "cap"}
+_NOT_OF_CLASSES = {"name", "color", "mute", "show_viewport", "show_render", "size_index", "layer_index", "may_overlap"}
+_PLAIN = {"BOOLEAN", "INT", "FLOAT", "ENUM", "STRING"}
+_NOISE_SIZE = "noise_size"
+
+
+def apply_preset(
+    scatter: Any, preset: Mapping[str, Any], ground: float, chosen: Sequence[bpy.types.Object] = ()
+) -> None:
+    """Give a scatter the settings and classes of a preset; simple shapes stand in for objects.
+
+    Args:
+        scatter: Settings without classes.
+        preset: As :func:`~esh.esh_scatter.editing.preset_files.read_preset` returns it.
+        ground: Area of the target [m²].
+        chosen: Objects for the classes, in their order, as far as there are any.
+
+    Raises:
+        ProblemError: A setting that is not known, or a value that it cannot have.
+    """
+    _set(scatter, preset.get("settings", {}), "settings", _NOT_OF_SCATTERS)
+    made = []
+    for one in preset["classes"]:
+        body_class = scatter.add_class()
+        # Lists of names are separated by commas.
+        body_class.name = one["name"].replace(",", " ")
+        body_class.color = one.get("color", body_class.color[:])
+        made.append(body_class)
+    # Adding to a list moves what is in it.
+    for number, one in enumerate(preset["classes"]):
+        body_class = scatter.classes[len(scatter.classes) - len(made) + number]
+        _fill(body_class, one, ground, chosen[number] if number < len(chosen) else None)
+    scatter.class_index = 0
+
+
+def _fill(body_class: Any, one: Mapping[str, Any], ground: float, source: bpy.types.Object | None) -> None:
+    where = f'class "{one["name"]}"'
+    _set(body_class, one.get("settings", {}), f"settings of {where}", _NOT_OF_CLASSES)
+    body_class.may_overlap = ", ".join(one.get("may_overlap", ()))
+    for number, values in enumerate(one.get("sizes", ())):
+        size = body_class.sizes[0] if number == 0 else body_class.add_size()
+        _set(size, values, f"sizes of {where}", ())
+    body_class.size_index = 0
+    for values in one.get("layers", ()):
+        _add_layer(body_class, values, ground, where)
+    count, cover = one.get("count", 100), one.get("cover")
+    shape = one.get("stand_in", {})
+    for size in body_class.sizes:
+        if source is None:
+            area = (
+                cover * ground / count if cover else size.area if size.area_kind == "VALUE" else ground / (10 * count)
+            )
+            size.source_object = stand_in(
+                body_class.name, shape.get("shape", "ball"), shape.get("proportions", (1, 1, 1)), area, body_class.color
+            )
+        else:
+            size.source_object = source
+        size.source_kind = "OBJECT"
+    if cover and body_class.count_kind == "SIZES":
+        if source is not None:
+            count = _count_of(source, cover * ground)
+        body_class.sizes[0].count = max(1, round(count))
+
+
+def _count_of(source: bpy.types.Object, covered: float) -> int:
+    from ..classes.object_outline import measure_footprint
+
+    try:
+        return min(MOST, math.ceil(covered / measure_footprint(source).area))
+    except EshError:  # it takes no ground, which the run will say
+        return 1
+
+
+def _add_layer(body_class: Any, values: Mapping[str, Any], ground: float, where: str) -> None:
+    given = {name: value for name, value in values.items() if name not in ("kind", "curve", _NOISE_SIZE)}
+    kinds = body_class.layers.add()
+    kinds.name = ""
+    _set(kinds, {"kind": values.get("kind", "IMAGE")}, f"layers of {where}", ())
+    # Noise is as large as a share of the ground's side.
+    if _NOISE_SIZE in values:
+        given["noise_scale"] = float(values[_NOISE_SIZE]) * math.sqrt(ground)
+    _set(kinds, given, f"layers of {where}", ())
+    if kinds.kind == "IMAGE" and kinds.image is None:
+        kinds.image = next((i for i in bpy.data.images if i.type in ("IMAGE", "UV_TEST") and i.size[0]), None)
+    curve = values.get("curve")
+    if curve:
+        kinds.use_curve = True
+        _bend(kinds.curve, curve, where)
+
+
+def _bend(tree: bpy.types.NodeTree, points: Any, where: str) -> None:
+    node = curve_node(tree)
+    assert node is not None
+    curve = node.mapping.curves[0]
+    try:
+        pairs = [(float(x), float(y)) for x, y in points]
+    except (TypeError, ValueError):
+        raise ProblemError(f"`curve` in layers of {where} must be points (x, y); got {show(points)}") from None
+    if len(pairs) < 2:
+        raise ProblemError(f"`curve` in layers of {where} must be two points or more; got {show(points)}")
+    while len(curve.points) < len(pairs):
+        curve.points.new(0.5, 0.5)
+    for point, location in zip(curve.points, pairs, strict=False):
+        point.location = location
+    node.mapping.update()
+
+
+def _set(group: Any, values: Mapping[str, Any], where: str, left_out: Collection[str]) -> None:
+    """Set plain properties of a group by name."""
+    for name, value in values.items():
+        told = group.bl_rna.properties.get(name)
+        if told is None or told.type not in _PLAIN or told.is_hidden or name in left_out:
+            raise ProblemError(f'{where} of the preset must be those of the sidebar; "{name}" is none')
+        try:
+            setattr(group, name, value)
+        except (TypeError, ValueError) as error:
+            text = str(error).splitlines()[0]
+            raise ProblemError(f"`{name}` in {where} of the preset must have a value that fits; {text}") from None
+
+
+def preset_of(scatter: Any) -> dict[str, Any]:
+    """Return a scatter's settings as a preset; objects, images and the like are left to whoever uses it."""
+    classes = []
+    for body_class in scatter.classes:
+        sizes = [_plain(size, {"name"}) for size in body_class.sizes]
+        layers = []
+        for layer in body_class.layers:
+            names = {"kind", "use", "name", "class_name", *layer.influential_of(layer.kind)}
+            values = _plain(layer, {"class_uid"}, names)
+            # The kind even where it is the first of them.
+            values = {"kind": layer.kind, **values}
+            values.pop("use_curve", None)
+            if layer.use_curve:
+                values["curve"] = [list(record[:2]) for record in layer.curve_record()]
+            layers.append(values)
+        one: dict[str, Any] = {"name": body_class.name, "color": [round(value, 4) for value in body_class.color]}
+        one["stand_in"] = {"shape": "ball", "proportions": _proportions(body_class)}
+        one["settings"] = _plain(body_class, _NOT_OF_CLASSES)
+        one["sizes"], one["layers"] = sizes, layers
+        one["may_overlap"] = sorted(body_class.names_that_may_overlap)
+        classes.append(one)
+    return {"name": scatter.name, "settings": _plain(scatter, _NOT_OF_SCATTERS), "classes": classes}
+
+
+def _proportions(body_class: Any) -> list[float]:
+    source = body_class.sizes[0].source_object if body_class.sizes else None
+    extent = [round(value, 3) for value in source.dimensions] if source is not None else [1.0, 1.0, 1.0]
+    return [max(value, 1e-3) for value in extent]
+
+
+def _plain(group: Any, left_out: Collection[str], only: Collection[str] | None = None) -> dict[str, Any]:
+    """Return the plain values of a group that are not what they are by default."""
+    values: dict[str, Any] = {}
+    for told in group.bl_rna.properties:
+        name = told.identifier
+        if told.type not in _PLAIN or told.is_hidden or name in left_out or (only is not None and name not in only):
+            continue
+        value = getattr(group, name)
+        if getattr(told, "is_array", False):
+            if list(value) != list(told.default_array):
+                values[name] = [round(entry, 6) for entry in value]
+        elif value != told.default:
+            values[name] = round(value, 6) if isinstance(value, float) else value
+    return values

@@ -1,0 +1,166 @@
+"""From objects that are selected to classes: one for each, named after it, its size measured, and a pleasant count."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...engine.errors import ProblemError
+from ...engine.problem.scatter_settings import TargetSettings
+from ..classes.object_outline import measure_footprint, read_source
+from ..classes.survey import Survey
+from ..targets.references import Reference
+from ..targets.target import check_target, is_result, read_target
+
+if TYPE_CHECKING:
+    from ...engine.surface.mesh_outline import Outline
+    from ...engine.surface.triangle_mesh import TriangleMesh
+    from ..properties.body_class import ESH_PG_class
+    from ..properties.scatter import ESH_PG_scatter
+
+__all__ = ["Measured", "SelectionSurvey", "add_classes", "measure", "pleasant_counts", "sources_in"]
+
+# What has a footprint: others, such as lights and cameras, are passed over.
+SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
+
+class Measured(NamedTuple):
+    """An object to place.
+
+    Attributes:
+        item: The object.
+        area: Ground that one takes [m²].
+        upright: Whether it is taller than it is wide, as a tree is and a plank is not.
+    """
+
+    item: bpy.types.Object
+    area: float
+    upright: bool
+
+
+def sources_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return those of some objects that can be placed on targets, by name."""
+    found = [
+        item for item in candidates if item not in targets and item.type in SCATTERED_TYPES and not is_result(item)
+    ]
+    return sorted(found, key=lambda item: item.name_full)
+
+
+def measure(items: Sequence[bpy.types.Object], context: bpy.types.Context) -> tuple[list[Measured], list[str]]:
+    """Measure objects as they stand.
+
+    Returns:
+        Those that take ground, and the names of those that take none.
+    """
+    measured, flat = [], []
+    for item in items:
+        try:
+            footprint = measure_footprint(item, context)
+        except ProblemError:
+            flat.append(item.name)
+            continue
+        upright = item.dimensions.z > max(footprint.length, footprint.width)
+        measured.append(Measured(item, footprint.area, upright))
+    return measured, flat
+
+
+class SelectionSurvey:
+    """What is to be known of a selection before it is scattered: read when it is made, worked out in any thread.
+
+    Args:
+        ground: The mesh to scatter on.
+        items: What to place.
+        context: Whose view layer.
+
+    Attributes:
+        device: Where it runs.
+        survey: What it has worked out, for the run that follows.
+        area: Of the ground [m²], once it is solved.
+
+    Raises:
+        EshError: The ground cannot be scattered on.
+    """
+
+    device = "cpu"
+
+    def __init__(self, ground: bpy.types.Object, items: Sequence[bpy.types.Object], context: bpy.types.Context) -> None:
+        self._ground = read_target(check_target(ground, context), context, set())
+        self._items = [_read(item, context) for item in items]
+        self._outlines: list[Outline | None] = []
+        self.survey = Survey()
+        self.area = 0.0
+
+    def solve(self, _progress: object = None) -> None:
+        """Work it out; touches nothing of Blender.
+
+        Raises:
+            EshError: The ground is not seen from above.
+        """
+        self.area = float(np.sum(self.survey.begin(self._ground, TargetSettings()).area))
+        for _, _, mesh in self._items:
+            try:
+                self._outlines.append(None if mesh is None else self.survey.outline(mesh, "`area`"))
+            except ProblemError:
+                self._outlines.append(None)
+
+    def measured(self) -> tuple[list[Measured], list[str]]:
+        """Return what :func:`measure` does; of what is still there."""
+        found, flat = [], []
+        for (reference, height, _), outline in zip(self._items, self._outlines, strict=True):
+            item = reference.find()
+            if item is not None and outline is not None:
+                found.append(Measured(item, outline.area, height > max(outline.length, outline.width)))
+            elif item is not None:
+                flat.append(item.name)
+        return found, flat
+
+
+def _read(item: bpy.types.Object, context: bpy.types.Context) -> tuple[Reference, float, TriangleMesh | None]:
+    """Return an object, how high it is, and its mesh, or None where it has no faces."""
+    try:
+        mesh = read_source(item, context, "`area`")
+    except ProblemError:
+        mesh = None
+    return Reference(item, "object to place"), float(item.dimensions.z), mesh
+
+
+def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:
+    """Return how many of each object look good together: small ones outnumber large ones, but take less ground.
+
+    Args:
+        areas: Ground that one of each takes [m²].
+        ground: Area of the target [m²].
+        cover: Share of the ground that all of them take together.
+        most: Largest number of all together.
+
+    Returns:
+        Counts in inverse proportion to the objects' widths, at least one of each.
+    """
+    if not areas:
+        return []
+    factor = cover * ground / sum(math.sqrt(area) for area in areas)
+    wanted = [factor / math.sqrt(area) for area in areas]
+    factor = min(1.0, most / max(sum(wanted), 1e-30))
+    return [max(1, round(number * factor)) for number in wanted]
+
+
+def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: Sequence[int]) -> list[ESH_PG_class]:
+    """Add a class for each object to a scatter's settings, and return them."""
+    from ..properties.names import unused_name
+
+    made = []
+    for one, count in zip(measured, counts, strict=True):
+        body_class = scatter.add_class()
+        # Lists of names are separated by commas.
+        name = one.item.name.replace(",", " ")
+        body_class.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
+        size = body_class.sizes[0]
+        size.source_kind, size.source_object, size.count = "OBJECT", one.item, count
+        # Trees stand upright; what lies, lies on the slope.
+        body_class.align_to_normal = 0.0 if one.upright else 1.0
+        made.append(body_class)
+    return made

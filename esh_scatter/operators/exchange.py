@@ -1,0 +1,116 @@
+"""The File menu's entries: results to files of other programs, and back."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from ...engine.errors import EshError
+from ...engine.files.body_formats import FORMATS
+from ...engine.files.placement_reader import READABLE
+from ..result.exchange import export_result, import_placement
+from ..targets.target import RESULT_TAG
+
+__all__ = ["CLASSES", "attach", "detach"]
+
+
+class ESH_OT_export(bpy.types.Operator, ExportHelper):
+    """Export the active result as instances, together with the objects that it places"""
+
+    bl_idname = "esh.export"
+    bl_label = "Export Scatter"
+    bl_options = {"PRESET"}
+
+    filename_ext = ".usdc"
+    if TYPE_CHECKING:
+        filepath: str
+    filter_glob: StringProperty(default=";".join(f"*{ending}" for ending in FORMATS), options={"HIDDEN"})
+    format: EnumProperty(
+        name="Format",
+        description="What the file is for",
+        items=[
+            (".usdc", "USD", "Point instancer for Houdini, Unreal, Omniverse; objects in a folder beside it"),
+            (".glb", "glTF", "Instances for three.js, Babylon.js and engines; objects in the file"),
+            (".ply", "PLY", "Points with attributes"),
+            (".geojson", "GeoJSON", "Points with properties, for small results"),
+        ],
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Say in the menu's tooltip why it is grey."""
+        item = context.active_object
+        if item is None or not item.get(RESULT_TAG) or item.type != "MESH":
+            cls.poll_message_set("Select the result of a scatter first")
+            return False
+        return context.mode == "OBJECT"
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Keep the ending of the name that of the format."""
+        self.filename_ext = self.format
+        before: str = self.filepath
+        if Path(before).suffix.lower() != self.format:
+            self.filepath = str(Path(before).with_suffix(self.format))
+        return self.filepath != before or super().check(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write it."""
+        try:
+            export_result(self.filepath)
+        except EshError as error:
+            self.report({"ERROR"}, str(error).replace("`", ""))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {len(context.active_object.data.vertices):,} instances")
+        return {"FINISHED"}
+
+
+class ESH_OT_import(bpy.types.Operator, ImportHelper):
+    """Make a scatter result from a placement in a file. Objects in the scene that are named like its classes are placed"""
+
+    bl_idname = "esh.import"
+    bl_label = "Import Scatter"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=";".join(f"*{ending}" for ending in READABLE), options={"HIDDEN"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Make it."""
+        named = {item.name: item for item in context.scene.objects if item.type == "MESH" and not item.get(RESULT_TAG)}
+        try:
+            item = import_placement(self.filepath, named)
+        except EshError as error:
+            self.report({"ERROR"}, str(error).replace("`", ""))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Placed {len(item.data.vertices):,}")
+        return {"FINISHED"}
+
+
+def _draw_export(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    self.layout.operator(ESH_OT_export.bl_idname, text="ESH Scatter (.usdc, .glb, .ply, .geojson)")
+
+
+def _draw_import(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    self.layout.operator(ESH_OT_import.bl_idname, text="ESH Scatter (.usdc, .glb, .ply, .npz, .csv, ...)")
+
+
+def attach() -> None:
+    """Add the entries of the File menu."""
+    bpy.types.TOPBAR_MT_file_export.append(_draw_export)
+    bpy.types.TOPBAR_MT_file_import.append(_draw_import)
+
+
+def detach() -> None:
+    """Take them away."""
+    bpy.types.TOPBAR_MT_file_export.remove(_draw_export)
+    bpy.types.TOPBAR_MT_file_import.remove(_draw_import)
+
+
+CLASSES = (ESH_OT_export, ESH_OT_import)

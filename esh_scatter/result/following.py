@@ -1,0 +1,49 @@
+"""What ties the points of a result to its target, so that the node group can move them with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ...engine.surface.surface_points import SurfacePoints
+from ...engine.surface.triangle_mesh import TriangleMesh
+from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed
+
+__all__ = ["follow_attributes", "followed"]
+
+
+def followed(targets: Sequence[bpy.types.Object], mesh: TriangleMesh) -> list[Followed]:
+    """Return what the points on targets follow, each with the vertices that it had.
+
+    Args:
+        targets: In the order of ``esh_target``.
+        mesh: All of them as one.
+    """
+    count = np.diff([*mesh.first_vertex, len(mesh.position)])
+    return [Followed(item, int(vertices)) for item, vertices in zip(targets, count, strict=True)]
+
+
+def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+    """Return what is to be known of the triangles that points stand on, besides which they are, to follow them.
+
+    Args:
+        points: Where they stand on the target.
+        align: How far the objects follow the slope, 0..1, shape ``[n]``.
+    """
+    mesh = points.view.mesh
+    corner = mesh.triangle[points.triangle]
+    a, b, c = (mesh.position[corner[:, k]] for k in range(3))
+    edge = b - a
+    normal = np.cross(edge, c - a)
+    return {
+        GROUND_POINT: ("FLOAT_VECTOR", points.position),
+        EDGE: ("FLOAT_VECTOR", _of_length_1(edge)),
+        FACE_NORMAL: ("FLOAT_VECTOR", _of_length_1(normal)),
+        ALIGN: ("FLOAT", align),
+    }
+
+
+def _of_length_1(vector: np.ndarray) -> np.ndarray:
+    return vector / np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), 1e-300)

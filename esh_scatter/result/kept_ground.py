@@ -1,0 +1,190 @@
+"""What a result keeps with its points, and what can be changed there at once, without solving: standing, colour, visibility."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...engine.problem.scatter_settings import Standing
+from ..classes.standing import Ground, stand
+from .node_group import ALIGN, HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
+
+__all__ = [
+    "BODY_ANGLE",
+    "BODY_LENGTH",
+    "CLASSES_OF_POINTS",
+    "PLACED_AT",
+    "SEED",
+    "TO_ORIGIN",
+    "can_stand_anew",
+    "ground_attributes",
+    "hide_points",
+    "kept_places",
+    "paint_points",
+    "read_attribute",
+    "stand_anew",
+    "write_attribute",
+]
+
+# Custom properties of a result's mesh: the seed of its random numbers, and which of the sidebar's classes its points belong to.
+SEED = "esh_scatter_seed"
+CLASSES_OF_POINTS = "esh_scatter_classes"
+# How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
+BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
+# Where the last run has put every point [m]: one that is elsewhere was moved by hand.
+PLACED_AT = "placed_at"
+# The way from point to origin [m], under the name that saved files know.
+TO_ORIGIN = "lift"
+
+_NORMAL, _HEADING, _LONG, _FIT, _MIDDLE = "ground_normal", "heading", "long", "fit", "middle"
+_LAID = "laid"
+_FIELDS: dict[str, tuple[str, int, Any]] = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "BOOLEAN": ("value", 1, bool),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "QUATERNION": ("value", 4, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+}
+
+
+def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attributes that keep what is known of the points; of the rarer ones, those that say something."""
+    kept = {
+        _NORMAL: ("FLOAT_VECTOR", ground.normal),
+        _HEADING: ("FLOAT", ground.heading),
+        TO_ORIGIN: ("FLOAT_VECTOR", to_origin),
+    }
+    if ground.long.any():
+        kept[_LONG] = ("BOOLEAN", ground.long)
+        kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
+        if ground.laid.any():
+            kept[_LAID] = ("BOOLEAN", ground.laid)
+    if (ground.fit != 1.0).any():
+        kept[_FIT] = ("FLOAT", ground.fit)
+    return kept
+
+
+def can_stand_anew(result: bpy.types.Object) -> bool:
+    """Tell whether a result has kept what is needed; those of earlier versions have not, and in Edit Mode nothing can be written."""
+    return (
+        result.mode != "EDIT"
+        and SEED in result.data
+        and all(name in result.data.attributes for name in ("id", _NORMAL, _HEADING, TO_ORIGIN, ROTATION, SCALE))
+    )
+
+
+def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) -> None:
+    """Turn, tilt, move and scale the objects of one class of a result. Points that were moved by hand stay where they were put."""
+    mesh = result.data
+    own = _points_of(mesh, class_number)
+    count = len(mesh.vertices)
+    middle = read_attribute(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
+    ground = Ground(
+        read_attribute(mesh, "id"),
+        read_attribute(mesh, _NORMAL),
+        read_attribute(mesh, _HEADING),
+        read_attribute(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
+        read_attribute(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
+        middle[:, :2],
+        middle[:, 2],
+        read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
+    ).part(own)
+    new = stand(standing, ground, int(mesh[SEED]))
+    to_origin, position = read_attribute(mesh, TO_ORIGIN), read_attribute(mesh, "position")
+    position[own] += new.to_origin - to_origin[own]
+    if PLACED_AT in mesh.attributes:
+        placed = read_attribute(mesh, PLACED_AT)
+        placed[own] += new.to_origin - to_origin[own]
+        write_attribute(mesh, PLACED_AT, placed)
+    to_origin[own] = new.to_origin
+    rotation, scale = read_attribute(mesh, ROTATION), read_attribute(mesh, SCALE)
+    rotation[own], scale[own] = new.rotation, new.scale[:, None]
+    for name, values in (("position", position), (TO_ORIGIN, to_origin), (ROTATION, rotation), (SCALE, scale)):
+        write_attribute(mesh, name, values)
+    if ALIGN in mesh.attributes:
+        align = read_attribute(mesh, ALIGN)
+        align[own] = standing.align_to_normal
+        write_attribute(mesh, ALIGN, align)
+    mesh.update()
+
+
+def paint_points(result: bpy.types.Object, class_number: int, color: tuple[float, ...]) -> None:
+    """Give the points of one class another colour (red, green, blue)."""
+    mesh = result.data
+    if "class_color" in mesh.attributes:
+        values = read_attribute(mesh, "class_color")
+        values[_points_of(mesh, class_number), :3] = color
+        write_attribute(mesh, "class_color", values)
+        mesh.update()
+
+
+def hide_points(result: bpy.types.Object, class_number: int, *, viewport: bool, render: bool) -> None:
+    """Hide the objects of one class in the viewport and in renders, or show them."""
+    mesh = result.data
+    own = _points_of(mesh, class_number)
+    for name, hidden in ((HIDE_VIEWPORT, viewport), (HIDE_RENDER, render)):
+        if name not in mesh.attributes:
+            if not hidden:
+                continue
+            mesh.attributes.new(name, "BOOLEAN", "POINT")
+        values = read_attribute(mesh, name)
+        values[own] = hidden
+        write_attribute(mesh, name, values)
+    mesh.update()
+
+
+class KeptPlaces(NamedTuple):
+    """Where a result's bodies are: what a solver can start from.
+
+    Attributes:
+        position: On the surface, in the world [m], shape ``[n, 3]``.
+        angle: [rad], shape ``[n]``; None where none lies in any direction.
+        length: [m], shape ``[n]``; None where there are no lines.
+        identity: Numbers of the points, shape ``[n]``.
+        class_index: Which class, shape ``[n]``.
+        size_index: Which of its sizes, shape ``[n]``.
+    """
+
+    position: np.ndarray
+    angle: np.ndarray | None
+    length: np.ndarray | None
+    identity: np.ndarray
+    class_index: np.ndarray
+    size_index: np.ndarray
+
+
+def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
+    """Return where the bodies of a result are, also of points that were moved by hand; None where too little is known of them."""
+    if not can_stand_anew(result):
+        return None
+    mesh = result.data
+    world = np.array(result.matrix_world)
+    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)) @ world[:3, :3].T + world[:3, 3]
+    return KeptPlaces(
+        position,
+        read_attribute(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,
+        read_attribute(mesh, BODY_LENGTH) if BODY_LENGTH in mesh.attributes else None,
+        *(read_attribute(mesh, name) for name in ("id", "class_index", "size_index")),
+    )
+
+
+def _points_of(mesh: bpy.types.Mesh, class_number: int) -> np.ndarray:
+    return np.flatnonzero(read_attribute(mesh, "class_index") == class_number)
+
+
+def read_attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    """Return the values of an attribute of points, shape ``[n]`` or ``[n, k]``."""
+    attribute = mesh.attributes[name]
+    field, width, dtype = _FIELDS[attribute.data_type]
+    values = np.empty(width * len(attribute.data), dtype)
+    attribute.data.foreach_get(field, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def write_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    """Set the values of an attribute that :func:`read_attribute` has read."""
+    attribute = mesh.attributes[name]
+    attribute.data.foreach_set(_FIELDS[attribute.data_type][0], np.ascontiguousarray(values).ravel())

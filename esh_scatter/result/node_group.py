@@ -1,0 +1,318 @@
+"""The geometry node group of a result: it puts the right object on every point, shows what was asked for, and follows the target.
+
+Its inputs stand in the modifier panel. How much is shown counts in the viewport; renders are whole unless they are told otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import bpy
+
+from ..targets.target import RESULT_TAG
+from .node_tree import Socket, Tree
+
+__all__ = [
+    "ALIGN",
+    "CORNERS",
+    "DISPLAYS",
+    "EDGE",
+    "FACE_NORMAL",
+    "GROUND_POINT",
+    "HIDE_RENDER",
+    "HIDE_VIEWPORT",
+    "INSTANCE_INDEX",
+    "MADE_OF",
+    "ROTATION",
+    "SCALE",
+    "WEIGHTS",
+    "Followed",
+    "build_node_group",
+    "made_of",
+    "placed_objects",
+    "show_input",
+]
+
+INSTANCE_INDEX = "instance_index"
+# What a group was made of apart from its objects, as a custom property.
+MADE_OF = "esh_made_of"
+ROTATION = "rotation"
+SCALE = "scale"
+HIDE_VIEWPORT = "hide_viewport"
+HIDE_RENDER = "hide_render"
+# What ties a point to a target: the vertices and weights of the triangle that it stands on, and which of several targets; where that
+# point of the ground was, and the triangle's first edge and normal, all in the world; and how far the object follows the slope.
+CORNERS, WEIGHTS, TARGET = ("esh_vertex_0", "esh_vertex_1", "esh_vertex_2"), "esh_barycentric", "esh_target"
+GROUND_POINT, EDGE, FACE_NORMAL, ALIGN = "ground_point", "ground_edge", "ground_face", "align"
+
+# What is drawn of every object, in the order of the menu.
+DISPLAYS = ("Objects", "Bounds", "Points")
+# Radius of points, as a share of the objects' scale [m].
+POINT_RADIUS = 0.1
+UP = (0.0, 0.0, 1.0)
+
+
+class Followed(NamedTuple):
+    """What points follow: a target, and how many vertices it had."""
+
+    target: bpy.types.Object
+    vertices: int
+
+
+def show_input(class_name: str) -> str:
+    """Return what the input is called that shows or hides a class."""
+    return f"Show {class_name}"
+
+
+def placed_objects(group: bpy.types.NodeTree) -> list[bpy.types.Object | bpy.types.Collection | None]:
+    """Return the objects that a group places, and collections as one, in the order that ``instance_index`` counts."""
+    found = []
+    for node in group.nodes:
+        if node.bl_idname == "GeometryNodeCollectionInfo":
+            found.append(node.inputs["Collection"].default_value)
+        elif node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["As Instance"].default_value:
+            found.append(node.inputs["Object"].default_value)
+    return found
+
+
+def made_of(classes: Sequence[str], followed: Sequence[Followed]) -> str:
+    """Return what a group is made of apart from its objects: equal for equal groups, within one session of Blender."""
+    return repr([list(classes), [(one.target.session_uid, one.vertices) for one in followed]])
+
+
+def build_node_group(
+    name: str,
+    sources: Sequence[bpy.types.Object | bpy.types.Collection],
+    classes: Sequence[str] = (),
+    followed: Sequence[Followed] = (),
+) -> bpy.types.NodeTree:
+    """Make a node group that instances ``sources[instance_index]`` on each point, turned and scaled by attributes.
+
+    The sources' own rotation and scale count and stay live, their location does not. They are picked by comparing the
+    index, one branch each, so that nothing depends on the order in which a list of instances is joined. Points may be hidden by
+    attributes; a point without these shows.
+
+    Args:
+        name: Of the group.
+        sources: What ``instance_index`` counts.
+        classes: Names of what ``class_index`` counts; each can be hidden by an input.
+        followed: What the points follow, in the order of ``esh_target``; nothing leaves them where they are.
+    """
+    tree = Tree(name)
+    group = tree.group
+    group[RESULT_TAG] = True
+    group[MADE_OF] = made_of(classes, followed)
+    group.is_modifier = True
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    _take_inputs(tree, classes, bool(followed))
+    tree.begin()
+    inputs = tree.inputs
+    points, rotation = inputs["Geometry"], tree.attribute(ROTATION, "QUATERNION")
+    if followed:
+        points, rotation = _follow(tree, points, rotation, followed)
+    tree.column(8)
+    in_viewport = tree.call("GeometryNodeIsViewport")
+    limited = tree.either(in_viewport, inputs["Limit Renders"])
+    hidden = _hidden(tree, in_viewport, limited, classes)
+    tree.column(12)
+    index = tree.switch("INT", hidden, tree.attribute(INSTANCE_INDEX, "INT"), -1)
+    scale = tree.scaled(tree.attribute(SCALE, "FLOAT_VECTOR"), inputs["Scale"])
+    # Two menus cannot hang on one input: one menu gives a number, and numbers choose.
+    menu = tree.add("GeometryNodeMenuSwitch", data_type="INT")
+    for item, label in zip(menu.enum_items, DISPLAYS, strict=False):
+        item.name = label
+    menu.enum_items.new(DISPLAYS[2])
+    tree.link(inputs["Display"], menu.inputs["Menu"])
+    for number, label in enumerate(DISPLAYS):
+        menu.inputs[label].default_value = number
+    display = tree.switch("INT", limited, 0, menu.outputs[0])
+    as_points = tree.compare("EQUAL", display, 2, "INT")
+    as_bounds = tree.compare("EQUAL", display, 1, "INT")
+    join = tree.add("GeometryNodeJoinGeometry")
+    for number, source in enumerate(sources):
+        tree.column(13)
+        chosen = tree.compare("EQUAL", index, number, "INT")
+        as_one = isinstance(source, bpy.types.Collection)
+        info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
+        info.inputs["Collection" if as_one else "Object"].default_value = source
+        if not as_one:
+            info.inputs["As Instance"].default_value = True
+        geometry = info.outputs["Instances" if as_one else "Geometry"]
+        tree.column(14)
+        bounds = tree.call("GeometryNodeBoundBox", geometry)
+        boxed = tree.call("GeometryNodeGeometryToInstance", bounds)
+        tree.column(15)
+        shown = tree.switch("GEOMETRY", as_bounds, geometry, boxed)
+        transform = tree.add("GeometryNodeTransform")
+        tree.link(shown, transform.inputs["Geometry"])
+        for name in () if as_one else ("Rotation", "Scale"):
+            tree.link(info.outputs[name], transform.inputs[name])
+        tree.column(16)
+        instance = tree.add("GeometryNodeInstanceOnPoints")
+        # Picking the one instance, rather than wrapping it, keeps the instances flat: one level, one object each.
+        instance.inputs["Pick Instance"].default_value = True
+        for socket, value in (
+            *(("Points", points), ("Selection", chosen), ("Instance", transform.outputs["Geometry"])),
+            *(("Rotation", rotation), ("Scale", scale)),
+        ):
+            tree.link(value, instance.inputs[socket])
+        tree.link(instance.outputs["Instances"], join.inputs["Geometry"])
+    tree.column(17)
+    dots = tree.add("GeometryNodeMeshToPoints")
+    tree.link(points, dots.inputs["Mesh"])
+    tree.link(tree.compare("GREATER_EQUAL", index, 0, "INT"), dots.inputs["Selection"])
+    tree.link(tree.math("MULTIPLY", tree.parts(scale)[0], POINT_RADIUS), dots.inputs["Radius"])
+    result = tree.switch("GEOMETRY", as_points, join.outputs["Geometry"], dots.outputs[0])
+    tree.column(18)
+    tree.link(result, tree.add("NodeGroupOutput").inputs["Geometry"])
+    socket = next(one for one in group.interface.items_tree if one.name == "Display")
+    socket.default_value = DISPLAYS[0]
+    return group
+
+
+def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
+    share = {"min_value": 0.0, "max_value": 1.0, "subtype": "FACTOR"}
+    length = {"min_value": 0.0, "subtype": "DISTANCE"}
+    tree.take("Geometry", "NodeSocketGeometry")
+    tree.take("Viewport Share", "NodeSocketFloat", 1.0, help="Share of the objects that the viewport shows", **share)
+    tree.take("Display", "NodeSocketMenu", help="What the viewport shows of every object")
+    tree.take("Scale", "NodeSocketFloat", 1.0, help="Factor of the size of every object", min_value=0.0)
+    if follow:
+        tree.take("Follow Target", "NodeSocketBool", True, help="Move with the target, and bend with it")
+    panel = tree.group.interface.new_panel("Camera", default_closed=True)
+    told = "Leave out what the active camera does not see"
+    tree.take("Camera Culling", "NodeSocketBool", False, help=told, parent=panel)
+    told = "How far outside of its view objects are shown still, in shares of the picture"
+    tree.take("Margin", "NodeSocketFloat", 0.1, help=told, parent=panel, min_value=0.0)
+    told = "How far from the camera objects are shown. 0 has no limit"
+    tree.take("Distance", "NodeSocketFloat", 0.0, help=told, parent=panel, **length)
+    told = "Have share, display and camera count in renders, too"
+    tree.take("Limit Renders", "NodeSocketBool", False, help=told, parent=panel)
+    if classes:
+        panel = tree.group.interface.new_panel("Classes", default_closed=True)
+        for class_name in classes:
+            tree.take(show_input(class_name), "NodeSocketBool", True, help=f"Show {class_name}", parent=panel)
+
+
+def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, classes: Sequence[str]) -> Socket:
+    """Tell which points are hidden."""
+    inputs = tree.inputs
+    by_hand = tree.switch(
+        "BOOLEAN", in_viewport, tree.attribute(HIDE_RENDER, "BOOLEAN"), tree.attribute(HIDE_VIEWPORT, "BOOLEAN")
+    )
+    random = tree.add("FunctionNodeRandomValue", data_type="FLOAT")
+    # By the points' own numbers: what shows stays the same from run to run.
+    tree.link(tree.attribute("id", "INT"), next(s for s in random.inputs if s.enabled and s.name == "ID"))
+    value = next(socket for socket in random.outputs if socket.enabled)
+    too_many = tree.both(limited, tree.compare("GREATER_EQUAL", value, inputs["Viewport Share"]))
+    # All of them, whatever the rounding.
+    too_many = tree.both(too_many, tree.compare("LESS_THAN", inputs["Viewport Share"], 1.0))
+    tree.column(9)
+    unseen = tree.both(limited, inputs["Camera Culling"], tree.no(_seen(tree)))
+    hidden = tree.either(by_hand, too_many, unseen)
+    tree.column(11)
+    for number, class_name in enumerate(classes):
+        own = tree.compare("EQUAL", tree.attribute("class_index", "INT"), number, "INT")
+        hidden = tree.either(hidden, tree.both(own, tree.no(inputs[show_input(class_name)])))
+    return hidden
+
+
+def _seen(tree: Tree) -> Socket:
+    """Tell which points the active camera sees."""
+    inputs = tree.inputs
+    camera = tree.call("GeometryNodeInputActiveCamera")
+    info = tree.add("GeometryNodeObjectInfo", transform_space="RELATIVE")
+    tree.link(camera, info.inputs["Object"])
+    lens = tree.add("GeometryNodeCameraInfo")
+    tree.link(camera, lens.inputs[0])
+    to_camera = tree.call("FunctionNodeInvertMatrix", info.outputs["Transform"])
+    local = tree.call("FunctionNodeTransformPoint", tree.call("GeometryNodeInputPosition"), to_camera)
+    tree.column(10)
+    on_picture = tree.call("FunctionNodeProjectPoint", local, lens.outputs["Projection Matrix"])
+    x, y, _ = tree.parts(tree.vector("ABSOLUTE", on_picture))
+    # The picture is from -1 to 1: a share of it is twice as much.
+    limit = tree.math("ADD", 1.0, tree.math("MULTIPLY", inputs["Margin"], 2.0))
+    inside = tree.both(tree.compare("LESS_EQUAL", x, limit), tree.compare("LESS_EQUAL", y, limit))
+    in_front = tree.compare("LESS_THAN", tree.parts(local)[2], 0.0)
+    near = tree.compare("LESS_EQUAL", tree.vector("LENGTH", local), inputs["Distance"])
+    unlimited = tree.compare("LESS_EQUAL", inputs["Distance"], 0.0)
+    return tree.both(inside, in_front, tree.either(near, unlimited))
+
+
+def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Followed]) -> tuple[Socket, Socket]:
+    """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground."""
+    tree.column(1)
+    infos, same = [], []
+    for target, vertices in followed:
+        info = tree.add("GeometryNodeObjectInfo", transform_space="ORIGINAL")
+        info.inputs["Object"].default_value = target
+        size = tree.add("GeometryNodeAttributeDomainSize", component="MESH")
+        tree.link(info.outputs["Geometry"], size.inputs[0])
+        infos.append(info)
+        same.append(tree.compare("EQUAL", size.outputs["Point Count"], vertices, "INT"))
+    # Points that are not tied to the ground have no weights.
+    weights = tree.attribute(WEIGHTS, "FLOAT_VECTOR")
+    tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
+    follows = tree.both(tree.inputs["Follow Target"], tied, *same)
+    tree.column(2)
+    position = tree.call("GeometryNodeInputPosition")
+    number = tree.attribute(TARGET, "INT")
+    corners = []
+    for name in CORNERS:
+        corner: Any = None
+        for target_number, info in enumerate(infos):
+            sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
+            sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
+            tree.link(info.outputs["Geometry"], sockets["Geometry"])
+            tree.link(position, sockets["Value"])
+            tree.link(tree.attribute(name, "INT"), sockets["Index"])
+            value = next(socket for socket in sampled.outputs if socket.enabled)
+            there = tree.call("FunctionNodeTransformPoint", value, info.outputs["Transform"])
+            own = tree.compare("EQUAL", number, target_number, "INT")
+            corner = there if corner is None else tree.switch("VECTOR", own, corner, there)
+        corners.append(corner)
+    tree.column(3)
+    a, b, c = corners
+    ground = None
+    for corner, weight in zip(corners, tree.parts(weights), strict=True):
+        part = tree.scaled(corner, weight)
+        ground = part if ground is None else tree.vector("ADD", ground, part)
+    tree.column(4)
+    edge = tree.vector("SUBTRACT", b, a)
+    normal = tree.vector("CROSS_PRODUCT", edge, tree.vector("SUBTRACT", c, a))
+    edge_before, normal_before = tree.attribute(EDGE, "FLOAT_VECTOR"), tree.attribute(FACE_NORMAL, "FLOAT_VECTOR")
+    turned = _turn(tree, (normal_before, edge_before), (normal, edge))
+    tree.column(5)
+    # What stands upright turns with the ground, but does not lean with it.
+    upright = _turn(tree, (UP, edge_before), (UP, edge))
+    tree.column(6)
+    mix = tree.add("ShaderNodeMix", data_type="ROTATION")
+    mixing = [socket for socket in mix.inputs if socket.enabled]
+    for value, socket in zip((tree.attribute(ALIGN, "FLOAT"), upright, turned), mixing, strict=True):
+        tree.link(value, socket)
+    mixed = next(socket for socket in mix.outputs if socket.enabled)
+    new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
+    away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
+    away = tree.call("FunctionNodeRotateVector", away, turned)
+    tree.column(7)
+    # Kept before the points are moved, with which all that is asked of the ground would change.
+    turn = tree.add("GeometryNodeStoreNamedAttribute", data_type="QUATERNION", domain="POINT")
+    named = {socket.name: socket for socket in turn.inputs if socket.enabled}
+    named["Name"].default_value = ROTATION
+    for value, name in ((points, "Geometry"), (follows, "Selection"), (new_rotation, "Value")):
+        tree.link(value, named[name])
+    move = tree.add("GeometryNodeSetPosition")
+    tree.link(turn.outputs[0], move.inputs["Geometry"])
+    tree.link(follows, move.inputs["Selection"])
+    tree.link(tree.vector("ADD", ground, away), move.inputs["Position"])
+    return move.outputs[0], tree.attribute(ROTATION, "QUATERNION")
+
+
+def _turn(tree: Tree, before: tuple[Any, Any], now: tuple[Any, Any]) -> Socket:
+    """Return the rotation from two axes, the first of which is kept, to two others."""
+    frames = [
+        tree.call("FunctionNodeAxesToRotation", *axes, primary_axis="Z", secondary_axis="X") for axes in (before, now)
+    ]
+    back = tree.call("FunctionNodeInvertRotation", frames[0])
+    return tree.call("FunctionNodeRotateRotation", back, frames[1], rotation_space="GLOBAL")

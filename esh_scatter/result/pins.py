@@ -1,0 +1,264 @@
+"""Objects of a result that were moved, turned or pinned by hand: they stay there in the next run, and the rest makes room."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...engine.problem.fixed_bodies import FixedBodies
+from .kept_ground import BODY_ANGLE, BODY_LENGTH, PLACED_AT, TO_ORIGIN, read_attribute, write_attribute
+from .node_group import INSTANCE_INDEX, SCALE, placed_objects
+
+# Warp is not imported before something is computed.
+if TYPE_CHECKING:
+    from ...engine.surface.chart import Chart
+
+__all__ = [
+    "PINNED",
+    "Pins",
+    "add_pins",
+    "can_be_edited",
+    "checksum_of",
+    "discs_of",
+    "moved_by_hand",
+    "pin",
+    "read_pins",
+    "remove",
+    "selected_points",
+    "turn",
+    "unpin",
+]
+
+# Attribute of a result's points: those that stay.
+PINNED = "pinned"
+# A point that is farther from where it was put was moved [m], and as a share of the result's extent.
+MOVED, MOVED_SHARE = 1e-4, 1e-6
+# Positions of pins are told apart by this much [m].
+TOLD_APART = 1e-3
+# Radius of the place of an object that has no extent [m].
+SMALLEST_DISC = 0.01
+
+
+class Pins(NamedTuple):
+    """Bodies that stay; what any thread may look at.
+
+    Attributes:
+        position: On the surface, in the world [m], shape ``[n, 3]``.
+        class_index: Which of the classes that are placed now, shape ``[n]``.
+        size_index: Which of its sizes, shape ``[n]``.
+        angle: How the placement has them lie [rad], shape ``[n]``.
+        length: Of lines [m], shape ``[n]``; 0 where there is none.
+        scale: Of the object, shape ``[n]``.
+        source: ``session_uid`` of the object that stands there, shape ``[n]``; -1 where it is gone.
+        identity: Numbers of the points, shape ``[n]``.
+    """
+
+    position: np.ndarray
+    class_index: np.ndarray
+    size_index: np.ndarray
+    angle: np.ndarray
+    length: np.ndarray
+    scale: np.ndarray
+    source: np.ndarray
+    identity: np.ndarray
+
+    def fixed_in(self, chart: Chart, variant: np.ndarray) -> FixedBodies:
+        """Return them as the solver takes them, brought into the rectangle of a chart.
+
+        Args:
+            chart: Of the target.
+            variant: Which of its size's objects each is, shape ``[n]``.
+        """
+        size = np.asarray(chart.size, np.float64)
+        return FixedBodies(
+            np.clip(self.position[:, :2] - chart.origin, 0.0, size),
+            self.class_index.astype(object),
+            self.size_index.astype(object),
+            self.angle,
+            np.where(self.length > 0.0, self.length, np.nan),
+            None,
+            self.identity,
+            variant,
+            self.scale,
+        )
+
+
+def moved_by_hand(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return which points of a result are not where the last run has put them, shape ``[n]``."""
+    if PLACED_AT not in mesh.attributes:
+        return np.zeros(len(mesh.vertices), bool)
+    position = read_attribute(mesh, "position")
+    away = np.abs(position - read_attribute(mesh, PLACED_AT)).max(axis=1, initial=0.0)
+    extent = float(np.ptp(position, axis=0).max()) if len(position) else 0.0
+    return away > max(MOVED, MOVED_SHARE * extent)
+
+
+def staying(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return which points of a result stay in the next run, shape ``[n]``: those that are pinned, and those that were moved."""
+    moved = moved_by_hand(mesh)
+    return moved | read_attribute(mesh, PINNED) if PINNED in mesh.attributes else moved
+
+
+def read_pins(
+    result: bpy.types.Object, names: str, sizes: Sequence[Sequence[str]], numbers: Sequence[int | None]
+) -> Pins | None:
+    """Return what stays of a result in the next run. Only the main thread may call this.
+
+    Args:
+        result: What an earlier run has made.
+        names: Its names of classes, and of their sizes, as JSON.
+        sizes: By class that is placed now, the names of its sizes.
+        numbers: By class of the result, which of those that are placed now it is; None for none of them.
+    """
+    mesh = result.data
+    if result.mode == "EDIT" or PLACED_AT not in mesh.attributes or TO_ORIGIN not in mesh.attributes:
+        return None
+    stays = np.flatnonzero(staying(mesh))
+    class_index, size_index = read_attribute(mesh, "class_index")[stays], read_attribute(mesh, "size_index")[stays]
+    _, size_names = json.loads(names)
+    new_class, new_size = np.full(len(stays), -1), np.full(len(stays), -1)
+    for old in np.unique(class_index).tolist():
+        new = numbers[old] if old < min(len(numbers), len(size_names)) else None
+        if new is None:
+            continue
+        for number, size in enumerate(size_names[old]):
+            own = (class_index == old) & (size_index == number)
+            # A class with one size is known whatever that is called.
+            only = len(sizes[new]) == len(size_names[old]) == 1
+            known = 0 if only else list(sizes[new]).index(size) if size in sizes[new] else -1
+            new_class[own], new_size[own] = new, known
+    kept = new_size >= 0
+    stays = stays[kept]
+    if not len(stays):
+        return None
+    world = np.array(result.matrix_world)
+    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[stays] @ world[:3, :3].T + world[
+        :3, 3
+    ]
+
+    def of(name: str) -> np.ndarray:
+        return read_attribute(mesh, name)[stays] if name in mesh.attributes else np.zeros(len(stays), np.float32)
+
+    return Pins(
+        position.astype(np.float64),
+        new_class[kept],
+        new_size[kept],
+        of(BODY_ANGLE).astype(np.float64),
+        of(BODY_LENGTH).astype(np.float64),
+        of(SCALE)[:, 0].astype(np.float64),
+        _sources(result)[of(INSTANCE_INDEX).astype(np.int64)],
+        of("id").astype(np.int64),
+    )
+
+
+def _sources(result: bpy.types.Object) -> np.ndarray:
+    """Return the numbers of the objects that a result shows, and one more for none."""
+    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
+    shown = placed_objects(groups[0]) if groups else []
+    found = np.full(int(read_attribute(result.data, INSTANCE_INDEX).max(initial=-1)) + 1, -1, np.int64)
+    for number, item in enumerate(shown[: len(found)]):
+        found[number] = -1 if item is None else item.session_uid
+    return found
+
+
+def checksum_of(result: bpy.types.Object) -> list[int]:
+    """Return how many objects of a result stay, and a number for where and how; empty for none."""
+    mesh = result.data
+    if result.mode == "EDIT" or PLACED_AT not in mesh.attributes:
+        return []
+    stays = np.flatnonzero(staying(mesh))
+    if not len(stays):
+        return []
+    order = stays[np.argsort(read_attribute(mesh, "id")[stays], kind="stable")]
+    parts = [
+        np.round(read_attribute(mesh, "position")[order] / TOLD_APART).astype(np.int64),
+        read_attribute(mesh, "id")[order],
+    ]
+    if BODY_ANGLE in mesh.attributes:
+        parts.append(np.round(read_attribute(mesh, BODY_ANGLE)[order] / TOLD_APART).astype(np.int64))
+    return [len(stays), zlib.crc32(b"".join(part.tobytes() for part in parts))]
+
+
+def selected_points(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return the indices of the points that are selected, outside Edit Mode."""
+    selected = np.zeros(len(mesh.vertices), bool)
+    mesh.vertices.foreach_get("select", selected)
+    return np.flatnonzero(selected)
+
+
+def pin(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
+    """Have points stay where they are."""
+    _mark(mesh, points, True)
+
+
+def unpin(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
+    """Have points go where the next run puts them, also those that were moved."""
+    _mark(mesh, points, False)
+    placed = read_attribute(mesh, PLACED_AT)
+    placed[points] = read_attribute(mesh, "position")[points]
+    write_attribute(mesh, PLACED_AT, placed)
+
+
+def can_be_edited(result: bpy.types.Object) -> bool:
+    """Tell whether a result knows where its points were put; those of earlier versions do not. In Edit Mode it does."""
+    return result.mode == "EDIT" or (PLACED_AT in result.data.attributes and TO_ORIGIN in result.data.attributes)
+
+
+def discs_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
+    """Return middles in the world's x and y, and radii of about what stands on points [m], shape ``[n, 3]``."""
+    mesh, world = result.data, np.array(result.matrix_world)
+    position = (read_attribute(mesh, "position")[points] @ world[:3, :3].T + world[:3, 3])[:, :2]
+    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
+    shown = placed_objects(groups[0]) if groups else []
+    half = [0.0 if item is None else 0.5 * max(item.dimensions.x, item.dimensions.y) for item in shown]
+    index = read_attribute(mesh, INSTANCE_INDEX)[points]
+    radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
+    return np.column_stack([position, np.maximum(radius * read_attribute(mesh, SCALE)[points, 0], SMALLEST_DISC)])
+
+
+def remove(mesh: bpy.types.Mesh, points: np.ndarray) -> None:
+    """Take points out of a result; the others keep everything."""
+    import bmesh
+
+    edited = bmesh.new()
+    edited.from_mesh(mesh)
+    edited.verts.ensure_lookup_table()
+    bmesh.ops.delete(edited, geom=[edited.verts[number] for number in points.tolist()], context="VERTS")
+    edited.to_mesh(mesh)
+    edited.free()
+    mesh.update()
+
+
+def turn(mesh: bpy.types.Mesh, points: np.ndarray, angle: float) -> None:
+    """Turn the objects on points about their own axis [rad], and have them stay; they show it once they stand anew."""
+    if BODY_ANGLE not in mesh.attributes:
+        mesh.attributes.new(BODY_ANGLE, "FLOAT", "POINT")
+    turned = read_attribute(mesh, BODY_ANGLE)
+    turned[points] += np.float32(angle)
+    write_attribute(mesh, BODY_ANGLE, turned)
+    heading = read_attribute(mesh, "heading")
+    heading[points] += np.float32(angle)
+    write_attribute(mesh, "heading", heading)
+    pin(mesh, points)
+
+
+def add_pins(fixed: np.ndarray, position: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attributes that tell the next run who stays: who did in this one, and where all have been put."""
+    found = {PLACED_AT: ("FLOAT_VECTOR", position)}
+    if fixed.any():
+        found[PINNED] = ("BOOLEAN", fixed)
+    return found
+
+
+def _mark(mesh: bpy.types.Mesh, points: np.ndarray, value: bool) -> None:
+    if PINNED not in mesh.attributes:
+        mesh.attributes.new(PINNED, "BOOLEAN", "POINT")
+    pinned = read_attribute(mesh, PINNED)
+    pinned[points] = value
+    write_attribute(mesh, PINNED, pinned)
+    mesh.update()

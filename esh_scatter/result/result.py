@@ -1,0 +1,190 @@
+"""The result in Blender: one object, a mesh of points with attributes, and the modifier that instances objects on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import bpy
+import numpy as np
+
+from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
+from .display import get_inputs, our_modifier, set_inputs
+from .node_group import HIDE_RENDER, HIDE_VIEWPORT, MADE_OF, Followed, build_node_group, made_of, placed_objects
+
+__all__ = ["CLASS_NAMES", "OVERLAPPING", "find_result", "remove_result", "rename_result", "write_result"]
+
+# Custom property of a result: the name that it was made with.
+NAME = "esh_scatter_name"
+# And what its indices count: names of classes, and for each the names of its sizes, as JSON.
+CLASS_NAMES = "esh_scatter_classes"
+# Attribute of points: whether the object there overlaps another; absent where no two do.
+OVERLAPPING = "overlapping"
+
+_WRITTEN = {
+    "FLOAT": "value",
+    "INT": "value",
+    "FLOAT_VECTOR": "vector",
+    "QUATERNION": "value",
+    "FLOAT_COLOR": "color",
+    "BOOLEAN": "value",
+}
+
+
+def find_result(
+    scene: bpy.types.Scene, target: bpy.types.Object | bpy.types.Collection, name: str
+) -> bpy.types.Object | None:
+    """Return the object of ``scene`` that an earlier run with this name made on this target, whatever it is called now.
+
+    Of a result and its copies it is the one that was there first; one that another scene shows, too, is that scene's.
+    """
+    found = [item for item in _results(scene, target, name) if not is_shared(item)]
+    return min(found, key=lambda item: item.session_uid, default=None)
+
+
+def is_shared(item: bpy.types.Object) -> bool:
+    """Tell whether several scenes show an object, or whether it belongs to a library: it is not for one of them to change."""
+    return len(item.users_scene) > 1 or not item.is_editable
+
+
+def _results(scene: bpy.types.Scene, target: bpy.types.Object, name: str) -> list[bpy.types.Object]:
+    return [
+        item
+        for item in scene.objects
+        if item.get(RESULT_TARGET) == target and item.get(NAME) == name and is_result(item)
+    ]
+
+
+def write_result(
+    scene: bpy.types.Scene,
+    replaced: bpy.types.Object | None,
+    target: bpy.types.Object | bpy.types.Collection | None,
+    name: str,
+    sources: Sequence[bpy.types.Object | bpy.types.Collection],
+    position: np.ndarray,
+    attributes: Mapping[str, tuple[str, np.ndarray]],
+    classes: Sequence[str] = (),
+    followed: Sequence[Followed] = (),
+) -> bpy.types.Object:
+    """Make the result object, or give ``replaced`` new points and a new node group; both old ones are removed if unused.
+
+    Args:
+        scene: Where a new object is linked.
+        replaced: Result of an earlier run; its name, transform, collections and other modifiers stay. None makes a new object, and
+            takes what is left of earlier ones, which other scenes show, too, out of this scene's own collection.
+        target: Remembered on the object, to find it again; None where there is none.
+        name: Of a new object; also remembered.
+        sources: What ``instance_index`` counts.
+        position: Points in the world [m], shape ``[n, 3]``.
+        attributes: Name -> (Blender's type, values of shape ``[n]`` or ``[n, k]``), one value for each point.
+        classes: Names of what ``class_index`` counts.
+        followed: What the points follow.
+    """
+    ingredients = made_of(classes, followed)
+    if (
+        replaced is not None
+        and _shows(replaced, name, sources, ingredients)
+        and _move_points(replaced.data, position, attributes)
+    ):
+        return replaced
+    mesh = _point_mesh(name, position, attributes)
+    group = build_node_group(name, sources, classes, followed)
+    if replaced is None:
+        for earlier in _results(scene, target, name):
+            if is_shared(earlier) and scene.collection.objects.get(earlier.name) == earlier:
+                scene.collection.objects.unlink(earlier)
+        item = bpy.data.objects.new(name, mesh)
+        scene.collection.objects.link(item)
+    else:
+        item = replaced
+        _swap_mesh(item, mesh)
+    modifier = our_modifier(item)
+    if modifier is None:
+        modifier = item.modifiers.new("ESH Scatter", "NODES")
+    old = modifier.node_group
+    shown = get_inputs(modifier) if old is not None else {}
+    modifier.node_group = group
+    set_inputs(modifier, shown)
+    if old is not None and old != group and old.users == 0:
+        old_name = old.name
+        bpy.data.node_groups.remove(old)
+        group.name = old_name
+    item[RESULT_TAG] = True
+    if target is not None:
+        item[RESULT_TARGET] = target
+    item[NAME] = name
+    return item
+
+
+def _shows(item: bpy.types.Object, name: str, sources: Sequence[bpy.types.Object], ingredients: str) -> bool:
+    """Tell whether a result was made with a name, and its node group already shows these objects, in this order."""
+    groups = [m.node_group for m in item.modifiers if m.type == "NODES" and _is_ours(m.node_group)]
+    if item.get(NAME) != name or len(groups) != 1 or groups[0].get(MADE_OF) != ingredients:
+        return False
+    return placed_objects(groups[0]) == list(sources)
+
+
+def _move_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bool:
+    """Give a mesh of as many points other places and values; tell whether it has just these attributes."""
+    kept = {"position": "FLOAT_VECTOR", HIDE_VIEWPORT: "BOOLEAN", HIDE_RENDER: "BOOLEAN"}
+    there = {a.name: a.data_type for a in mesh.attributes if not a.name.startswith(".")}
+    wanted = {name: kind for name, (kind, _) in attributes.items()}
+    if len(mesh.vertices) != len(position) or mesh.users != 1 or {**kept, **wanted} != {**kept, **there}:
+        return False
+    if HIDE_VIEWPORT in there or HIDE_RENDER in there:
+        # Points have other classes now.
+        return False
+    _write_points(mesh, position, attributes)
+    mesh.update()
+    return True
+
+
+def _is_ours(group: bpy.types.NodeTree | None) -> bool:
+    return group is not None and bool(group.get(RESULT_TAG))
+
+
+def _swap_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    old = item.data
+    for material in old.materials:
+        mesh.materials.append(material)
+    item.data = mesh
+    if old.users == 0 and old.get(RESULT_TAG):
+        old_name = old.name
+        bpy.data.meshes.remove(old)
+        mesh.name = old_name
+
+
+def _point_mesh(name: str, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> bpy.types.Mesh:
+    mesh = bpy.data.meshes.new(name)
+    mesh[RESULT_TAG] = True
+    mesh.vertices.add(len(position))
+    for attribute_name, (kind, _) in attributes.items():
+        mesh.attributes.new(attribute_name, kind, "POINT")
+    _write_points(mesh, position, attributes)
+    mesh.update()
+    return mesh
+
+
+def _write_points(mesh: bpy.types.Mesh, position: np.ndarray, attributes: Mapping[str, tuple[str, np.ndarray]]) -> None:
+    # As an attribute, which is copied as a whole; vertices are set one after the other.
+    mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(position, np.float32).ravel())
+    for attribute_name, (kind, values) in attributes.items():
+        dtype = {"INT": np.int32, "BOOLEAN": bool}.get(kind, np.float32)
+        mesh.attributes[attribute_name].data.foreach_set(_WRITTEN[kind], np.ascontiguousarray(values, dtype).ravel())
+
+
+def rename_result(item: bpy.types.Object, name: str) -> None:
+    """Give a result the name of what made it."""
+    item.name = name
+    item[NAME] = name
+
+
+def remove_result(item: bpy.types.Object) -> None:
+    """Remove a result from the file, with its points and its node group where nothing else uses them."""
+    mesh = item.data
+    groups = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
+    bpy.data.objects.remove(item)
+    if mesh is not None and not mesh.users and mesh.get(RESULT_TAG):
+        bpy.data.meshes.remove(mesh)
+    for group in groups:
+        if _is_ours(group) and not group.users:
+            bpy.data.node_groups.remove(group)

@@ -1,0 +1,174 @@
+"""The points of a result: where the placed objects stand in the world, and the attributes that say what they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...engine.problem.placement import Placement
+from ...engine.problem.problem import Problem
+from ...engine.problem.scatter_settings import ScatterSettings
+from ...engine.problem.slopes import normal_of_slope, slope_at
+from ...engine.surface.chart import Chart
+from ...engine.surface.instances import Instances
+from ...engine.surface.surface_points import SurfacePoints
+from ...engine.surface.whole_surface import WholeSurface
+from ..classes.on_whole_surface import headings
+from ..classes.scatter_class import ScatterClass, color_of, standing_of
+from ..classes.sources import SizeShape, variants_of
+from ..classes.standing import Ground, draw, stand
+from ..targets.targets import stuck_attributes
+from .following import follow_attributes
+from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
+from .node_group import INSTANCE_INDEX, ROTATION, SCALE
+from .pins import add_pins
+from .result import OVERLAPPING
+
+__all__ = ["ResultPoints", "point_attributes", "result_points"]
+
+
+class ResultPoints(NamedTuple):
+    """Where objects stand, and what is known of their points.
+
+    Attributes:
+        instances: The objects, in the placement's order.
+        ground: What they stand on.
+        to_origin: The way from point to origin [m], shape ``[n, 3]``, float32.
+        surface: The points on the target's mesh.
+        stuck: Attributes that tell where on that mesh they are.
+    """
+
+    instances: Instances
+    ground: Ground
+    to_origin: np.ndarray
+    surface: SurfacePoints
+    stuck: dict[str, tuple[str, np.ndarray]]
+
+
+def result_points(
+    placement: Placement,
+    problem: Problem,
+    chart: Chart | WholeSurface,
+    classes: Sequence[ScatterClass],
+    shapes: Sequence[SizeShape],
+    settings: ScatterSettings,
+) -> ResultPoints:
+    """Choose every point's variant, and stand it on the surface.
+
+    Args:
+        placement: Where the bodies are.
+        problem: What it answers.
+        chart: What they stand on.
+        classes: What was asked.
+        shapes: Of the sizes of all classes, one after the other.
+        settings: How the scatter is made.
+    """
+    count = len(placement.position)
+    first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in classes])])
+    outlined_sizes = [size.footprint is not None for c in problem.classes for size in c.sizes]
+    group = first[placement.class_index] + placement.size_index
+    surface = (
+        chart.surface_points(placement) if isinstance(chart, WholeSurface) else chart.surface_points(placement.position)
+    )
+    ground = Ground(
+        placement.id.astype(np.int32),
+        surface.normal,
+        _headings(surface, placement),
+        np.zeros(count, bool),
+        np.ones(count, np.float32),
+        np.zeros((count, 2), np.float32),
+        np.zeros(count, np.float32),
+        np.full(count, isinstance(chart, WholeSurface)),
+    )
+    source = np.empty(count, np.int32)
+    for number, shape in enumerate(shapes):
+        own = np.flatnonzero(group == number)
+        outlined, identity = outlined_sizes[number], placement.id[own]
+        # Of others the outline is a disc, whatever the object.
+        own_outlines = outlined and shape.own_outlines
+        variant = (
+            placement.variant[own]
+            if own_outlines
+            else variants_of(identity, len(shape.objects), shape.weights, settings.seed)
+        )
+        source[own] = np.array(shape.objects)[variant]
+        outlines = [outline for outline in shape.outlines if outline is not None]
+        ground.long[own] = shape.line is not None and bool(outlines)
+        standing = standing_of(classes[int(placement.class_index[own[0]])], settings) if len(own) else None
+        if outlined and standing is not None and isinstance(chart, Chart):
+            align = standing.align_to_normal
+            if (slope := chart.slope(align)) is not None:
+                # The normals that contact knew: between the chart's cells they differ a little from those of the faces.
+                ground.normal[own] = normal_of_slope(
+                    slope_at(slope, placement.position[own], problem.rectangle.size), align
+                )
+        if own_outlines and standing is not None and isinstance(chart, Chart):
+            # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
+            # that were drawn for this body.
+            factor, turn = draw(standing, identity, ground.long[own], settings.seed)
+            ground.heading[own] -= turn.astype(np.float32)
+            ground.fit[own] = placement.scale[own] / factor
+        elif isinstance(shape.area, tuple) and outlines:
+            ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
+        if outlined and not own_outlines and standing is not None:
+            # As large as the disc, whichever body that was drawn for.
+            factor, _ = draw(standing, identity, ground.long[own], settings.seed)
+            ground.fit[own] *= placement.scale[own] / (np.sqrt(placement.area[own]) * factor)
+        if shape.line is not None and outlines:
+            # Of lines, the outline's middle lies on the point.
+            ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
+            ground.heading[own] -= ground.axis[own]
+            ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
+    rotation, to_origin = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
+    scale = np.empty(count, np.float32)
+    for number, scatter_class in enumerate(classes):
+        own = np.flatnonzero(placement.class_index == number)
+        rotation[own], scale[own], to_origin[own] = stand(
+            standing_of(scatter_class, settings), ground.part(own), settings.seed
+        )
+    position = (surface.position + to_origin).astype(np.float32)
+    instances = Instances(position, rotation, scale, source)
+    return ResultPoints(instances, ground, to_origin, surface, stuck_attributes(surface))
+
+
+def point_attributes(
+    placement: Placement, points: ResultPoints, classes: Sequence[ScatterClass], settings: ScatterSettings
+) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attributes of a result's points: type and values by name."""
+    instances, ground = points.instances, points.ground
+    colors = np.array([color_of(c) for c in classes], np.float32)
+    align = np.array([standing_of(c, settings).align_to_normal for c in classes], np.float32)
+    return {
+        "id": ("INT", ground.identity),
+        **({BODY_ANGLE: ("FLOAT", placement.angle)} if placement.angle.any() else {}),
+        **({BODY_LENGTH: ("FLOAT", placement.length)} if placement.length.any() else {}),
+        "class_index": ("INT", placement.class_index),
+        "size_index": ("INT", placement.size_index),
+        INSTANCE_INDEX: ("INT", instances.source),
+        ROTATION: ("QUATERNION", instances.rotation),
+        SCALE: ("FLOAT_VECTOR", np.repeat(instances.scale[:, None], 3, axis=1)),
+        "class_color": ("FLOAT_COLOR", colors[placement.class_index]),
+        **ground_attributes(ground, points.to_origin),
+        **follow_attributes(points.surface, align[placement.class_index]),
+        **add_pins(placement.fixed, points.instances.position),
+        **_overlapping(placement),
+        **points.stuck,
+    }
+
+
+def _headings(surface: SurfacePoints, placement: Placement) -> np.ndarray:
+    """Return how objects are turned about their own axes [rad], shape ``[n]``, float32."""
+    if placement.tangent is None:
+        return placement.angle.astype(np.float32)
+    return headings(surface.normal.astype(np.float64), placement.tangent).astype(np.float32)
+
+
+def _overlapping(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the attribute that says of every point whether its object overlaps another; none where no two do."""
+    if placement.report is None or not placement.report.overlapping:
+        return {}
+    overlaps = np.zeros(len(placement.position), bool)
+    overlaps[list(placement.report.overlapping)] = True
+    return {OVERLAPPING: ("BOOLEAN", overlaps)}

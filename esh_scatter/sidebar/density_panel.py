@@ -1,0 +1,96 @@
+"""The density of the selected class in the sidebar: its layers, and what they say where."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..densities.density_curve import curve_node
+from ..editing.painting import unsaved_images
+from ..properties.described import shown_settings
+from . import density_preview
+
+__all__ = ["draw_density"]
+
+
+def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> list[str]:
+    """Draw the layers of a class's density; return sentences that are worth attention."""
+    layers = body_class.layers
+    top = column.row(align=True)
+    top.use_property_split = False
+    top.prop(bpy.context.window_manager, "esh_scatter_show_density", toggle=True, icon="HIDE_OFF")
+    if not len(layers):
+        column.label(text="Even, the same everywhere")
+        row = column.row(align=True)
+        row.menu("ESH_MT_layer_add", text="Add Layer", icon="ADD")
+        row.operator_menu_enum("esh.layer_paint", "kind", text="Paint", icon="BRUSH_DATA")
+        return []
+    row = column.row()
+    row.template_list(
+        "ESH_UL_layers", "", body_class, "layers", body_class, "layer_index", rows=4 if len(layers) > 1 else 2
+    )
+    side = row.column(align=True)
+    side.menu("ESH_MT_layer_add", text="", icon="ADD")
+    side.operator("esh.layer_remove", text="", icon="REMOVE")
+    if len(layers) > 1:
+        side.separator(factor=0.5)
+        side.operator("esh.layer_move", text="", icon="TRIA_UP").direction = "UP"
+        side.operator("esh.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+    layer = body_class.active_layer
+    if layer is not None:
+        _draw_layer(column, scatter, layer)
+    notes = [density_preview.message()] if density_preview.message() else []
+    names = [f'"{image.name}"' for image in unsaved_images(scatter)]
+    if names:
+        them = "it is" if len(names) == 1 else "they are"
+        notes.append(f"{', '.join(names)} painted, not saved: {them} packed into the file when you save it")
+    return notes
+
+
+def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any) -> None:
+    target = scatter.first_target if scatter.first_target and scatter.first_target.type == "MESH" else None
+    column.prop(layer, "kind")
+    _draw_source(column, scatter, layer, target)
+    for shown in shown_settings(layer.told.settings, layer.told.by_hand, layer.told.prefix):
+        if shown.name == "image_mapping" and layer.image_mapping == "UV" and target:
+            column.prop(layer, shown.name)
+            column.prop_search(layer, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
+        else:
+            column.prop(layer, shown.name, slider=shown.slider)
+    column.separator()
+    column.prop(layer, "blend")
+    column.prop(layer, "strength", slider=True)
+    column.prop(layer, "invert")
+    column.prop(layer, "use_curve")
+    node = curve_node(layer.curve) if layer.use_curve and layer.curve else None
+    if node is not None:
+        column.template_curve_mapping(node, "mapping")
+
+
+def _draw_source(column: bpy.types.UILayout, scatter: Any, layer: Any, target: bpy.types.Object | None) -> None:
+    kind = layer.kind
+    if kind == "IMAGE":
+        row = column.row()
+        row.use_property_split = False
+        row.template_ID(layer, "image", new="image.new", open="image.open")
+    elif kind in ("VERTEX_GROUP", "ATTRIBUTE"):
+        if target is None:
+            column.label(text="Choose a target first", icon="ERROR")
+        elif kind == "VERTEX_GROUP":
+            column.prop_search(layer, "vertex_group", target, "vertex_groups", icon="GROUP_VERTEX")
+        else:
+            column.prop_search(layer, "attribute", target.data, "attributes", icon="SPREADSHEET")
+    elif kind in ("DISTANCE", "INSIDE"):
+        column.prop(layer, "source_kind")
+        row = column.row()
+        row.alert = layer.source is None
+        row.prop(layer, "source_object" if layer.source_kind == "OBJECT" else "source_collection")
+    elif kind == "CLASS":
+        row = column.row()
+        row.alert = layer.other_class is None
+        row.prop_search(layer, "class_name", scatter, "classes", icon="POINTCLOUD_DATA")
+    elif kind == "CAMERA":
+        column.prop(layer, "camera")
+    if kind in ("IMAGE", "VERTEX_GROUP"):
+        column.operator("esh.layer_paint", text="Paint", icon="BRUSH_DATA").kind = "SELECTED"

@@ -1,0 +1,153 @@
+"""Lists of the sidebar: classes, sizes."""
+
+import bpy
+
+from ..properties.body_class import ESH_PG_class
+from ..properties.layer import ESH_PG_layer
+from ..properties.obstacle import ESH_PG_obstacle
+from ..properties.scatter import ESH_PG_scatter
+from ..properties.size import ESH_PG_size
+
+__all__ = ["CLASSES"]
+
+# Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
+WIDE = 330
+
+
+class ESH_UL_classes(bpy.types.UIList):
+    """The classes of a scatter: colour swatch, name, what is placed, how many, mute, eye, camera."""
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ESH_PG_scatter,
+        item: ESH_PG_class,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw one class."""
+        wide = context.region.width > WIDE * context.preferences.system.ui_scale
+        row = layout.row(align=True)
+        swatch = row.row()
+        swatch.ui_units_x = 0.9
+        swatch.prop(item, "color", text="")
+        text = row.row(align=True)
+        text.active = not item.mute
+        name = text.row(align=True)
+        name.prop(item, "name", text="", emboss=False)
+        if wide:
+            source = text.row(align=True)
+            source.active = False
+            source.label(text=_sources(item))
+        count = text.row(align=True)
+        count.alignment = "RIGHT"
+        if not item.mute and data.obstacle_of(item):
+            count.label(text="", icon="ERROR")
+        else:
+            count.label(text=item.amount)
+        switches = row.row(align=True)
+        icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
+        switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
+        for switch, on, off in (
+            ("show_viewport", "HIDE_OFF", "HIDE_ON"),
+            ("show_render", "RESTRICT_RENDER_OFF", "RESTRICT_RENDER_ON"),
+        ):
+            switches.prop(item, switch, text="", icon=on if getattr(item, switch) else off, emboss=False)
+
+
+def _sources(item: ESH_PG_class) -> str:
+    """Return what a class places, in a few words; nothing where that is its name."""
+    names = {size.source.name for size in item.sizes if size.source}
+    text = next(iter(names)) if len(names) == 1 else f"{len(names)} sources" if names else "nothing yet"
+    return "" if text == item.name else text
+
+
+class ESH_UL_sizes(bpy.types.UIList):
+    """The sizes of a class: name, what is placed, how many."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ESH_PG_class,
+        item: ESH_PG_size,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw one size."""
+        split = layout.split(factor=0.36, align=True)
+        split.prop(item, "name", text="", emboss=False)
+        source = item.source
+        icon = "OBJECT_DATA" if item.source_kind == "OBJECT" else "OUTLINER_COLLECTION"
+        row = split.row(align=True)
+        row.label(text=source.name if source else "none yet", icon=icon if source else "ERROR")
+        count = row.row()
+        count.alignment = "RIGHT"
+        count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
+
+
+# How a layer acts on those above it.
+_SIGNS = {"MULTIPLY": "\u00d7", "ADD": "+", "SUBTRACT": "\u2212", "MINIMUM": "min"}
+
+
+class ESH_UL_layers(bpy.types.UIList):
+    """The layers of a density: whether each counts, what it reads, how it acts, and how strongly."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ESH_PG_class,
+        item: ESH_PG_layer,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        index: int = 0,
+    ) -> None:
+        """Draw one layer."""
+        row = layout.row(align=True)
+        row.use_property_split = False
+        row.prop(item, "use", text="")
+        text = row.row(align=True)
+        text.active = item.use
+        text.label(text="", icon=item.told.icon)
+        text.prop(item, "name", text="", emboss=False, placeholder=item.label)
+        acts = row.row(align=True)
+        acts.active = item.use
+        if index or item.blend == "SUBTRACT":
+            acts.label(text=_SIGNS[item.blend])
+        strength = acts.row(align=True)
+        strength.ui_units_x = 2.4
+        strength.prop(item, "strength", text="", emboss=False)
+
+
+class ESH_UL_obstacles(bpy.types.UIList):
+    """What the objects of a scatter keep off: its name, and whether they do."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: ESH_PG_scatter,
+        item: ESH_PG_obstacle,
+        _icon: int,
+        _active_data: object,
+        _active_property: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw one obstacle."""
+        row = layout.row(align=True)
+        text = row.row(align=True)
+        text.active = item.use
+        source = item.item if item.kind == "OBJECT" else item.collection
+        icon = "OUTLINER_COLLECTION" if item.kind == "COLLECTION" else "OBJECT_DATA"
+        text.label(text=source.name if source else "nothing yet", icon=icon if source else "ERROR")
+        row.prop(item, "use", text="")
+
+
+CLASSES = (ESH_UL_classes, ESH_UL_sizes, ESH_UL_layers, ESH_UL_obstacles)

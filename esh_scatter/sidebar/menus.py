@@ -1,0 +1,124 @@
+"""Menus: what is done with classes and scatters, and all of it in the viewport's Object menu, where F3 finds it."""
+
+import bpy
+
+from .. import operators
+from ..editing.preset_files import built_in_presets
+from ..properties.layer import KINDS
+from ..properties.scene import active_scatter
+
+__all__ = ["CLASSES", "attach", "detach"]
+
+# What has no place in a menu: it needs to be told which class or scatter, or is there only during a run.
+_ONLY_BUTTONS = {
+    "esh.class_overlap",
+    "esh.scatter_choose",
+    "esh.class_move",
+    "esh.size_move",
+    "esh.layer_move",
+    "esh.preset_apply",
+}
+# Where groups of layers begin in the menu.
+_GROUPS = tuple(list(KINDS).index(name) for name in ("SLOPE", "DISTANCE"))
+
+
+class ESH_MT_classes(bpy.types.Menu):
+    """What is done with classes."""
+
+    bl_label = "Classes"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        layout = self.layout
+        # Dialogs ask, operators that need no answer do it.
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("esh.classes_from_selection", icon="RESTRICT_SELECT_OFF")
+        layout.operator("esh.classes_from_collection", icon="OUTLINER_COLLECTION")
+        layout.operator("esh.classes_from_image", icon="IMAGE_RGB")
+        layout.separator()
+        layout.operator("esh.class_duplicate", icon="DUPLICATE")
+        layout.operator("esh.class_copy", icon="PASTEDOWN")
+        layout.separator()
+        layout.operator("esh.classes_sort", text="Sort by Name", icon="SORTALPHA").by = "NAME"
+        layout.operator("esh.classes_sort", text="Sort by Count", icon="SORTSIZE").by = "COUNT"
+
+
+class ESH_MT_layer_add(bpy.types.Menu):
+    """What a new layer of a density can read."""
+
+    bl_label = "Add Layer"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu, in groups: painted, of the ground, of the scene."""
+        layout = self.layout
+        for number, (name, kind) in enumerate(KINDS.items()):
+            if number in _GROUPS:
+                layout.separator()
+            layout.operator("esh.layer_add", text=kind.label, icon=kind.icon).kind = name
+
+
+class ESH_MT_presets(bpy.types.Menu):
+    """Scatters to begin with."""
+
+    bl_label = "Presets"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        layout = self.layout
+        for path, name in built_in_presets().items():
+            layout.operator("esh.preset_apply", text=name).filepath = path
+        layout.separator()
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("esh.preset_import", icon="IMPORT")
+        layout.operator("esh.preset_export", icon="EXPORT")
+
+
+class ESH_MT_scatters(bpy.types.Menu):
+    """The scene's scatters, to choose one."""
+
+    bl_label = "Scatters"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        active = active_scatter(context)
+        for number, scatter in enumerate(context.scene.esh_scatter.scatters):
+            icon = "RADIOBUT_ON" if scatter == active else "RADIOBUT_OFF"
+            layout.operator("esh.scatter_choose", text=scatter.name, icon=icon).index = number
+        layout.separator()
+        layout.operator("esh.scatter_selection", icon="PLAY")
+        layout.operator("esh.scatter_add", icon="ADD")
+        layout.menu("ESH_MT_presets", icon="PRESET")
+
+
+class ESH_MT_object(bpy.types.Menu):
+    """Everything that ESH Scatter does."""
+
+    bl_label = "ESH Scatter"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        for cls in operators.CLASSES:
+            if cls.bl_idname not in _ONLY_BUTTONS:
+                layout.operator(cls.bl_idname)
+
+
+def _draw_entry(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.menu("ESH_MT_object")
+
+
+def attach() -> None:
+    """Add the menu to the viewport's Object menu."""
+    bpy.types.VIEW3D_MT_object.append(_draw_entry)
+
+
+def detach() -> None:
+    """Take it out again."""
+    bpy.types.VIEW3D_MT_object.remove(_draw_entry)
+
+
+CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object)

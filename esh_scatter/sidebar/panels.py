@@ -1,0 +1,342 @@
+"""The sidebar tab: the panels of a scatter."""
+
+from collections.abc import Collection
+
+import bpy
+
+from ...engine.problem.balance import Balance
+from ...engine.problem.problem import SamplingSettings
+from ...engine.problem.scatter_settings import RunSettings, TargetSettings
+from ..editing import forecast
+from ..properties.scatter import BY_HAND, ESH_PG_scatter
+from ..properties.scene import active_scatter, selected_scatter
+from ..result import words
+from ..result.display import get_inputs, input_property, our_modifier
+from ..solving import live, running
+from ..targets import checksums
+from . import class_panels, report_panel
+from .panel_parts import Panel, SubPanel, draw_list, draw_settings, write_text
+
+__all__ = ["CLASSES"]
+
+
+# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn.
+FACES = {
+    "face_material": (True, "materials", "MATERIAL"),
+    "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
+    "face_attribute": (True, "attributes", "SPREADSHEET"),
+}
+
+
+class ESH_PT_scatter(Panel, bpy.types.Panel):
+    """Which scatter, on what, the button, and how it went."""
+
+    bl_label = "ESH Scatter"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the active scatter, its target, the button and the status."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        scatter = active_scatter(context)
+        if scatter is None:
+            _draw_beginning(context, layout.column())
+            return
+        top = layout.column()
+        top.enabled = running.session is None
+        _draw_active_scatter(context, top.row(align=True), scatter)
+        row = top.row(align=True)
+        choice = row.row()
+        choice.alert = scatter.chosen_target is None
+        choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection")
+        row.prop(scatter, "target_kind", text="", icon_only=True)
+        layout.separator(factor=0.5)
+        if running.session is not None:
+            _draw_progress(context, layout)
+            return
+        button = layout.row(align=True)
+        button.scale_y = 1.8
+        result = scatter.result_in(context.scene)
+        button.operator(
+            "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
+        )
+        switch = button.row(align=True)
+        switch.ui_units_x = 3.5
+        switch.prop(scatter, "live", toggle=True)
+        if scatter.live and not live.is_live(context.scene, scatter):
+            # It was switched on in the file that was opened, or by redo.
+            live.wake()
+        _draw_status(context, layout.column(align=True), scatter)
+        if checksums.is_old():
+            running.redraw_later()
+
+
+class ESH_PT_surface(SubPanel, bpy.types.Panel):
+    """Which part of the target is scattered on."""
+
+    bl_label = "Surface"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw which side, and which faces."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        target = scatter.first_target
+        draw_settings(column, scatter, TargetSettings, FACES)
+        if target is None:
+            return
+        for name, (of_mesh, where, icon) in FACES.items():
+            column.prop_search(scatter, name, target.data if of_mesh else target, where, icon=icon)
+
+
+class ESH_PT_classes(SubPanel, bpy.types.Panel):
+    """What is scattered."""
+
+    bl_label = "Classes"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list of classes."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        if scatter.classes:
+            draw_list(
+                column,
+                "ESH_UL_classes",
+                scatter,
+                "classes",
+                "class_index",
+                "class",
+                rows=5,
+                move=True,
+                menu="ESH_MT_classes",
+            )
+            return
+        write_text(context, column, "A class is one kind of thing, for example pines. It has its own density.")
+        column.separator()
+        row = column.row()
+        row.scale_y = 1.5
+        row.operator("esh.class_add", text="Add a Class", icon="ADD")
+        for name in ("esh.classes_from_selection", "esh.classes_from_collection", "esh.classes_from_image"):
+            column.operator(name)
+
+
+class ESH_PT_balance(SubPanel, bpy.types.Panel):
+    """How the classes and sizes get on with each other."""
+
+    bl_label = "Balance"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the balance."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        draw_settings(column, scatter, Balance, BY_HAND)
+        # The seed is among what few need.
+        draw_settings(column, scatter, SamplingSettings, ("seed",))
+
+
+class ESH_PT_obstacles(SubPanel, bpy.types.Panel):
+    """What objects keep off."""
+
+    bl_label = "Obstacles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list of obstacles, the selected one, and whether other scatters are some."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        if scatter.obstacles:
+            draw_list(column, "ESH_UL_obstacles", scatter, "obstacles", "obstacle_index", "obstacle", rows=3)
+        else:
+            column.operator("esh.obstacle_add", text="Add Obstacle", icon="ADD")
+        chosen = scatter.active_obstacle
+        if chosen is not None:
+            column.separator()
+            column.prop(chosen, "kind")
+            column.prop(chosen, "item" if chosen.kind == "OBJECT" else "collection")
+            column.prop(chosen, "width")
+            column.prop(chosen, "margin")
+        column.separator()
+        column.prop(scatter, "keep_off_others")
+
+
+class ESH_PT_instances(SubPanel, bpy.types.Panel):
+    """Instances that are put where they are by hand."""
+
+    bl_label = "Instances"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only where there is a result."""
+        scatter = active_scatter(context)
+        return scatter is not None and scatter.result_in(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons to pick, pin, turn and remove instances."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        assert result is not None
+        editing = result.mode == "EDIT"
+        row = column.row()
+        row.scale_y = 1.3
+        text, icon = ("Done", "CHECKMARK") if editing else ("Edit Instances", "EDITMODE_HLT")
+        row.operator("esh.instances_edit", text=text, icon=icon)
+        if editing:
+            write_text(context, column, "Select points and move them (G). What you move stays there in the next run")
+        buttons = column.column(align=True)
+        row = buttons.row(align=True)
+        row.operator("esh.instances_pin", icon="PINNED")
+        row.operator("esh.instances_unpin", icon="UNPINNED")
+        row = buttons.row(align=True)
+        row.operator("esh.instances_turn", icon="FILE_REFRESH")
+        row.operator("esh.instances_remove", icon="X")
+        if len(scatter.free_places):
+            column.operator("esh.instances_refill")
+
+
+class ESH_PT_display(SubPanel, bpy.types.Panel):
+    """What of the result is shown: the inputs of its modifier."""
+
+    bl_label = "Display"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is shown in the viewport, and when that is less."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        modifier = our_modifier(result) if result is not None else None
+        if modifier is not None:
+            _draw_inputs(column, modifier, ("Display", "Viewport Share", "Scale", "Follow Target"))
+            column.separator()
+            culling = input_property(modifier, "Camera Culling")
+            _draw_inputs(column, modifier, ("Camera Culling",))
+            if culling and get_inputs(modifier)["Camera Culling"]:
+                _draw_inputs(column, modifier, ("Margin", "Distance"))
+            _draw_inputs(column, modifier, ("Limit Renders",))
+            column.separator()
+        column.prop(scatter, "points_above")
+        column.prop(scatter, "cap")
+
+
+class ESH_PT_advanced(SubPanel, bpy.types.Panel):
+    """Seed, device and steps."""
+
+    bl_label = "Advanced"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw seed, device and steps."""
+        column = self._column()
+        scatter = selected_scatter(context)
+        seed = column.row(align=True)
+        seed.prop(scatter, "seed")
+        seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
+        draw_settings(column, scatter, RunSettings)
+
+
+def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
+    """Say what to click where there is no scatter."""
+    write_text(context, column, "Select the objects to place, then the ground, and click:")
+    column.separator()
+    row = column.row()
+    row.scale_y = 1.8
+    row.operator("esh.scatter_selection", icon="PLAY")
+    column.separator()
+    write_text(context, column, "Or step by step, on the active mesh:")
+    column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
+    column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+
+
+def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Draw which scatter is shown, and whether its result is."""
+    row.menu("ESH_MT_scatters", text="", icon="DOWNARROW_HLT")
+    row.prop(scatter, "name", text="")
+    result = scatter.result_in(context.scene)
+    if result is not None:
+        row.prop(result, "hide_viewport", text="")
+        row.prop(result, "hide_render", text="")
+    row.operator("esh.scatter_add", text="", icon="ADD")
+    row.operator("esh.scatter_remove", text="", icon="REMOVE")
+
+
+def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say what is missing, what has changed since the last run, or how that went."""
+    obstacle = scatter.obstacle(context.scene)
+    if obstacle:
+        write_text(context, column, obstacle, icon="INFO")
+        return
+    report = scatter.report
+    if report is not None and scatter.result_in(context.scene) is None:
+        write_text(context, column, "The result is no longer there", icon="INFO")
+    elif report is not None:
+        changes = scatter.changes()
+        if changes and live.is_busy(context.scene, scatter):
+            write_text(context, column, "Following …", icon="FILE_REFRESH")
+        elif changes:
+            more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+            write_text(context, column, f"Changed: {', '.join(changes[:3])}{more}", icon="FILE_REFRESH")
+        else:
+            write_text(
+                context,
+                column,
+                words.summary(report, words.UNBROKEN),
+                icon="ERROR" if report["overlaps"] else "CHECKMARK",
+            )
+    said = live.status(context.scene, scatter)
+    if said:
+        write_text(context, column, said, icon="ERROR")
+    _draw_forecast(context, column, scatter)
+    left_out = scatter.left_out()
+    if left_out:
+        more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
+        write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
+
+
+def _draw_forecast(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+    """Say before a run what cannot be placed without overlap."""
+    if not scatter.avoid_overlap:
+        return
+    cover = forecast.known(scatter, context.scene)
+    text = words.cover(cover.covered, cover.fits, cover.crowded) if cover is not None else ""
+    if cover is not None and text:
+        write_text(context, column, text, icon="ERROR")
+        if cover.covered > cover.fits:
+            column.operator("esh.counts_to_fit")
+
+
+def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    session = running.session
+    assert session is not None
+    row = layout.row(align=True)
+    row.scale_y = 1.4
+    row.progress(factor=session.factor, text=session.text)
+    buttons = layout.row(align=True)
+    buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
+    buttons.operator("esh.stop", text="Stop", icon="CANCEL")
+    write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
+
+
+def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:
+    """Draw inputs of a result's modifier, as far as it has them."""
+    for name in names:
+        found = input_property(modifier, name)
+        if found is not None:
+            column.prop(*found, text=name)
+
+
+# In the order that they are drawn in; parents come before what is in them.
+CLASSES = (
+    ESH_PT_scatter,
+    ESH_PT_surface,
+    ESH_PT_classes,
+    *class_panels.CLASSES,
+    ESH_PT_balance,
+    ESH_PT_obstacles,
+    ESH_PT_instances,
+    *report_panel.CLASSES,
+    ESH_PT_display,
+    ESH_PT_advanced,
+)

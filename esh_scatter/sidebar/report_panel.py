@@ -1,0 +1,86 @@
+"""The panel of the last run's report."""
+
+from typing import Any
+
+import bpy
+
+from ..properties.scene import active_scatter, selected_scatter
+from ..result import words
+from .panel_parts import SubPanel, write_text
+
+__all__ = ["CLASSES"]
+
+
+class ESH_PT_report(SubPanel, bpy.types.Panel):
+    """What the last run reached."""
+
+    bl_label = "Report"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only while there is a result."""
+        scatter = active_scatter(context)
+        return scatter is not None and scatter.report is not None and scatter.result_in(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the last run's report."""
+        layout = self.layout
+        scatter = selected_scatter(context)
+        report = scatter.report
+        assert report is not None
+        _draw_counts(layout.box(), report, scatter.names_in_report())
+        facts = layout.column(align=True)
+        _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
+        if report["overlaps"] and report.get("deepest_pair") is not None:
+            row = facts.row(align=True)
+            row.operator("esh.select_overlapping", text="Select")
+            row.operator("esh.frame_overlap", text="Frame Worst")
+        if evenness := words.evenness(report):
+            _draw_fact(facts, "Spread", evenness)
+        if report.get("closest") is not None:
+            _draw_fact(facts, "Closest", words.meters(report["closest"]))
+            _draw_fact(facts, "Usual", f"{words.meters(report['usual'])} to the nearest")
+        _draw_fact(facts, "Ground taken", f"{report['covered']:.0%}")
+        _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps on {report['device']}")
+        for note in words.notes(report):
+            write_text(context, layout, note, icon="ERROR")
+
+
+def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list[str]) -> None:
+    """Draw a row for each class and size: how many were placed, of how many if not of all, and how evenly."""
+    rows = []
+    for entry, class_name in zip(report["classes"], names, strict=True):
+        several = len(entry["sizes"]) > 1
+        spread = words.evenness_word(entry["coverage_error"]) if len(names) > 1 else ""
+        if several:
+            placed = sum(size["placed"] for size in entry["sizes"])
+            rows.append((class_name, f"{placed:,}", spread))
+        for size in entry["sizes"]:
+            count = f"{size['placed']:,}"
+            if size["placed"] != size["asked"]:
+                count += f" of {size['asked']:,}"
+            rows.append((f"    {size['name']}", count, "") if several else (class_name, count, spread))
+    column = layout.column(align=True)
+    for name, count, spread in rows:
+        split = column.split(factor=0.42)
+        split.label(text=name)
+        row = split.row()
+        cell = row.row()
+        cell.alignment = "RIGHT"
+        cell.label(text=count)
+        if any(other for _, _, other in rows):
+            last = row.row()
+            last.active = False
+            last.label(text=spread)
+
+
+def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "NONE") -> None:
+    split = layout.split(factor=0.42)
+    name = split.row()
+    name.alignment = "RIGHT"
+    name.active = False
+    name.label(text=label)
+    split.label(text=value, icon=icon)
+
+
+CLASSES = (ESH_PT_report,)

@@ -1,0 +1,63 @@
+"""A solve in a thread of its own, watched from the main thread. Knows nothing of Blender."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ...engine.solver.solver import Progress
+
+__all__ = ["BackgroundRun"]
+
+
+class BackgroundRun:
+    """Runs ``solve(progress)`` in a daemon thread, so that quitting Blender never waits for it.
+
+    Args:
+        solve: Called once, in the thread, with a progress callback that answers False once the run was stopped.
+
+    Attributes:
+        progress: The last :class:`~esh.engine.solver.solver.Progress`, None before the first.
+        error: What ``solve`` raised, or None.
+        stopped: Whether :meth:`stop` was called.
+    """
+
+    def __init__(self, solve: Callable[[Callable[[Progress], bool]], object]) -> None:
+        self.progress: Progress | None = None
+        self.error: BaseException | None = None
+        self.stopped = False
+        self._started = time.monotonic()
+        self._solve = solve
+        self._thread = threading.Thread(target=self._work, name="ESH Scatter", daemon=True)
+        self._thread.start()
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start [s]."""
+        return time.monotonic() - self._started
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is still at work; it can be for a moment after :meth:`stop`."""
+        return self._thread.is_alive()
+
+    def stop(self) -> None:
+        """Ask the run to end at its next step; returns at once."""
+        self.stopped = True
+
+    def join(self, seconds: float) -> None:
+        """Wait for the end of the run, ``seconds`` at most."""
+        self._thread.join(seconds)
+
+    def _keep_progress(self, progress: Progress) -> bool:
+        self.progress = progress
+        return not self.stopped
+
+    def _work(self) -> None:
+        try:
+            self._solve(self._keep_progress)
+        except BaseException as error:  # handed to the main thread, which tells the user
+            self.error = error

@@ -1,0 +1,353 @@
+"""A scatter as a job of three phases: everything is read from Blender, then worked out and solved, then written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...engine.device.launcher import resolve_device
+from ...engine.errors import ProblemError
+from ...engine.problem.balance import Balance
+from ...engine.problem.body_class import BodyClass
+from ...engine.problem.fixed_bodies import FixedBodies
+from ...engine.problem.placement import Placement
+from ...engine.problem.prepared_class import PreparedClass
+from ...engine.problem.problem import Problem, SamplingSettings
+from ...engine.problem.report import Report
+from ...engine.problem.scatter_settings import RunSettings, ScatterSettings
+from ...engine.problem.settings import takes, values_of
+from ...engine.problem.validation import check_name, show
+from ...engine.solve import solve
+from ...engine.solver.solver import Progress
+from ...engine.surface.chart import Chart
+from ...engine.surface.instances import Instances
+from ...engine.surface.triangle_mesh import TriangleMesh
+from ...engine.surface.whole_surface import WholeSurface
+from ..classes.classes_from_above import ClassesFromAbove
+from ..classes.on_whole_surface import class_on_surface
+from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of
+from ..classes.sources import SizeShape, SizeSource, SourceReader, engine_size, measure_size
+from ..classes.survey import Survey
+from ..densities.density_source import Density, DensityReader, Known, attribute_names
+from ..densities.image_density import stored_density
+from ..result.following import followed
+from ..result.kept_ground import SEED
+from ..result.pins import Pins, read_pins
+from ..result.result import CLASS_NAMES, find_result, write_result
+from ..result.result_points import ResultPoints, point_attributes, result_points
+from ..targets.references import Reference
+from ..targets.target import check_exists, is_result
+from ..targets.targets import Target, Targets, read_targets
+from .obstacles import ObstacleSource, StoredObstacle, covered, obstacle_image, read_obstacles
+
+__all__ = ["ScatterJob", "ScatterResult"]
+
+
+class _Reading(NamedTuple):
+    """What was read from Blender and is still to be worked out.
+
+    Attributes:
+        target: The target's mesh.
+        sources: By class and size.
+        densities: By class.
+        directions: By class, as a :class:`Line` takes them.
+        obstacles: What objects keep off.
+        pins: What stays of the result that is replaced, and which of its size's objects each is.
+    """
+
+    target: TriangleMesh
+    sources: list[list[SizeSource]]
+    densities: list[Density]
+    directions: list[str | float | np.ndarray]
+    obstacles: list[StoredObstacle]
+    pins: tuple[Pins, np.ndarray] | None
+
+
+@dataclass(frozen=True, eq=False)
+class ScatterResult:
+    """What a run made.
+
+    Attributes:
+        object: The result in the scene.
+        report: What was reached.
+        placement: Where the bodies are in the target's bounding rectangle.
+        instances: Where the objects stand in the world, in the placement's order.
+        sources: The objects that ``instances.source`` counts.
+    """
+
+    object: bpy.types.Object
+    report: Report
+    placement: Placement
+    instances: Instances
+    sources: tuple[bpy.types.Object, ...]
+
+
+@takes(ScatterSettings)
+class ScatterJob:
+    """A scatter in phases; see :func:`scatter` for the arguments.
+
+    The constructor reads everything from Blender and changes nothing; :meth:`prepare` and :meth:`solve` may run in any thread; and
+    :meth:`write` changes the scene.
+
+    Args:
+        prepare: Whether to prepare the problem at once. Otherwise that is left to :meth:`prepare`, which may raise what is wrong.
+        survey: Of earlier jobs, to use again what they have worked out.
+
+    Attributes:
+        settings: How it is made.
+        device: Where it runs, as Warp names it.
+        problem: What the sampler is asked, once it is prepared.
+        placement: What it answered; None before :meth:`solve`.
+
+    Raises:
+        EshError: Something asked for is missing or has no meaning.
+    """
+
+    chart: Chart | WholeSurface
+    problem: Problem
+
+    def __init__(
+        self,
+        target: Target,
+        classes: Sequence[ScatterClass],
+        settings: ScatterSettings | None = None,
+        *,
+        name: str = "ESH Scatter",
+        result: bpy.types.Object | None = None,
+        obstacles: Sequence[ObstacleSource] = (),
+        pinned: bool | Sequence[int | None] = True,
+        prepare: bool = True,
+        survey: Survey | None = None,
+        **changes: Any,
+    ) -> None:
+        context = bpy.context
+        if settings is not None and not isinstance(settings, ScatterSettings):
+            raise ProblemError(f"`settings` must be ScatterSettings, or None; got {show(settings)}")
+        self.settings = replace(settings or ScatterSettings(), **changes)
+        self.name = check_name(name, "`name`")
+        self.device = resolve_device(self.settings.device).alias
+        self._scene = Reference(context.scene, "scene")
+        self._targets = Targets(target, context)
+        replaced = _check_result(result)
+        self._result = None if replaced is None else Reference(replaced, "result")
+        self.classes = check_classes(classes)
+        # What the classes place; and of all sizes, class by class, what their bodies look like.
+        self._sources: list[Reference] = []
+        self._shapes: list[SizeShape] = []
+        self.survey = survey
+        self._given_obstacles, self._given_pinned = obstacles, pinned
+        self._reading: _Reading | None = self._read(context)
+        self.placement: Placement | None = None
+        self._points: ResultPoints | None = None
+        if prepare:
+            self.prepare()
+
+    def _read(self, context: bpy.types.Context) -> _Reading:
+        """Read everything from Blender, as it is now."""
+        targets = self._targets.objects
+        # Classes that follow the same image have it looked at once.
+        known: Known = {}
+        reader = SourceReader(targets, context)
+        self._sources = reader.objects
+        sources = [
+            [reader.read(size, f'size "{size.name}" of class "{c.name}"') for size in c.sizes] for c in self.classes
+        ]
+        densities = [stored_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
+        names: set[str] = set().union(*(attribute_names(density) for density in densities))
+        directions = [direction_of(c) for c in self.classes]
+        own = self.result or find_result(context.scene, self.target, self.name)
+        obstacles = read_obstacles(self._given_obstacles, known, [*targets, *([own] if own else [])])
+        pins = None if own is None else self._pins(own, sources)
+        del self._given_obstacles
+        ground = read_targets(targets, context, names, self.settings)
+        return _Reading(ground, sources, densities, directions, obstacles, pins)
+
+    def _pins(self, own: bpy.types.Object, sources: Sequence[Sequence[SizeSource]]) -> tuple[Pins, np.ndarray] | None:
+        """Return what stays of the result that is replaced, and which of its size's objects each of these is."""
+        names, pinned = str(own.get(CLASS_NAMES, "")), self._given_pinned
+        if pinned is False or not names:
+            return None
+        now = [c.name for c in self.classes]
+        by_name = [now.index(name) if name in now else None for name in json.loads(names)[0]]
+        numbers = by_name if isinstance(pinned, bool) else list(pinned)
+        pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers)
+        if pins is None:
+            return None
+        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        uids = [source.uid for source in self._sources]
+        objects = [source.objects for of_class in sources for source in of_class]
+        variant = np.zeros(len(pins.identity), np.int64)
+        for row, (group, uid) in enumerate(
+            zip((first[pins.class_index] + pins.size_index).tolist(), pins.source.tolist(), strict=True)
+        ):
+            of_size = [uids[number] for number in objects[group]]
+            variant[row] = of_size.index(uid) if uid in of_size else 0
+        return pins, variant
+
+    def prepare(self) -> None:
+        """Work out what the sampler is asked; touches nothing of Blender. Nothing happens where that has been done.
+
+        Raises:
+            EshError: Something asked for has no meaning.
+        """
+        reading, survey = self._reading, self.survey or Survey()
+        if reading is None:
+            return
+        self.chart = survey.begin(reading.target, self.settings)
+        domain = survey.domain(self.chart)
+        names = [scatter_class.name for scatter_class in self.classes]
+        reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
+        shapes_of_classes: list[list[SizeShape]] = []
+        values_of_classes: list[np.ndarray] = []
+        for number, scatter_class in enumerate(self.classes):
+            shapes = [
+                measure_size(size, source, reading.directions[number], survey)
+                for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
+            ]
+            values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
+            shapes_of_classes.append(shapes)
+        self._shapes = [shape for shapes in shapes_of_classes for shape in shapes]
+        obstacle = None
+        if reading.obstacles and isinstance(self.chart, Chart):
+            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
+        elif reading.obstacles:
+            free = ~covered(reading.obstacles, self.chart.points.position, survey)
+            values_of_classes = [values * free for values in values_of_classes]
+        self.problem = Problem(
+            domain,
+            self._prepare_classes(reading.target.name, shapes_of_classes, values_of_classes),
+            Balance(**values_of(self.settings, Balance)),
+            **values_of(self.settings, SamplingSettings),
+            obstacles=() if obstacle is None else (obstacle,),
+            fixed=self._fixed(reading),
+            include_fixed=True,
+        )
+        # Pixels and meshes may be large.
+        self._reading = None
+
+    def _prepare_classes(
+        self, name: str, shapes: Sequence[Sequence[SizeShape]], values: Sequence[np.ndarray]
+    ) -> list[PreparedClass] | list[BodyClass]:
+        """Return what the engine is to place, from densities at the chart's points; ``name`` is the target's in sentences."""
+        chart = self.chart
+        if isinstance(chart, Chart):
+            return ClassesFromAbove(chart, name, self.classes, shapes, self.settings).prepare(values)
+        return [
+            class_on_surface(chart, c, [engine_size(*pair) for pair in zip(c.sizes, of_class, strict=True)], density)
+            for c, of_class, density in zip(self.classes, shapes, values, strict=True)
+        ]
+
+    def _fixed(self, reading: _Reading) -> Sequence[FixedBodies]:
+        """Return the bodies that stay; on a whole surface there are none yet."""
+        if reading.pins is None or not isinstance(self.chart, Chart):
+            return ()
+        pins, variant = reading.pins
+        return (pins.fixed_in(self.chart, variant),)
+
+    @property
+    def target(self) -> bpy.types.Object | bpy.types.Collection:
+        """What is scattered on, of several objects the first; raises ProblemError once it is no longer in the file."""
+        return self._targets.owner
+
+    @property
+    def result(self) -> bpy.types.Object | None:
+        """The result to replace, where one was given that still is in the file."""
+        return None if self._result is None else self._result.find()
+
+    @property
+    def sources(self) -> list[bpy.types.Object]:
+        """What points can be instances of; raises ProblemError once one of them is no longer in the file."""
+        return [source.get() for source in self._sources]
+
+    def solve(self, progress: Callable[[Progress], bool | None] | None = None) -> None:
+        """Place the bodies; touches nothing of Blender. ``progress`` is the engine's: returning False stops the run."""
+        self.prepare()
+        self.stand(solve(self.problem, **values_of(self.settings, RunSettings), progress=progress))
+
+    def stand(self, placement: Placement) -> None:
+        """Take a placement of :attr:`problem` for the answer, and stand its objects on the surface; touches nothing of Blender."""
+        self._points = self._result_points(placement)
+        self.placement = placement
+
+    def instances(self) -> Instances:
+        """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
+        if self.placement is None:
+            raise ProblemError("a scatter must be solved before its objects have a place")
+        return self._points_of_placement().instances
+
+    def colors_of_bodies(self) -> np.ndarray:
+        """Return the colour of every body's class, shape ``[n, 4]``, float32; of :attr:`problem`, in any thread."""
+        colors = np.array([color_of(c) for c in self.classes], np.float32)
+        return colors[self.problem.body_indices()[0]]
+
+    def positions_in_world(self, position: np.ndarray, height: float) -> np.ndarray:
+        """Return about where bodies of a run under way are in the world [m], shape ``[n, 3]``; in any thread.
+
+        Args:
+            position: As the solver tells it [m].
+            height: How far above the surface, as a share of its extent.
+        """
+        chart = self.chart
+        if isinstance(chart, WholeSurface):
+            return position + (0.0, 0.0, height * float((chart.high - chart.low).max()))
+        return np.column_stack([position + chart.origin, chart.height_near(position) + height * chart.view.extent])
+
+    def _points_of_placement(self) -> ResultPoints:
+        """Return the points of :attr:`placement`."""
+        assert self.placement is not None
+        if self._points is None or len(self._points.to_origin) != len(self.placement.position):
+            self._points = self._result_points(self.placement)
+        return self._points
+
+    def _result_points(self, placement: Placement) -> ResultPoints:
+        return result_points(placement, self.problem, self.chart, self.classes, self._shapes, self.settings)
+
+    def write(self, context: bpy.types.Context | None = None) -> ScatterResult:
+        """Make the result object, or replace the points of an earlier one; on the main thread only."""
+        if self.placement is None or self.placement.report is None:
+            raise ProblemError("a scatter must be solved before it is written")
+        item, sources = self.show(context)
+        return ScatterResult(
+            item, self.placement.report, self.placement, self._points_of_placement().instances, tuple(sources)
+        )
+
+    def show(self, context: bpy.types.Context | None = None) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
+        """Write the result as :meth:`write` does, whether it has a report or not; return it and the objects it shows."""
+        if self.placement is None:
+            raise ProblemError("a scatter must be solved before it is shown")
+        # All of them first: nothing has been changed if one is gone.
+        scene = self._scene.get() if context is None else context.scene
+        target, sources = self.target, self.sources
+        replaced = self.result or find_result(scene, target, self.name)
+        points = self._points_of_placement()
+        item = write_result(
+            scene,
+            replaced,
+            target,
+            self.name,
+            sources,
+            points.instances.position,
+            point_attributes(self.placement, points, self.classes, self.settings),
+            [c.name for c in self.classes],
+            followed(self._targets.objects, points.surface.view.mesh),
+        )
+        names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
+        item[CLASS_NAMES] = json.dumps(names)
+        item.data[SEED] = self.settings.seed
+        return item, sources
+
+
+def _check_result(result: object) -> bpy.types.Object | None:
+    if result is None:
+        return None
+    if not isinstance(result, bpy.types.Object):
+        raise ProblemError(f"`result` must be an object that an earlier scatter made, or None; got {show(result)}")
+    check_exists(result, "`result`")
+    if not is_result(result):
+        raise ProblemError(f'`result` must be an object that an earlier scatter made; "{result.name}" is not one')
+    return result

@@ -1,0 +1,425 @@
+"""Live: a result that follows what it was made of, while that is changed.
+
+A timer looks at the scatters that are live, and only while there are any; a depsgraph handler does no more than tell it to look now.
+What has changed is read on the main thread, solved in a thread of its own that goes on from where bodies are, and written when it is
+done. Nothing of the file is held on to between two looks: everything is looked up again by its number.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import zlib
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ...engine.errors import EshError
+from ..targets import checksums
+from ..targets.references import Reference
+from . import running
+
+if TYPE_CHECKING:
+    from .job import ScatterJob
+    from .live_worker import LiveWorker, Outcome
+
+__all__ = ["end", "is_busy", "is_live", "reset", "status", "switched", "wake"]
+
+# A scatter of the sidebar. Its switch calls this module, which therefore does not import its class.
+Scatter: TypeAlias = bpy.types.PropertyGroup
+
+# Seconds between two looks at what lives, and between two at whether anything has changed while nothing says so.
+TICK, AT_REST = 0.05, 0.3
+# Seconds after the last sign of a change for which it is looked at with every tick.
+ATTENTIVE = 0.6
+# Share of the time that may go into looking at contents, while something changes and while nothing does.
+SHARE_ATTENTIVE, SHARE_AT_REST = 0.25, 0.02
+# Seconds that reading may take for strokes to be followed before they end.
+FOLLOWS_STROKES = 0.05
+# Seconds that quitting waits for the thread.
+LONGEST_JOIN = 5.0
+
+# Strokes under way, by the names of their operators.
+_PIXELS = {"PAINT_OT_image_paint", "IMAGE_OT_paint"}
+_STROKES = _PIXELS | {"PAINT_OT_weight_paint", "PAINT_OT_vertex_paint", "SCULPT_OT_brush_stroke"}
+
+# What the depsgraph can say that may be of ours; kinds of data that nothing is made of are not looked for.
+_KINDS = ("OBJECT", "MESH", "IMAGE")
+
+# Scatters that are followed, by the scene's number and their own.
+_followed: dict[tuple[int, int], _Live] = {}
+# When something was last said to change.
+_last_sign = 0.0
+
+
+class _Live:
+    """One scatter that is followed.
+
+    Attributes:
+        message: What is wrong with it now, as a sentence; empty where nothing is.
+        seconds: How long the last update took, from reading to being shown [s].
+    """
+
+    def __init__(self, scene: bpy.types.Scene, scatter: Scatter) -> None:
+        from ..classes.survey import Survey
+        from .live_worker import LiveWorker
+
+        self._scene = Reference(scene, "scene")
+        self._uid = scatter.uid
+        self._worker: LiveWorker = LiveWorker(Survey())
+        # What the solver was told last, and what it showed; as fingerprints.
+        self._told: str | None = None
+        self._record: dict[str, Any] = {}
+        self._looked = 0.0
+        self._reading = 0.0
+        self._waiting: Outcome | None = None
+        # What was written last, and a checksum of the points then: undo may have put others in their place.
+        self._shown: ScatterJob | None = None
+        self._points: int | None = None
+        self._submitted_at = 0.0
+        self.message = ""
+        self.seconds = 0.0
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being solved or waits to be shown."""
+        return self._worker.busy or self._waiting is not None
+
+    def look(self) -> bool:
+        """Show what came out, and have solved what has changed; returns False where there is nothing to follow any more."""
+        scene = self._scene.find()
+        scatter = _scatter_of(scene, self._uid)
+        if scene is None or scatter is None or not scatter.live:
+            return False
+        self._waiting = self._worker.take() or self._waiting
+        window = next((w for w in bpy.context.window_manager.windows if w.scene == scene), None)
+        if window is None and not bpy.app.background:
+            return True
+        with bpy.context.temp_override(**({"window": window} if window else {"scene": scene})):
+            return self._look(bpy.context, scatter)
+
+    def end(self) -> None:
+        """Let the solver go."""
+        self._worker.end()
+
+    def join(self) -> None:
+        """Wait for the solver to be gone."""
+        self._worker.join(LONGEST_JOIN)
+
+    def reset(self) -> None:
+        """The result is another now: the next update starts from there."""
+        self._told, self._waiting, self._shown = None, None, None
+
+    def look_at_points(self) -> None:
+        """The result may be another now."""
+        scatter = _scatter_of(self._scene.find(), self._uid)
+        if scatter is None or _points_of(scatter.result) != self._points:
+            self.reset()
+
+    def _look(self, context: bpy.types.Context, scatter: Scatter) -> bool:
+        if running.session is not None:
+            # What it makes is where to go on from.
+            self.reset()
+            return True
+        why = self._gone(context, scatter)
+        if why:
+            scatter.live = False
+            _stopped[context.scene.session_uid, scatter.uid] = f"Live stopped: {why}"
+            running.redraw_sidebars()
+            return False
+        if self._waiting is not None and _may_write(scatter):
+            outcome, self._waiting = self._waiting, None
+            self._show(context, scatter, outcome)
+        if not self._worker.busy:
+            attentive = time.monotonic() - _last_sign < ATTENTIVE or _stroke() is not None
+            if self._time_to_look(attentive):
+                with checksums.at_most(SHARE_ATTENTIVE if attentive else SHARE_AT_REST):
+                    self._submit(context, scatter)
+        return True
+
+    def _gone(self, context: bpy.types.Context, scatter: Scatter) -> str:
+        """Return what is no longer there, as a sentence; empty where all is."""
+        targets = scatter.targets
+        if not targets or any(context.scene.objects.get(target.name) != target for target in targets):
+            return "its target is no longer in the scene"
+        if scatter.report_json and scatter.result_in(context.scene) is None:
+            return "its result is no longer in the scene; click Scatter to make it anew"
+        for entry in scatter.placed:
+            if entry.uid and entry.item is None and entry.collection is None:
+                names = [c.name for c in scatter.classes if c.uid == entry.uid]
+                if names:
+                    return f"an object of {names[0]} was deleted"
+        deleted = [c.name for c in scatter.classes if not c.mute and any(size.source_deleted for size in c.sizes)]
+        return f"an object of {deleted[0]} was deleted" if deleted else ""
+
+    def _time_to_look(self, attentive: bool) -> bool:
+        if not attentive and time.monotonic() - self._looked < AT_REST:
+            return False
+        stroke = _stroke()
+        # Weights and shapes are read whole, and that only when the brush is lifted; pixels during the stroke, if that is quick.
+        return stroke is None or (stroke in _PIXELS and self._reading < FOLLOWS_STROKES)
+
+    def _submit(self, context: bpy.types.Context, scatter: Scatter) -> None:
+        """Have the scatter solved as it is now, if it differs from what was solved last."""
+        from ..result.kept_ground import kept_places
+        from .job import ScatterJob
+        from .live_worker import Request
+
+        self._looked = time.monotonic()
+        if any(target.mode == "EDIT" for target in scatter.targets) or scatter.obstacle(context.scene):
+            self._say(scatter.obstacle(context.scene) or "")
+            return
+        record = scatter.record()
+        made_with = json.dumps(record, separators=(",", ":"))
+        if made_with == self._told:
+            return
+        first = self._told is None
+        start = time.perf_counter()
+        result = scatter.result_in(context.scene)
+        try:
+            positional, named = scatter.arguments(context.scene)
+            job = ScatterJob(*positional, **named, prepare=False)
+        except EshError as error:
+            self._told, self._record = made_with, record
+            self._say(_sentence(error))
+            return
+        self._reading = time.perf_counter() - start
+        self._say("")
+        places = kept_places(result) if result is not None and (first or not self._worker.has_solver) else None
+        anew = not first and _needs_a_new_start(self._record, record)
+        ready_only = first and bool(scatter.report_json) and not scatter.outdated
+        self._told, self._record = made_with, record
+        self._submitted_at = time.perf_counter()
+        self._worker.submit(Request(job, made_with, anew, None if anew else places, ready_only))
+
+    def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
+        """Write what came out into the result."""
+        if outcome.error is not None:
+            self._say(_sentence(outcome.error))
+            return
+        job, placement = outcome.request.job, outcome.placement
+        assert placement is not None
+        result = scatter.result
+        if self._shown is not job or result is None:
+            try:
+                result, _ = job.show(context)
+            except EshError as error:
+                self._say(_sentence(error))
+                return
+            self.seconds = time.perf_counter() - self._submitted_at
+        report = placement.report.to_dict() if placement.report is not None else scatter.report
+        if report is None:
+            scatter.result = result
+        else:
+            scatter.remember(result, report, outcome.request.made_with)
+        if self._shown is not job:
+            _show_since(scatter, job, result)
+            self._shown, self._points = job, _points_of(result)
+        running.redraw_sidebars()
+
+    def _say(self, message: str) -> None:
+        if message != self.message:
+            self.message = message
+            running.redraw_sidebars()
+
+
+# What made scatters stop living, by the scene's number and their own, until they live again.
+_stopped: dict[tuple[int, int], str] = {}
+
+
+def switched(scatter: Scatter, _context: object) -> None:
+    """Follow a scatter, or no longer; called when its switch is used."""
+    scene = scatter.id_data
+    _stopped.pop((scene.session_uid, scatter.uid), None)
+    if scatter.live:
+        wake()
+
+
+def wake() -> None:
+    """Have the timer look for scatters that live: after a switch was used, or after one was seen that nobody follows."""
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, persistent=True)
+
+
+def is_live(scene: bpy.types.Scene, scatter: Scatter) -> bool:
+    """Tell whether a scatter is followed."""
+    return (scene.session_uid, scatter.uid) in _followed
+
+
+def status(scene: bpy.types.Scene, scatter: Scatter) -> str:
+    """Return what there is to say of a scatter that lives, or that has stopped; empty where there is nothing."""
+    key = scene.session_uid, scatter.uid
+    live = _followed.get(key)
+    if live is None:
+        return _stopped.get(key, "")
+    return live.message
+
+
+def is_busy(scene: bpy.types.Scene, scatter: Scatter) -> bool:
+    """Tell whether a scatter that lives is being solved."""
+    live = _followed.get((scene.session_uid, scatter.uid))
+    return live is not None and live.busy
+
+
+def reset(scene: bpy.types.Scene, scatter: Scatter) -> None:
+    """Have a scatter go on from its result as it is now: somebody else has written it."""
+    live = _followed.get((scene.session_uid, scatter.uid))
+    if live is not None:
+        live.reset()
+
+
+def end(wait: bool = False) -> None:
+    """Follow nothing any more, and take timer and handlers away."""
+    ended = list(_followed.values())
+    _followed.clear()
+    for live in ended:
+        live.end()
+    _detach()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    if wait:
+        for live in ended:
+            live.join()
+
+
+def _tick() -> float | None:
+    """Look at all that lives; Blender calls it again after as many seconds as it returns."""
+    global _last_sign
+    _find()
+    if _followed and _stroke() is not None:
+        # The depsgraph is silent during strokes, and about images that no material uses also after them.
+        _last_sign = time.monotonic()
+    for key, live in list(_followed.items()):
+        if not live.look():
+            live.end()
+            _followed.pop(key, None)
+    if not _followed:
+        _detach()
+        return None
+    return TICK
+
+
+def _find() -> None:
+    """Follow every scatter whose switch is on."""
+    for scene in bpy.data.scenes:
+        settings = getattr(scene, "esh_scatter", None)
+        for scatter in settings.scatters if settings is not None and scene.is_editable else ():
+            if not scatter.live:
+                continue
+            if not scatter.uid:
+                scatter.give_own_uid()
+            key = scene.session_uid, scatter.uid
+            if key not in _followed:
+                _attach()
+                _followed[key] = _Live(scene, scatter)
+
+
+def _scatter_of(scene: bpy.types.Scene | None, uid: int) -> Scatter | None:
+    scatters = scene.esh_scatter.scatters if scene is not None else ()
+    return next((scatter for scatter in scatters if scatter.uid == uid), None)
+
+
+def _may_write(scatter: Scatter) -> bool:
+    """Tell whether the result can be written now: not while it is rendered, nor while its points are edited."""
+    result = scatter.result
+    return not bpy.app.is_job_running("RENDER") and (result is None or result.mode == "OBJECT")
+
+
+def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Tell whether bodies are to be other ones, and not the same in other places."""
+
+    def drawn(record: dict[str, Any]) -> list[Any]:
+        standing = [
+            [c["values"].get(name) for name in ("random_turn", "scale_jitter")] for c in record["classes"].values()
+        ]
+        return [record["scatter"].get("seed"), standing if len(before["classes"]) == len(now["classes"]) else None]
+
+    return drawn(before) != drawn(now)
+
+
+def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> None:
+    """Give a result what was changed at once while it was solved: how objects stand, and colours."""
+    from ..result.kept_ground import CLASSES_OF_POINTS, can_stand_anew, paint_points, stand_anew
+
+    classes = {c.uid: c for c in scatter.classes}
+    for number, (uid, made) in enumerate(zip(result.data.get(CLASSES_OF_POINTS, ()), job.classes, strict=False)):
+        now = classes.get(uid)
+        if now is None:
+            continue
+        if made.standing != now.standing() and can_stand_anew(result):
+            stand_anew(result, number, now.standing())
+        if tuple(made.color or ()) != tuple(now.color):
+            paint_points(result, number, tuple(now.color))
+
+
+def _points_of(result: bpy.types.Object | None) -> int | None:
+    """Return a checksum of a result's points; None where they cannot be seen."""
+    if result is None or result.type != "MESH" or result.mode == "EDIT" or "position" not in result.data.attributes:
+        return None
+    position = np.empty(3 * len(result.data.vertices), np.float32)
+    result.data.attributes["position"].data.foreach_get("vector", position)
+    return zlib.crc32(position.tobytes())
+
+
+def _stroke() -> str | None:
+    """Return the name of the operator whose brush stroke is under way in some window."""
+    for window in bpy.context.window_manager.windows:
+        for operator in window.modal_operators:
+            if operator.bl_idname in _STROKES:
+                return str(operator.bl_idname)
+    return None
+
+
+def _sentence(error: Exception) -> str:
+    text = str(error).replace("`", "")
+    return text[:1].upper() + text[1:]
+
+
+@persistent
+def _something_changed(_scene: object, depsgraph: bpy.types.Depsgraph | None = None) -> None:
+    """Have the timer look: the depsgraph has news of what may be ours. It loops over nothing."""
+    global _last_sign
+    if depsgraph is None or any(depsgraph.id_type_updated(kind) for kind in _KINDS):
+        _last_sign = time.monotonic()
+
+
+@persistent
+def _went_back(*_arguments: object) -> None:
+    """After undo and redo everything may be as it was before."""
+    global _last_sign
+    _last_sign = time.monotonic()
+    for live in _followed.values():
+        live.look_at_points()
+
+
+@persistent
+def _file_goes(*_arguments: object) -> None:
+    """Another file is opened."""
+    _stopped.clear()
+    for live in _followed.values():
+        live.end()
+    _followed.clear()
+
+
+def _hooks() -> list[tuple[list[Any], Any]]:
+    handlers = bpy.app.handlers
+    return [
+        (handlers.depsgraph_update_post, _something_changed),
+        (handlers.undo_post, _went_back),
+        (handlers.redo_post, _went_back),
+        (handlers.load_pre, _file_goes),
+    ]
+
+
+def _attach() -> None:
+    for handlers, hook in _hooks():
+        if hook not in handlers:
+            handlers.append(hook)
+
+
+def _detach() -> None:
+    for handlers, hook in _hooks():
+        if hook in handlers:
+            handlers.remove(hook)

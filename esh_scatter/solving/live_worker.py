@@ -1,0 +1,216 @@
+"""A solver that stays, in a thread of its own: it goes on from one problem to the next. Knows nothing of Blender's data."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...engine.errors import EshError
+from ...engine.problem.domain import Domain
+from ...engine.problem.placement import Placement
+from ...engine.quality.measurement import measure
+from ...engine.solver.solver import Progress, Solver
+from ...engine.surface.chart import Chart
+from ..classes.survey import Survey
+
+if TYPE_CHECKING:
+    from ..result.kept_ground import KeptPlaces
+    from .job import ScatterJob
+
+__all__ = ["LiveWorker", "Outcome", "Request"]
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What is to be solved next.
+
+    Attributes:
+        job: Read from Blender, not prepared yet.
+        made_with: What identifies the settings and contents that it was read with.
+        anew: Whether to begin from nothing, not from where bodies are.
+        start: Where bodies are that the solver has not placed itself, or None.
+        ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
+    """
+
+    job: ScatterJob
+    made_with: str
+    anew: bool = False
+    start: KeptPlaces | None = None
+    ready_only: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a request.
+
+    Attributes:
+        request: The request.
+        placement: Where bodies are; with its report once that is measured. None where nothing is to be shown.
+        error: What is wrong with it, or None.
+        seconds: Time from the request's beginning [s].
+    """
+
+    request: Request
+    placement: Placement | None = None
+    error: EshError | None = None
+    seconds: float = 0.0
+
+
+class LiveWorker:
+    """Solves requests one after the other; of those that wait only the last one.
+
+    Args:
+        survey: What the jobs' preparation has worked out; used by the thread only.
+    """
+
+    def __init__(self, survey: Survey) -> None:
+        self._survey = survey
+        self._change = threading.Condition()
+        self._waiting: Request | None = None
+        self._outcome: Outcome | None = None
+        self._busy = False
+        self._ended = False
+        self._solver: Solver | None = None
+        self._made: ScatterJob | None = None
+        self.progress: Progress | None = None
+        self._thread = threading.Thread(target=self._work, name="ESH Scatter live", daemon=True)
+        self._thread.start()
+
+    @property
+    def has_solver(self) -> bool:
+        """Whether there is a state to go on from."""
+        return self._made is not None
+
+    @property
+    def busy(self) -> bool:
+        """Whether it solves, or is about to."""
+        return self._busy or self._waiting is not None
+
+    def submit(self, request: Request) -> None:
+        """Have a request solved; one that still waits is forgotten."""
+        with self._change:
+            self._waiting = request
+            self._change.notify()
+
+    def take(self) -> Outcome | None:
+        """Return what has come out since the last call."""
+        with self._change:
+            outcome, self._outcome = self._outcome, None
+        return outcome
+
+    def end(self) -> None:
+        """Let the thread come to its end at its next step; returns at once."""
+        with self._change:
+            self._ended = True
+            self._waiting = self._outcome = None
+            self._change.notify()
+
+    def join(self, seconds: float) -> None:
+        """Wait for the end of the thread, ``seconds`` at most."""
+        self._thread.join(seconds)
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is there."""
+        return self._thread.is_alive()
+
+    def _work(self) -> None:
+        while True:
+            with self._change:
+                while self._waiting is None and not self._ended:
+                    self._change.wait()
+                if self._ended:
+                    break
+                request, self._waiting, self._busy = self._waiting, None, True
+            assert request is not None
+            try:
+                self._solve(request)
+            except EshError as error:
+                self._publish(Outcome(request, error=error))
+            except BaseException as error:  # nobody else would hear of it
+                self._publish(Outcome(request, error=EshError(f"Live stopped: {type(error).__name__}: {error}")))
+                self._close()
+            self._busy = False
+            self.progress = None
+        self._close()
+
+    def _solve(self, request: Request) -> None:
+        start = time.perf_counter()
+        job = request.job
+        job.survey = self._survey
+        job.prepare()
+        if self._can_go_on(request):
+            steps = self._edit(job)
+        else:
+            started = self._begin(request)
+            self._made = job
+            if started and request.ready_only:
+                return
+            assert self._solver is not None
+            steps, _ = self._solver.run(job.settings.max_steps, self._keep)
+            self._solver.separate(self._go_on, again=started)
+        self._made = job
+        assert self._solver is not None
+        placement = self._solver.placement()
+        job.stand(placement)
+        self._publish(Outcome(request, placement, seconds=time.perf_counter() - start))
+        if self._waiting is None and not self._ended:
+            report = measure(placement, self._solver.launcher)
+            report = replace(report, steps=steps, converged=True, seconds=time.perf_counter() - start)
+            job.placement = replace(placement, report=report)
+            self._publish(Outcome(request, job.placement, seconds=report.seconds))
+
+    def _edit(self, job: ScatterJob) -> int:
+        assert self._solver is not None
+        try:
+            return self._solver.edit(job.problem).steps
+        except EshError:
+            # Who knows how far it came.
+            self._close()
+            raise
+
+    def _can_go_on(self, request: Request) -> bool:
+        if self._solver is None or self._made is None or request.anew or request.start is not None:
+            return False
+        before, now = self._solver.model.problem.domain, request.job.problem.domain
+        return isinstance(before, Domain) and before == now and request.job.device == self._made.device
+
+    def _begin(self, request: Request) -> bool:
+        """Make a solver for the request; tell whether it starts where bodies are."""
+        self._close()
+        problem = request.job.problem
+        self._solver = Solver(problem, device=request.job.settings.device)
+        places = request.start
+        if places is None or not isinstance(problem.domain, Domain):
+            return False
+        asked = problem.body_indices()
+        there = places.class_index, places.size_index
+        if not all(np.array_equal(one, two) for one, two in zip(asked, there, strict=True)):
+            return False
+        chart = request.job.chart
+        assert isinstance(chart, Chart)
+        position = places.position[:, :2] - chart.origin
+        self._solver.start_at(position, angle=places.angle, length=places.length, identity=places.identity)
+        return True
+
+    def _keep(self, progress: Progress) -> bool:
+        self.progress = progress
+        return self._go_on()
+
+    def _go_on(self) -> bool:
+        """Whether nobody wants something else by now."""
+        return not self._ended and self._waiting is None
+
+    def _publish(self, outcome: Outcome) -> None:
+        with self._change:
+            if not self._ended:
+                self._outcome = outcome
+
+    def _close(self) -> None:
+        solver, self._solver, self._made = self._solver, None, None
+        if solver is not None:
+            solver.close()

@@ -1,0 +1,270 @@
+"""What objects keep off: other objects, collections, curves with a width, and what other scatters have placed, all seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+import bpy
+import numpy as np
+
+from ...engine.errors import ProblemError
+from ...engine.problem.obstacles import Obstacle
+from ...engine.problem.settings import Settings, described, setting
+from ...engine.problem.validation import show
+from ...engine.surface.triangle_mesh import TriangleMesh
+from ..densities.density_source import Known
+from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
+from ..result.node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
+from ..targets.target import is_result
+
+# Warp is not imported before something is computed.
+if TYPE_CHECKING:
+    from ...engine.surface.chart import Chart
+    from ..classes.survey import Survey
+
+__all__ = [
+    "FreePlace",
+    "ObstacleSource",
+    "ScatterObstacle",
+    "StoredObstacle",
+    "covered",
+    "obstacle_image",
+    "read_obstacles",
+]
+
+# Cells along the longer side of the rectangle that obstacles are drawn into.
+CELLS = 2048
+KEY = "`obstacles`"
+
+
+@described
+@dataclass(frozen=True, eq=False)
+class ScatterObstacle(Settings):
+    """Something that objects keep off, seen from above.
+
+    Faces cover the ground below and above them. Edges without faces, as curves have, and single points do so as far as ``width`` says.
+    Of the result of another scatter, every object counts with its outline as it stands there.
+    """
+
+    source: bpy.types.Object | bpy.types.Collection | Sequence[bpy.types.Object | bpy.types.Collection] = field(
+        metadata=setting("What it is", more="An object, a collection, or a list of them", check=check_shapes)
+    )
+    width: float = field(
+        default=0.0,
+        metadata=setting(
+            "Width given to curves, and to other edges without faces", unit="m", low=0.0, soft_high=100.0, label="Width"
+        ),
+    )
+    margin: float = field(
+        default=0.0,
+        metadata=setting(
+            "Distance that objects keep from its edge",
+            more="Their whole footprints where overlap is avoided, their middles elsewhere",
+            unit="m",
+            low=0.0,
+            soft_high=100.0,
+            label="Margin",
+        ),
+    )
+
+    def _key(self, name: str) -> str:
+        return f"`{name}` of an obstacle"
+
+
+@dataclass(frozen=True)
+class FreePlace:
+    """A disc that objects keep off, where one was removed by hand.
+
+    Attributes:
+        x: Its middle in the world [m].
+        y: Likewise.
+        radius: How far objects keep off it [m], as from a :class:`ScatterObstacle`.
+    """
+
+    x: float
+    y: float
+    radius: float
+
+
+ObstacleSource: TypeAlias = ScatterObstacle | FreePlace | bpy.types.Object | bpy.types.Collection
+
+
+@dataclass(frozen=True, eq=False)
+class _Stood:
+    """What another scatter has placed.
+
+    Attributes:
+        position: In the world's x and y [m], shape ``[n, 2]``.
+        turn: About the vertical [rad], shape ``[n]``.
+        scale: Shape ``[n]``.
+        variant: Which of the meshes, shape ``[n]``.
+        meshes: What is placed, at scale 1; None where it has no faces.
+    """
+
+    position: np.ndarray
+    turn: np.ndarray
+    scale: np.ndarray
+    variant: np.ndarray
+    meshes: tuple[TriangleMesh | None, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredObstacle:
+    """An obstacle as it was when it was read: what any thread may look at.
+
+    Attributes:
+        triangle: Faces, edges and points in the world's x and y [m], shape ``[t, 3, 2]``.
+        stood: What other scatters have placed.
+        reach: How far it reaches beyond these [m].
+    """
+
+    triangle: np.ndarray
+    stood: tuple[_Stood, ...]
+    reach: float
+
+
+def read_obstacles(obstacles: object, known: Known, without: Sequence[bpy.types.Object] = ()) -> list[StoredObstacle]:
+    """Read obstacles as they stand. Only the main thread may call this.
+
+    Args:
+        obstacles: A list of :class:`ScatterObstacle`, objects and collections.
+        known: What was read already; gets what is read now.
+        without: Objects that are no obstacles although a collection holds them.
+
+    Raises:
+        ProblemError: Something else, or what has been removed from the file.
+    """
+    if not isinstance(obstacles, Sequence) or isinstance(obstacles, str):
+        raise ProblemError(f"{KEY} must be a list of ScatterObstacle, objects and collections; got {show(obstacles)}")
+    return [_read(entry, known, {item.session_uid for item in without}) for entry in obstacles]
+
+
+def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
+    if isinstance(entry, bpy.types.Object | bpy.types.Collection):
+        entry = ScatterObstacle(entry)
+    if isinstance(entry, FreePlace):
+        return StoredObstacle(np.full((1, 3, 2), (entry.x, entry.y), np.float64), (), entry.radius)
+    if not isinstance(entry, ScatterObstacle):
+        raise ProblemError(
+            f"{KEY} must be a list of ScatterObstacle, objects and collections; got {show(entry)} among them"
+        )
+    triangles, stood = [np.empty((0, 3, 2))], []
+    for item in shape_objects(entry.source, KEY):
+        if item.session_uid in without:
+            continue
+        if is_result(item):
+            stood.append(_read_result(item))
+        else:
+            triangles.append(read_shapes(item, KEY, known).triangle)
+    return StoredObstacle(np.concatenate(triangles), tuple(stood), 0.5 * entry.width + entry.margin)
+
+
+def _read_result(item: bpy.types.Object) -> _Stood:
+    from ..classes.object_outline import read_source
+
+    mesh = item.data
+    count = len(mesh.vertices)
+    position, rotation, scale = (
+        np.empty((count, 3), np.float32),
+        np.empty((count, 4), np.float32),
+        np.empty((count, 3), np.float32),
+    )
+    variant = np.empty(count, np.int32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    mesh.attributes[ROTATION].data.foreach_get("value", rotation.ravel())
+    mesh.attributes[SCALE].data.foreach_get("vector", scale.ravel())
+    mesh.attributes[INSTANCE_INDEX].data.foreach_get("value", variant)
+    world = np.array(item.matrix_world)
+    w, x, y, z = rotation.T.astype(np.float64)
+    # Where the object's x axis points, seen from above.
+    turn = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group is not None]
+    shown = placed_objects(groups[0]) if groups else []
+    meshes = []
+    for source in shown:
+        try:
+            meshes.append(None if source is None else read_source(source, bpy.context, KEY))
+        except ProblemError:
+            meshes.append(None)
+    place = (position @ world[:3, :3].T + world[:3, 3])[:, :2]
+    return _Stood(place.astype(np.float64), turn, scale[:, 0].astype(np.float64), variant, tuple(meshes))
+
+
+def obstacle_image(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> Obstacle | None:
+    """Draw obstacles into the rectangle of a chart; touches nothing of Blender.
+
+    Args:
+        obstacles: What was read.
+        chart: Of the target.
+        survey: Knows outlines.
+
+    Returns:
+        One obstacle for all of them; None where none of them lies over the rectangle.
+    """
+    cell = float(max(chart.size)) / CELLS
+    shape = int(max(1, round(float(chart.size[1]) / cell))), int(max(1, round(float(chart.size[0]) / cell)))
+    image = np.zeros(shape, bool)
+    for obstacle in obstacles:
+        triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
+        if not len(triangle):
+            continue
+        # What is thinner than a cell is as wide as one.
+        _draw(image, triangle - chart.origin, max(obstacle.reach, 0.5 * cell), chart.size)
+    return Obstacle(image=image) if image.any() else None
+
+
+def covered(obstacles: Sequence[StoredObstacle], position: np.ndarray, survey: Survey) -> np.ndarray:
+    """Return which points in the world ``[n, 3]`` obstacles cover, seen from above; touches nothing of Blender."""
+    from ...engine.surface.shapes_from_above import FlatShapes
+
+    found = np.zeros(len(position), bool)
+    for obstacle in obstacles:
+        triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
+        if len(triangle):
+            reach = max(obstacle.reach, 1e-6 * float(np.ptp(triangle, axis=(0, 1)).max()))
+            found |= FlatShapes(triangle).distance(position, 1.01 * reach) <= reach
+    return found
+
+
+def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:
+    """Return the outlines of what stands, as triangles, shape ``[t, 3, 2]``."""
+    found = [np.empty((0, 3, 2))]
+    for number, mesh in enumerate(stood.meshes):
+        own = np.flatnonzero(stood.variant == number)
+        if mesh is None or not len(own):
+            continue
+        try:
+            corners = np.array(survey.outline(mesh, KEY).corners)
+        except ProblemError:  # it covers no ground
+            continue
+        c, s = np.cos(stood.turn[own]), np.sin(stood.turn[own])
+        turned = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+        placed = stood.position[own][:, None] + stood.scale[own][:, None, None] * np.einsum(
+            "nij,kj->nki", turned, corners
+        )
+        # They are convex.
+        fan = np.stack([np.broadcast_to(placed[:, :1], placed[:, 1:-1].shape), placed[:, 1:-1], placed[:, 2:]], axis=2)
+        found.append(fan.reshape(-1, 3, 2))
+    return np.concatenate(found)
+
+
+def _draw(image: np.ndarray, triangle: np.ndarray, reach: float, size: np.ndarray) -> None:
+    """Set the cells of an image, row 0 at the largest y, whose middles are within ``reach`` of triangles in the rectangle [m]."""
+    from ...engine.surface.shapes_from_above import FlatShapes
+
+    rows, columns = image.shape
+    cell = size / (columns, rows)
+    low, high = triangle.min(axis=1) - reach, triangle.max(axis=1) + reach
+    seen = ((high > 0.0) & (low < size)).all(axis=1)
+    if not seen.any():
+        return
+    triangle, low, high = triangle[seen], low[seen].min(axis=0), high[seen].max(axis=0)
+    left, bottom = np.clip(np.floor(low / cell), 0, (columns, rows)).astype(int)
+    right, top = np.clip(np.ceil(high / cell), 0, (columns, rows)).astype(int)
+    x, y = (np.arange(left, right) + 0.5) * cell[0], (np.arange(bottom, top) + 0.5)[::-1] * cell[1]
+    points = np.zeros((len(y), len(x), 3))
+    points[..., 0], points[..., 1] = x, y[:, None]
+    near = FlatShapes(triangle).distance(points.reshape(-1, 3), 1.01 * reach) <= reach
+    image[rows - top : rows - bottom, left:right] |= near.reshape(len(y), len(x))

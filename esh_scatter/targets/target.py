@@ -1,0 +1,210 @@
+"""Reading meshes from Blender: every modifier applied, in world space, as triangles."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...engine.errors import ProblemError
+from ...engine.problem.validation import show
+from ...engine.surface.triangle_mesh import TriangleMesh
+from .vertex_groups import read_vertex_groups
+
+__all__ = [
+    "RESULT_TAG",
+    "RESULT_TARGET",
+    "check_exists",
+    "check_target",
+    "is_result",
+    "members_of",
+    "read_target",
+    "read_triangles",
+    "world_matrix",
+]
+
+# Custom property that marks the object, mesh and node group of a result; names mean nothing.
+RESULT_TAG = "esh_scatter"
+# And that of the object which says what it stands on.
+RESULT_TARGET = "esh_scatter_target"
+# What the points of every result have: properties alone are copied from anything to anything.
+_RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale": "FLOAT_VECTOR"}
+
+_WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
+_READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
+_DOMAINS = ("POINT", "FACE", "CORNER")
+# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
+_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
+
+
+def members_of(source: bpy.types.Object | bpy.types.Collection | None) -> list[bpy.types.Object]:
+    """Return the objects that a size instances: the source itself if it has geometry, or the variants in a collection, by name."""
+    if source is None:
+        return []
+    items = source.all_objects if isinstance(source, bpy.types.Collection) else [source]
+    return sorted((item for item in items if item.type in _INSTANCED_TYPES), key=lambda item: item.name_full)
+
+
+def check_exists(item: bpy.types.ID, key: str) -> None:
+    """Raise ProblemError if Blender has removed what ``item`` stood for."""
+    try:
+        item.name  # noqa: B018 - asking is what fails
+    except ReferenceError:
+        raise ProblemError(f"{key} must be in the file; what was given has been removed from it") from None
+
+
+def is_result(item: bpy.types.Object) -> bool:
+    """Tell whether an object is what a scatter made: marked as such, and nothing but points with the attributes of one."""
+    if not item.get(RESULT_TAG) or item.type != "MESH" or RESULT_TARGET not in item:
+        return False
+    mesh = item.data
+    if not mesh.get(RESULT_TAG) or len(mesh.edges) or len(mesh.polygons):
+        return False
+    found = {attribute.name: (attribute.data_type, attribute.domain) for attribute in mesh.attributes}
+    return all(found.get(name) == (kind, "POINT") for name, kind in _RESULT_ATTRIBUTES.items())
+
+
+def check_target(target: object, context: bpy.types.Context) -> bpy.types.Object:
+    """Return ``target``; raise ProblemError unless it is a mesh object of the view layer and no result."""
+    if not isinstance(target, bpy.types.Object):
+        raise ProblemError(f"`target` must be a mesh object; got {show(target)}")
+    check_exists(target, "`target`")
+    name = f'target "{target.name}"'
+    if target.type != "MESH":
+        raise ProblemError(f"{name} must be a mesh object; it is of type {target.type}")
+    if is_result(target):
+        raise ProblemError(f"{name} is the result of a scatter; choose the mesh that it stands on, or another one")
+    layer = context.view_layer
+    if layer is not None:
+        # What was linked since the last update is in the layer's list only after the next.
+        layer.update()
+    if layer is None or layer.objects.get(target.name) != target:
+        where = f'"{layer.name}" of scene "{context.scene.name}"' if layer else "of the scene"
+        raise ProblemError(f"{name} must be in the view layer {where}; link it to a collection that is not excluded")
+    if not target.visible_get(view_layer=layer):
+        # Hidden, it is not evaluated: it may stand where it was when it was last seen.
+        raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
+    return target
+
+
+def read_target(target: bpy.types.Object, context: bpy.types.Context, names: set[str]) -> TriangleMesh:
+    """Read the target with its modifiers, and of its vertex groups and attributes those in ``names``.
+
+    Raises:
+        ProblemError: It has no faces, positions that are not finite, or it is hidden.
+    """
+    name = f'target "{target.name}"'
+    evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
+    if not evaluated.is_evaluated:
+        raise ProblemError(f"{name} must be visible in the viewport; Blender does not evaluate it while it is hidden")
+    # While it is sculpted, what is evaluated lags behind.
+    shown = target if target.mode == "SCULPT" and not target.modifiers else evaluated
+    mesh = shown.to_mesh()
+    try:
+        if mesh is None or not len(mesh.polygons):
+            why = "its modifiers leave none" if len(target.data.polygons) else "its mesh has none"
+            if _shows_instances(target, context):
+                why = "it has instances only, which Realize Instances at the end of its geometry nodes turns into faces"
+            raise ProblemError(f"{name} must have faces; {why}")
+        read = read_triangles(mesh, np.array(evaluated.matrix_world), name)
+        _read_normals(read, mesh, evaluated.matrix_world)
+        for layer in mesh.uv_layers:
+            values = np.empty(2 * len(mesh.loops), np.float32)
+            layer.uv.foreach_get("vector", values)
+            read.uv_map[layer.name] = values.reshape(-1, 2)
+        read.active_uv_map = mesh.uv_layers.active.name if mesh.uv_layers.active else ""
+        wanted = [group.name for group in target.vertex_groups if group.name in names]
+        read.vertex_group = {group.name: np.empty(0, np.float32) for group in target.vertex_groups}
+        read.vertex_group.update(read_vertex_groups(evaluated, wanted, context))
+        _read_materials(read, mesh, evaluated)
+        for attribute in mesh.attributes:
+            _read_attribute(read, attribute, attribute.name in names)
+    finally:
+        shown.to_mesh_clear()
+    if not np.isfinite(read.position).all():
+        raise ProblemError(f"{name} must have finite vertex positions; some are NaN or infinite")
+    return read
+
+
+def _shows_instances(item: bpy.types.Object, context: bpy.types.Context) -> bool:
+    shown = context.evaluated_depsgraph_get().object_instances
+    return any(one.is_instance and one.parent is not None and one.parent.original == item for one in shown)
+
+
+def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> TriangleMesh:
+    """Read positions and triangles of ``mesh``, transformed by ``matrix`` ``[4, 4]``."""
+    # Read as attributes, which are copied as a whole; vertices and loops are asked one after the other.
+    position = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    vertex = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    corner, face = np.empty((count, 3), np.int32), np.empty(count, np.int32)
+    mesh.loop_triangles.foreach_get("loops", corner.ravel())
+    mesh.loop_triangle_polygons.foreach_get("value", face)
+    position = position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return TriangleMesh(
+        name,
+        position,
+        vertex[corner],
+        corner,
+        face,
+        np.empty((0, 3), np.float32),
+        corner_count=len(mesh.loops),
+        face_count=len(mesh.polygons),
+    )
+
+
+def world_matrix(item: bpy.types.Object, context: bpy.types.Context) -> np.ndarray:
+    """Return the object's matrix ``[4, 4]``, also where Blender does not keep it up to date (outside the view layer)."""
+    if context.view_layer.objects.get(item.name) == item:
+        evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+        if evaluated.is_evaluated:
+            return np.array(evaluated.matrix_world)
+    matrix = np.array(item.matrix_basis)
+    if item.parent is not None:
+        return world_matrix(item.parent, context) @ np.array(item.matrix_parent_inverse) @ matrix
+    return matrix
+
+
+def _read_normals(read: TriangleMesh, mesh: bpy.types.Mesh, matrix: Matrix) -> None:
+    read.corner_normal = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", read.corner_normal.ravel())
+    # Cofactors are the transposed inverse times the determinant: they need no division, and a flat scale has them too.
+    # Not by mathutils: `adjugated` of Blender 4.5 gives wrong numbers.
+    rows = np.array(matrix)[:3, :3]
+    cofactors = np.cross(rows[[1, 2, 0]], rows[[2, 0, 1]])
+    read.normal_matrix = cofactors / max(np.abs(cofactors).max(), 1e-300)
+
+
+def _read_materials(read: TriangleMesh, mesh: bpy.types.Mesh, evaluated: bpy.types.Object) -> None:
+    slots = [slot.material.name if slot.material else None for slot in evaluated.material_slots]
+    read.material = list(dict.fromkeys(name for name in slots if name is not None))
+    index = np.zeros(len(mesh.polygons), np.int32)
+    if "material_index" in mesh.attributes:
+        mesh.attributes["material_index"].data.foreach_get("value", index)
+    # Faces of a slot that is not there show the last one.
+    number = np.array([-1 if name is None else read.material.index(name) for name in slots] or [-1], np.int32)
+    read.material_of_face = number[np.clip(index, 0, len(number) - 1)]
+
+
+def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: bool) -> None:
+    if attribute.name.startswith("."):
+        return
+    width = _WIDTH.get(attribute.data_type)
+    if width is None:
+        read.unusable_attribute[attribute.name] = (
+            f"must be a number, a truth value or a colour; it is of type {attribute.data_type}"
+        )
+    elif attribute.domain not in _DOMAINS:
+        read.unusable_attribute[attribute.name] = (
+            f"must be stored on points, faces or face corners; it is stored on {attribute.domain}"
+        )
+    elif wanted:
+        values = np.empty(width * len(attribute.data), _READ_AS.get(attribute.data_type, np.float32))
+        attribute.data.foreach_get("color" if width == 4 else "value", values)
+        values = values.astype(np.float32)
+        read.attribute[attribute.name] = (attribute.domain, values.reshape(-1, 4) if width == 4 else values)
+    else:
+        read.attribute[attribute.name] = (attribute.domain, np.empty(0, np.float32))
