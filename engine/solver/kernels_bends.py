@@ -7,8 +7,6 @@ import warp as wp
 from ..space.kernels_neighbourhood import (
     LANES,
     SAFELY,
-    ContactGrid,
-    Sorted,
     bodies_of_run,
     cells_around,
     lowest_bit,
@@ -18,6 +16,7 @@ from ..space.kernels_neighbourhood import (
 from ..space.kernels_space import Space, difference
 from .kernels_descent import Bodies
 from .kernels_outlines import Outlines, wall_contact
+from .kernels_pairs import Crowd
 from .kernels_touch import touch
 
 wp.set_module_options({"enable_backward": False})
@@ -77,39 +76,35 @@ def room_beside(
 @wp.kernel
 def find_room(
     first: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
+    crowd: Crowd,
     widest: wp.array(dtype=float),
     # outputs
     room: wp.array(dtype=float),
 ):
     """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent."""
     i = first + wp.tid()
+    outlines = crowd.outlines
+    grid = crowd.neighbours.grid
     own = widest[i]
     left = own
     if own > 0.0 and outlines.lightness[i] > 0.0:
-        at = wp.vec2(place[i][0], place[i][1])
+        at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
         reach = outlines.reach[i] + own
-        if inset != 0:
+        if crowd.inset != 0:
             for side in range(4):
                 depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, at, outlines, grid.space.size)
                 left = wp.min(left, wp.max(-depth, 0.0))
         for m in range(grid.level_count):
-            around = cells_around(at, reach + grid.reach[m], m, grid)
+            around = cells_around(at, reach + grid.reach[m], m, crowd.neighbours)
             for run in range(run_count(around)):
-                members = bodies_of_run(run, around, cell_start)
+                members = bodies_of_run(run, around, crowd.neighbours)
                 for start in range(members[0], members[1], LANES):
-                    found = next_near(at, reach, SAFELY, start, members[1], near, grid.space)
+                    found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
                     while found != 0:
-                        j = near.body[start + lowest_bit(found)]
+                        j = crowd.neighbours.bodies.body[start + lowest_bit(found)]
                         found = found & (found - 1)
                         if j != i:
-                            left = room_beside(left, i, at, j, place, outlines, widest, images, grid.space)
+                            left = room_beside(left, i, at, j, crowd.place, outlines, widest, crowd.images, grid.space)
     room[i] = left
 
 
