@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_neighbourhood import (
-    LANES,
-    SAFELY,
-    bodies_of_run,
-    cells_around,
-    lowest_bit,
-    next_near,
-    run_count,
-)
-from ..space.kernels_space import Space, difference
+from ..space.kernels_neighbourhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
+from ..space.kernels_space import difference
 from .kernels_descent import Bodies
 from .kernels_outlines import Outlines, wall_contact
 from .kernels_pairs import Crowd
@@ -42,25 +34,17 @@ def find_bends(
 
 
 @wp.func
-def room_beside(
-    before: float,
-    i: int,
-    at: wp.vec2,
-    j: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    widest: wp.array(dtype=float),
-    images: wp.vec2i,
-    space: Space,
-):
+def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest: wp.array(dtype=float)):
     """What there was before, or less: what body j and its images leave to body i of the ground between the two."""
+    outlines = crowd.outlines
+    space = crowd.neighbours.grid.space
     room = before
     own = widest[i]
     other = widest[j]
-    short = difference(at, wp.vec2(place[j][0], place[j][1]), space)
+    short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j] + own + other
-    for y in range(-images[1], images[1] + 1):
-        for x in range(-images[0], images[0] + 1):
+    for y in range(-crowd.images[1], crowd.images[1] + 1):
+        for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within:
                 contact = touch(i, j, d, outlines, own + other, 0)
@@ -70,6 +54,35 @@ def room_beside(
                     room = wp.min(room, wp.max(gap - other, 0.0))
                 else:
                     room = wp.min(room, gap * own / (own + other))
+    return room
+
+
+@wp.func
+def room_among(
+    before: float, i: int, at: wp.vec2, reach: float, members: wp.vec2i, crowd: Crowd, widest: wp.array(dtype=float)
+):
+    """What there was before, or less: what bodies that lie in one run of cells leave to body i."""
+    room = before
+    for start in range(members[0], members[1], LANES):
+        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
+        while found != 0:
+            j = crowd.neighbours.bodies.body[start + lowest_bit(found)]
+            found = found & (found - 1)
+            if j != i:
+                room = room_beside(room, i, at, j, crowd, widest)
+    return room
+
+
+@wp.func
+def room_inside(before: float, i: int, at: wp.vec2, crowd: Crowd):
+    """What there was before, or less: what the edges of the domain leave to body i."""
+    room = before
+    outlines = crowd.outlines
+    for side in range(4):
+        depth, _n, _lever = wall_contact(
+            i, outlines.first_corner[i], side, at, outlines, crowd.neighbours.grid.space.size
+        )
+        room = wp.min(room, wp.max(-depth, 0.0))
     return room
 
 
@@ -83,28 +96,19 @@ def find_room(
 ):
     """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent."""
     i = first + wp.tid()
-    outlines = crowd.outlines
-    grid = crowd.neighbours.grid
     own = widest[i]
     left = own
-    if own > 0.0 and outlines.lightness[i] > 0.0:
+    if own > 0.0 and crowd.outlines.lightness[i] > 0.0:
         at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
-        reach = outlines.reach[i] + own
+        reach = crowd.outlines.reach[i] + own
         if crowd.inset != 0:
-            for side in range(4):
-                depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, at, outlines, grid.space.size)
-                left = wp.min(left, wp.max(-depth, 0.0))
+            left = room_inside(left, i, at, crowd)
+        grid = crowd.neighbours.grid
         for m in range(grid.level_count):
             around = cells_around(at, reach + grid.reach[m], m, crowd.neighbours)
             for run in range(run_count(around)):
                 members = bodies_of_run(run, around, crowd.neighbours)
-                for start in range(members[0], members[1], LANES):
-                    found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
-                    while found != 0:
-                        j = crowd.neighbours.bodies.body[start + lowest_bit(found)]
-                        found = found & (found - 1)
-                        if j != i:
-                            left = room_beside(left, i, at, j, crowd.place, outlines, widest, crowd.images, grid.space)
+                left = room_among(left, i, at, reach, members, crowd, widest)
     room[i] = left
 
 
