@@ -54,7 +54,7 @@ def supports_of(
     of_body = np.zeros(len(class_index), np.int32)
     radius = _radii(problem, class_index, size_index, area, footprints)
     largest = [float(radius[class_index == c].max(initial=0.0)) for c in range(len(problem.classes))]
-    shapes = [c.density_image.shape[:2] for c in problem.classes]
+    shapes = [(c.density_image.shape[0], c.density_image.shape[1]) for c in problem.classes]
     free_space: dict[tuple[int, int], np.ndarray] = {}
     for c, body_class in enumerate(problem.classes):
         image = body_class.density_image
