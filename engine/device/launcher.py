@@ -191,6 +191,10 @@ class Launcher:
         """An array for kernels, whose elements are still to be written."""
         return self._array(shape, dtype, np.empty, wp.empty)
 
+    def array(self, values: np.ndarray, dtype: type) -> wp.array:
+        """An array for kernels to read: on the CPU ``values`` themselves where they are of that type, which nobody may change then."""
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=self.device.is_cuda)
+
     def zeros(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
         """An array of zeros for kernels."""
         return self._array(shape, dtype, np.zeros, wp.zeros)

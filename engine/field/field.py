@@ -117,8 +117,8 @@ class Field:
         self.node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._charge = wp.array(charge, dtype=float, device=device)
-        self._charge_group = wp.array(charge_group, dtype=wp.int32, device=device)
+        self._charge = launcher.array(charge, float)
+        self._charge_group = launcher.array(charge_group, wp.int32)
         self._choose_cells()
         self._make_room()
         self._lay_images(images, interaction @ charge_of_image)

@@ -77,8 +77,8 @@ def product_influence(convolution: Convolution, along_y: np.ndarray, along_x: np
     """Influence function that is the product of one along y, shape ``[padded rows // 2 + 1]``, and one along x."""
     launcher = convolution.launcher
     waves = _waves(convolution, along_y, along_x)
-    influence = wp.full(convolution.influence_size, 1.0, dtype=float, device=launcher.device)
-    launcher.launch(kernels_influence.multiply_window, waves.count_x * waves.count_y, [waves], [influence])
+    influence = launcher.zeros(convolution.influence_size, float)
+    launcher.launch(kernels_influence.product_of_windows, waves.count_x * waves.count_y, [waves], [influence])
     return influence
 
 

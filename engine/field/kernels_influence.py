@@ -121,6 +121,17 @@ def multiply_window(
 
 
 @wp.kernel
+def product_of_windows(
+    first: int,
+    waves: Waves,
+    # outputs
+    influence: wp.array(dtype=float),
+):
+    row, column, index = wave_at(first + wp.tid(), waves)
+    influence[index] = float(waves.window_x[column] * waves.window_y[row])
+
+
+@wp.kernel
 def sample_far_part(
     first: int,
     columns: int,

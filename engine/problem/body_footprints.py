@@ -68,6 +68,8 @@ class BodyFootprints:
     @property
     def scale(self) -> np.ndarray:
         """Factor on the outline that a body was given, shape ``[n]``, float64; 1 where it was given none."""
+        if not self.is_outline.any():
+            return np.ones(len(self.factor))
         return np.where(self.is_outline, self.factor, 1.0)
 
     def with_outlines(self, variant: np.ndarray, scale: np.ndarray) -> BodyFootprints:

@@ -75,11 +75,10 @@ class Coverage:
             # What wraps is as long as its transform.
             rows, columns = (good_length(n, power_of_two=self.launcher.device.is_cuda) for n in (rows, columns))
         self.shape = (rows, columns)
-        device = self.launcher.device
         mean = float(charge.mean())
         self._unit = mean / kernels_coverage.CLOUD_SCALE
-        self._charge = wp.array((charge / mean).astype(np.float32), dtype=float, device=device)
-        self._class = wp.array(class_index, dtype=wp.int32, device=device)
+        self._charge = self.launcher.array((charge / mean).astype(np.float32), float)
+        self._class = self.launcher.array(class_index, wp.int32)
         self._shared: tuple[np.ndarray, wp.array] | None = None
         # One grid for all classes in turn: there may be many of them.
         self._grid = self.launcher.empty(rows * columns, wp.int64)

@@ -56,4 +56,4 @@ def measured_bodies(
     if angle is not None and length is not None:
         pose[:, 2] = angle
         pose[:, 3] = length / unit
-    return MeasuredBodies(launcher, domain, unit, wp.array(pose, dtype=wp.vec4, device=launcher.device))
+    return MeasuredBodies(launcher, domain, unit, launcher.array(pose, wp.vec4))

@@ -216,14 +216,14 @@ def _laid_out(
     device, n = launcher.device, len(position)
 
     def numbers(values: np.ndarray) -> wp.array:
-        return wp.array(np.ascontiguousarray(values, np.float64), dtype=wp.float64, device=device)
+        return launcher.array(values, wp.float64)
 
     outlines = footprints.shapes
     cores = [*(outline.corners for outline in outlines), np.array([[-1.0, 0.0], [1.0, 0.0]])]
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
     shape = np.where(footprints.shape == CAPSULE, len(outlines), footprints.shape).astype(np.int32)
     given = kernels_overlaps.Given()
-    given.shape = wp.array(shape, dtype=wp.int32, device=device)
+    given.shape = launcher.array(shape, wp.int32)
     given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)
     given.width, given.smaller = numbers(width), numbers(smaller)
     given.start = wp.array(start, dtype=wp.int32, device=device)
@@ -234,21 +234,21 @@ def _laid_out(
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
-    given.slope = wp.array(slope, dtype=wp.vec2d, device=device)
+    given.slope = launcher.array(slope, wp.vec2d)
     pieces = np.zeros(n, np.int32)
     pieces[bent.body] = np.diff(bent.start) - 1
     first = np.zeros(n + 1, np.int32)
     np.cumsum(np.where(pieces > 0, 2 * pieces, np.diff(start)[shape]), out=first[1:])
     shapes = kernels_overlaps.Shapes()
-    shapes.position = wp.array(np.ascontiguousarray(position, np.float64), dtype=wp.vec2d, device=device)
-    shapes.first_corner = wp.array(first, dtype=wp.int32, device=device)
+    shapes.position = launcher.array(position, wp.vec2d)
+    shapes.first_corner = launcher.array(first, wp.int32)
     shapes.corner = launcher.empty(int(first[-1]), wp.vec4d)
     shapes.rounding, shapes.reach, shapes.width = (launcher.empty(n, wp.float64) for _ in range(3))
-    shapes.pieces = wp.array(pieces, dtype=wp.int32, device=device)
+    shapes.pieces = launcher.array(pieces, wp.int32)
     launcher.launch(kernels_overlaps.lay_out, n, [given], [shapes])
     if len(bent.body):
-        lines = [wp.array(values, dtype=wp.int32, device=device) for values in (bent.body, bent.start)]
-        points = wp.array(bent.point, dtype=wp.vec2d, device=device)
+        lines = [launcher.array(values, wp.int32) for values in (bent.body, bent.start)]
+        points = launcher.array(bent.point, wp.vec2d)
         launcher.launch(kernels_overlaps.lay_out_bent, len(bent.body), [*lines, points, given.smaller], [shapes])
     return shapes
 

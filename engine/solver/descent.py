@@ -69,7 +69,7 @@ class Descent:
         device = launcher.device
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
-        self.bodies = bodies_for_kernels(model, device)
+        self.bodies = bodies_for_kernels(model, launcher)
         self.has_dots = bool((model.body.kind < 0).any())
         self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
         self._forces = Forces(model, launcher, targets=targets, fewest_nodes=fewest_nodes)
@@ -250,15 +250,16 @@ def residual_below(tolerance: float, direction: wp.array, body_count: int) -> Un
     return Until(direction, 3, tolerance**2 * body_count * (1.0 + 1e-5))
 
 
-def bodies_for_kernels(model: Model, device: wp.Device) -> kernels_descent.Bodies:
+def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodies:
     """The bodies as kernels take them."""
     table, charge = model.body, model.charge
     bodies = kernels_descent.Bodies()
-    bodies.support = wp.array(table.support, dtype=wp.int32, device=device)
-    bodies.group = wp.array(table.group, dtype=wp.int32, device=device)
-    bodies.line = wp.array(table.kind, dtype=wp.int32, device=device)
-    bodies.flags = wp.array(table.flags, dtype=wp.int32, device=device)
-    bodies.first_charge = wp.array(charge.first, dtype=wp.int32, device=device)
-    bodies.axial = wp.array(charge.axial, dtype=float, device=device)
-    bodies.charge = wp.array(charge.charge, dtype=float, device=device)
+    bodies.support = launcher.array(table.support, wp.int32)
+    bodies.group = launcher.array(table.group, wp.int32)
+    bodies.line = launcher.array(table.kind, wp.int32)
+    # These may be said anew.
+    bodies.flags = wp.array(table.flags, dtype=wp.int32, device=launcher.device)
+    bodies.first_charge = launcher.array(charge.first, wp.int32)
+    bodies.axial = launcher.array(charge.axial, float)
+    bodies.charge = launcher.array(charge.charge, float)
     return bodies

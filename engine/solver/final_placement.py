@@ -20,7 +20,7 @@ def placement_of(model: Model, state: State) -> Placement:
     """The bodies of a state, less the ghosts; the report is still to be measured."""
     body = model.body
     position = _settled(model, position_in_metres(model, state))
-    angle, length, width = np.zeros((3, len(position)))
+    angle, length, width = (np.zeros(len(position)) for _ in range(3))
     given = model.footprints.is_outline
     if given.any():
         angle[given] = _within(state.turn.numpy()[given].astype(np.float64), 2.0 * math.pi)
@@ -40,23 +40,28 @@ def placement_of(model: Model, state: State) -> Placement:
     bends = _bends(model, state, position)
     ghosts = (body.flags & BodyFlags.GHOST) != 0
 
+    has_ghosts = bool(ghosts.any())
+
+    def made(values: np.ndarray) -> np.ndarray:
+        return values[~ghosts] if has_ghosts else values
+
     def shown(values: np.ndarray) -> np.ndarray:
         # A copy in any case: the model goes on.
-        return values[~ghosts] if ghosts.any() else values.copy()
+        return made(values) if has_ghosts else values.copy()
 
     return Placement(
         model.problem,
-        shown(position),
+        made(position),
         shown(body.class_index),
         shown(body.size_index),
-        shown(angle),
-        shown(length),
-        shown(width),
-        bends=None if bends is None else shown(bends),
-        id=shown(body.identity).astype(np.int64),
+        made(angle),
+        made(length),
+        made(width),
+        bends=None if bends is None else made(bends),
+        id=made(body.identity).astype(np.int64),
         fixed=shown(model.fixed),
         variant=shown(model.footprints.variant),
-        scale=shown(model.footprints.scale),
+        scale=made(model.footprints.scale),
     )
 
 

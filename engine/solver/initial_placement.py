@@ -43,7 +43,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
     """
     device = launcher.device
     problem = model.problem
-    count, of_bodies, seed = body_starts(model, device)
+    count, of_bodies, seed = body_starts(model, launcher)
     domain = wp.vec2(*model.size)
     pose = launcher.empty(model.body_count, wp.vec4)
     pyramids: dict[tuple[int, int], wp.array] = {}
@@ -71,7 +71,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
     return pose
 
 
-def body_starts(model: Model, device: wp.Device) -> tuple[np.ndarray, list[wp.array], int]:
+def body_starts(model: Model, launcher: Launcher) -> tuple[np.ndarray, list[wp.array], int]:
     """What is random about a start.
 
     Returns:
@@ -85,12 +85,12 @@ def body_starts(model: Model, device: wp.Device) -> tuple[np.ndarray, list[wp.ar
     seed = int(rng.integers(1 << 31))
     shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
     of_bodies = [
-        wp.array(model.body.support, dtype=wp.int32, device=device),
-        wp.array(group, dtype=wp.int32, device=device),
-        wp.array(_ranks(group, count, ~model.fixed), dtype=wp.int32, device=device),
-        wp.array(model.body.identity, dtype=wp.int32, device=device),
-        wp.array(np.maximum(count, 1), dtype=wp.int32, device=device),
-        wp.array(shift, dtype=wp.float64, device=device),
+        launcher.array(model.body.support, wp.int32),
+        launcher.array(group, wp.int32),
+        launcher.array(_ranks(group, count, ~model.fixed), wp.int32),
+        launcher.array(model.body.identity, wp.int32),
+        launcher.array(np.maximum(count, 1), wp.int32),
+        launcher.array(shift, wp.float64),
     ]
     return count, of_bodies, seed
 
@@ -110,7 +110,9 @@ def _ranks(body_group: np.ndarray, count: np.ndarray, counted: np.ndarray) -> np
     """Number of every body among those of its group that are ``counted``; 0 for all others."""
     bodies = np.flatnonzero(counted)
     first = np.concatenate([[0], np.cumsum(count)])
-    by_group = bodies[np.argsort(body_group[bodies], kind="stable")]
+    # NumPy sorts short integers by radix: of 1,000,000 bodies in a few milliseconds.
+    group = body_group[bodies].astype(np.int16 if len(count) < 1 << 15 else np.int32)
+    by_group = bodies[np.argsort(group, kind="stable")]
     rank = np.zeros(len(body_group), dtype=np.int32)
     rank[by_group] = np.arange(len(bodies)) - first[body_group[by_group]]
     return rank

@@ -10,25 +10,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
-from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
 from ..space.neighbourhood import Neighbourhood
-from . import kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
+from .footprint_tables import FootprintTables, footprint_tables, numbered
 from .guidance import Guidance
 from .model import Model
 from .spatial_order import spatial_order
 
-__all__ = ["Separation", "footprint_tables"]
+__all__ = ["Separation"]
 
 # Depth of an overlap that counts, and how far apart outlines are put, in widths of the narrower one.
 TOLERANCE = 1e-3
@@ -111,105 +110,6 @@ MOST_PAIRS = 20_000_000
 MOST_IMAGES = 8
 # Room for more pairs than there are, so that arrays are not made anew whenever there are a few more.
 SPARE = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class FootprintTables:
-    """Outlines as contact takes them; lengths in metres, arrays of shape ``[n]`` unless said otherwise.
-
-    Attributes:
-        corners: Corners of every shape, one after the other, with the outward normals of their edges, shape ``[m, 4]``.
-        start: Where those of a shape begin, and at the end their number, shape ``[shapes + 1]``.
-        shape: Which shape a body has.
-        factor: How many times as large its core is.
-        rounding: Radius around its core.
-        reach: Distance of its farthest point from its position.
-        width: Its smallest width.
-        area: Its area.
-        inertia: Integral of the squared distance from its position over its inside [m⁴].
-    """
-
-    corners: np.ndarray
-    start: np.ndarray
-    shape: np.ndarray
-    factor: np.ndarray
-    rounding: np.ndarray
-    reach: np.ndarray
-    width: np.ndarray
-    area: np.ndarray
-    inertia: np.ndarray
-
-
-def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.ndarray) -> FootprintTables:
-    """Outlines with the room that they keep for themselves.
-
-    Args:
-        footprints: The outlines.
-        length: Length of every line's axis [m].
-        width: Thickness of every line [m].
-    """
-    is_line = footprints.shape == CAPSULE
-    own_shape, own_room = footprints.shape[~is_line], footprints.room[~is_line]
-    kind = _numbered(own_shape, _ranked(own_room))
-    # One body of each kind.
-    example = np.zeros(int(kind.max(initial=-1)) + 1, np.int64)
-    example[kind] = np.arange(len(kind))
-    outlines = [footprints.shapes[int(own_shape[body])].with_room(float(own_room[body])) for body in example]
-    cores = [outline.corners for outline in outlines]
-    # The axis of a line, of half length 1.
-    cores.append(np.array([[-1.0, 0.0], [1.0, 0.0]]))
-    capsule = len(cores) - 1
-    start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    shape = np.full(len(is_line), capsule, np.int32)
-    shape[~is_line] = kind
-    room, around = footprints.room, 0.5 * footprints.gap
-    half = 0.5 * length * room
-    factor = np.where(is_line, half, footprints.factor)
-    own = [(o.rounding, o.width, o.circumradius - o.rounding, o.moment / o.area) for o in outlines]
-    rounding, narrow, reach, square = np.array([*own, (0.0, 0.0, 1.0, 0.0)]).T[:, shape]
-    rounding = np.where(is_line, 0.5 * width * room, rounding * factor) + around
-    area = footprints.areas(length, width, apart=True)
-    # Of a capsule, as of a rod of its length; the room around others makes them a little larger.
-    inertia = np.where(is_line, (half + rounding) ** 2 / 3.0, square * factor**2 + around**2) * area
-    return FootprintTables(
-        np.concatenate([np.hstack([core, _normals(core)]) for core in cores]),
-        start,
-        shape,
-        factor,
-        rounding,
-        np.where(is_line, half, reach * factor) + rounding,
-        np.where(is_line, 2.0 * rounding, narrow * factor + 2.0 * around),
-        area,
-        inertia,
-    )
-
-
-def _normals(core: np.ndarray) -> np.ndarray:
-    if len(core) == 1:
-        return np.zeros((1, 2))
-    edge = np.roll(core, -1, axis=0) - core
-    return np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(*edge.T)[:, None]
-
-
-def _ranked(values: np.ndarray) -> np.ndarray:
-    """Which of the different values that there are, from the smallest one on, every one is, shape ``[n]``."""
-    if not len(values) or (values == values[0]).all():
-        # As a rule: there is nothing to sort.
-        return np.zeros(len(values), np.int64)
-    return np.unique(values, return_inverse=True)[1].ravel()
-
-
-def _numbered(*keys: np.ndarray) -> np.ndarray:
-    """Number of every combination of whole numbers among the different ones that there are, in their order, shape ``[n]``."""
-    number = np.zeros(len(keys[0]), np.int64)
-    for key in keys if len(number) else ():
-        low, high = int(key.min()), int(key.max())
-        number = number * (high - low + 1) + (key - low)
-        # After every key only as many as there are, so that the numbers stay small.
-        there = np.zeros(int(number.max()) + 1, bool)
-        there[number] = True
-        number = (np.cumsum(there) - 1)[number]
-    return number
 
 
 class Separation:
@@ -311,10 +211,10 @@ class Separation:
         device, unit = self.launcher.device, self._model.unit
 
         def numbers(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.float32)[order], dtype=float, device=device)
+            return self.launcher.array(values.astype(np.float32)[order], float)
 
         def whole(values: np.ndarray) -> wp.array:
-            return wp.array(values.astype(np.int32), dtype=wp.int32, device=device)
+            return self.launcher.array(values.astype(np.int32), wp.int32)
 
         corners = np.diff(tables.start)[tables.shape][order]
         first = np.concatenate([[0], np.cumsum(corners)])
@@ -346,7 +246,7 @@ class Separation:
             self._may_swap = np.zeros(self._count, bool)
         else:
             step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
-            bin_of = _numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
+            bin_of = numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
             count = int(bin_of.max()) + 1
             useful = np.zeros(count, bool)
             useful[bin_of[(may & ~is_round)[self._order]]] = True
@@ -402,8 +302,38 @@ class Separation:
             self._moves.home.assign(self._start)
             parted = self._try(go_on, hot=True)
         self._write_back()
+        if self._model.may_bend.any():
+            self._straighten()
         self._forget()
         return bool(parted)
+
+    def _straighten(self) -> None:
+        """Let lines bend no farther than there is room: they were parted as if they were straight."""
+        launcher, n = self.launcher, self._count
+        self._turn_corners()
+        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
+        launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
+        # Bodies as they lie in space; those that are bent are looked for as far as they reach.
+        reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
+        near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        near.sort(self._place)
+        launcher.launch(
+            kernels_bends.find_room,
+            n,
+            [
+                self._place,
+                self._outlines,
+                near.near,
+                near.cell_start,
+                near.grid,
+                self._image_range,
+                self._inset,
+                widest,
+            ],
+            [room],
+            grain=GRAIN_OF_NEIGHBOURS,
+        )
+        launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:
         """Let go of what was recorded, where there is something."""

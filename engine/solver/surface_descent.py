@@ -70,7 +70,7 @@ class SurfaceDescent:
         assert isinstance(surface, Surface)
         self.facets = Facets(surface, model.unit, *joined_parts(launcher, surface, model.unit))
         share = self._cut_by_detail()
-        self.bodies = bodies_for_kernels(model, device)
+        self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels(device)
         asked = started = share
         fixed = None
@@ -307,7 +307,7 @@ class SurfaceDescent:
     def _first_state(self, share: np.ndarray) -> SurfaceState:
         model, launcher, device = self.model, self.launcher, self.launcher.device
         n = model.body_count
-        _, (_, group, rank, identity, count, shift), seed = body_starts(model, device)
+        _, (_, group, rank, identity, count, shift), seed = body_starts(model, launcher)
         facet, weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
         running = np.cumsum(share, axis=1)
         launcher.launch(

@@ -65,9 +65,9 @@ class Neighbourhood:
         grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
         grid.space = space.for_kernels()
         footprints = kernels_neighbourhood.Footprints()
-        footprints.level = wp.array(level, dtype=wp.int32, device=device)
-        footprints.radius = wp.array(radius, dtype=float, device=device)
-        footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
+        footprints.level = launcher.array(level, wp.int32)
+        footprints.radius = launcher.array(radius, float)
+        footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))

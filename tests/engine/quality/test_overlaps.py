@@ -18,6 +18,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, overlap_count, overlaps_of
 from esh.engine.solve import solve
+from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
@@ -203,13 +204,28 @@ def test_lines_that_bend_count_as_they_are_bent(launcher, boundary, seed):
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])
-def test_the_report_of_a_run_counts_lines_as_they_are_bent(boundary):
+def test_lines_bend_as_far_as_there_is_room(boundary):
+    """Parted as if they were straight they would overlap as they are bent: in 60 pairs."""
     line = Line(2.0, "none", width=0.25, charges=5, straightness=0.02, turn_weights=(0.4, 0.0))
     image = np.ones((8, 8))
     image[::2] = 0.3
     sizes = [Size("bent", 0.5, 90, line=line), Size("disc", 0.3, 60)]
-    problem = Problem(Domain((14.0, 12.0), boundary), [BodyClass("a", sizes, image)], seed=3, avoid_overlap=True)
-    placement = solve(problem, device="cpu", max_steps=40)
-    expected = overlapping_ribbons(placement)
-    assert placement.report.overlaps == len(expected)
-    assert not (expected and placement.report.converged)
+    crowd = Problem(Domain((14.0, 12.0), boundary), [BodyClass("a", sizes, image)], seed=3, avoid_overlap=True)
+    placement = solve(crowd, device="cpu", max_steps=40)
+    assert placement.report.overlaps == len(overlapping_ribbons(placement)) == 0
+    assert placement.bends is not None and np.isfinite(placement.bends[:90]).all()
+    # Where nobody is near they stay as they are.
+    few = [Size("bent", 0.5, 12, line=line)]
+    bends = []
+    for avoid in (False, True):
+        domain = Domain((14.0, 12.0), boundary)
+        made = Problem(domain, [BodyClass("a", few, image)], seed=3, avoid_overlap=avoid)
+        with Solver(made, device="cpu") as solver:
+            solver.run(40)
+            before = solver.state.bend.numpy().copy()
+            solver.separate()
+            bends.append((np.abs(before).max(), np.abs(solver.state.bend.numpy()).max()))
+        placement = solve(made, device="cpu", max_steps=40)
+        assert not avoid or placement.report.overlaps == len(overlapping_ribbons(placement)) == 0
+    assert bends[0][0] == bends[0][1]
+    assert 0.02 < bends[1][1] <= bends[1][0]

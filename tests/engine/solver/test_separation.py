@@ -14,7 +14,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
-from esh.engine.solver.separation import _numbered, _ranked
+from esh.engine.solver.footprint_tables import numbered, ranked
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -360,5 +360,5 @@ def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(diffe
     other = rng.integers(-100_000, 100_000, different)[rng.integers(0, different, 500)]
     rows = np.stack([number, room, other], axis=1)
     expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
-    np.testing.assert_array_equal(_numbered(number, _ranked(room), other), expected)
-    assert len(_numbered(number[:0], _ranked(room[:0]))) == 0
+    np.testing.assert_array_equal(numbered(number, ranked(room), other), expected)
+    assert len(numbered(number[:0], ranked(room[:0]))) == 0

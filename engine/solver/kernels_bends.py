@@ -1,0 +1,131 @@
+"""Kernels for lines that bend: how far there is room to, and what is left of their bends."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..space.kernels_neighbourhood import (
+    LANES,
+    SAFELY,
+    ContactGrid,
+    Sorted,
+    bodies_of_run,
+    cells_around,
+    lowest_bit,
+    next_near,
+    run_count,
+)
+from ..space.kernels_space import Space, difference
+from .kernels_descent import Bodies
+from .kernels_outlines import Outlines, wall_contact
+from .kernels_touch import touch
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def find_bends(
+    first: int,
+    outlines: Outlines,
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    # outputs
+    widest: wp.array(dtype=float),
+):
+    """How far every body reaches beside its axis."""
+    i = first + wp.tid()
+    body = outlines.body[i]
+    most = float(0.0)
+    if bodies.line[body] >= 0:
+        for j in range(bodies.first_charge[body], bodies.first_charge[body + 1]):
+            most = wp.max(most, wp.abs(bend[j]))
+    widest[i] = most
+
+
+@wp.func
+def room_beside(
+    before: float,
+    i: int,
+    at: wp.vec2,
+    j: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    widest: wp.array(dtype=float),
+    images: wp.vec2i,
+    space: Space,
+):
+    """What there was before, or less: what body j and its images leave to body i of the ground between the two."""
+    room = before
+    own = widest[i]
+    other = widest[j]
+    short = difference(at, wp.vec2(place[j][0], place[j][1]), space)
+    within = outlines.reach[i] + outlines.reach[j] + own + other
+    for y in range(-images[1], images[1] + 1):
+        for x in range(-images[0], images[0] + 1):
+            d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
+            if wp.length_sq(d) < within * within:
+                contact = touch(i, j, d, outlines, own + other, 0)
+                gap = wp.max(contact.distance, 0.0)
+                if outlines.lightness[j] == 0.0:
+                    # It stays as it is.
+                    room = wp.min(room, wp.max(gap - other, 0.0))
+                else:
+                    room = wp.min(room, gap * own / (own + other))
+    return room
+
+
+@wp.kernel
+def find_room(
+    first: int,
+    place: wp.array(dtype=wp.vec4),
+    outlines: Outlines,
+    near: Sorted,
+    cell_start: wp.array(dtype=wp.int32),
+    grid: ContactGrid,
+    images: wp.vec2i,
+    inset: int,
+    widest: wp.array(dtype=float),
+    # outputs
+    room: wp.array(dtype=float),
+):
+    """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent."""
+    i = first + wp.tid()
+    own = widest[i]
+    left = own
+    if own > 0.0 and outlines.lightness[i] > 0.0:
+        at = wp.vec2(place[i][0], place[i][1])
+        reach = outlines.reach[i] + own
+        if inset != 0:
+            for side in range(4):
+                depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, at, outlines, grid.space.size)
+                left = wp.min(left, wp.max(-depth, 0.0))
+        for m in range(grid.level_count):
+            around = cells_around(at, reach + grid.reach[m], m, grid)
+            for run in range(run_count(around)):
+                members = bodies_of_run(run, around, cell_start)
+                for start in range(members[0], members[1], LANES):
+                    found = next_near(at, reach, SAFELY, start, members[1], near, grid.space)
+                    while found != 0:
+                        j = near.body[start + lowest_bit(found)]
+                        found = found & (found - 1)
+                        if j != i:
+                            left = room_beside(left, i, at, j, place, outlines, widest, images, grid.space)
+    room[i] = left
+
+
+@wp.kernel
+def straighten(
+    first: int,
+    outlines: Outlines,
+    bodies: Bodies,
+    widest: wp.array(dtype=float),
+    room: wp.array(dtype=float),
+    # outputs
+    bend: wp.array(dtype=float),
+):
+    """Bend lines no farther than there is room."""
+    i = first + wp.tid()
+    if room[i] < widest[i]:
+        body = outlines.body[i]
+        for j in range(bodies.first_charge[body], bodies.first_charge[body + 1]):
+            bend[j] = bend[j] * (room[i] / widest[i])
