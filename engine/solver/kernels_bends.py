@@ -7,17 +7,17 @@ import warp as wp
 from ..space.kernels_neighbourhood import (
     LANES,
     SAFELY,
-    ContactGrid,
-    Sorted,
+    Neighbours,
     bodies_of_run,
     cells_around,
     lowest_bit,
     next_near,
     run_count,
 )
-from ..space.kernels_space import Space, difference
+from ..space.kernels_space import difference
 from .kernels_descent import Bodies
 from .kernels_outlines import Outlines, wall_contact
+from .kernels_pairs import Crowd
 from .kernels_touch import touch
 
 wp.set_module_options({"enable_backward": False})
@@ -43,25 +43,17 @@ def find_bends(
 
 
 @wp.func
-def room_beside(
-    before: float,
-    i: int,
-    at: wp.vec2,
-    j: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    widest: wp.array(dtype=float),
-    images: wp.vec2i,
-    space: Space,
-):
+def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest: wp.array(dtype=float)):
     """What there was before, or less: what body j and its images leave to body i of the ground between the two."""
     room = before
     own = widest[i]
     other = widest[j]
-    short = difference(at, wp.vec2(place[j][0], place[j][1]), space)
+    outlines = crowd.outlines
+    space = crowd.neighbours.grid.space
+    short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j] + own + other
-    for y in range(-images[1], images[1] + 1):
-        for x in range(-images[0], images[0] + 1):
+    for y in range(-crowd.images[1], crowd.images[1] + 1):
+        for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within:
                 contact = touch(i, j, d, outlines, own + other, 0)
@@ -74,42 +66,57 @@ def room_beside(
     return room
 
 
+@wp.func
+def room_in_run(
+    before: float,
+    i: int,
+    at: wp.vec2,
+    reach: float,
+    members: wp.vec2i,
+    crowd: Crowd,
+    bent: Neighbours,
+    widest: wp.array(dtype=float),
+):
+    """The same with the bodies of a run of cells."""
+    left = before
+    for start in range(members[0], members[1], LANES):
+        found = next_near(at, reach, SAFELY, start, members[1], bent)
+        while found != 0:
+            j = bent.bodies.body[start + lowest_bit(found)]
+            found = found & (found - 1)
+            if j != i:
+                left = room_beside(left, i, at, j, crowd, widest)
+    return left
+
+
 @wp.kernel
 def find_room(
     first: int,
-    place: wp.array(dtype=wp.vec4),
-    outlines: Outlines,
-    near: Sorted,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: ContactGrid,
-    images: wp.vec2i,
-    inset: int,
+    crowd: Crowd,
+    bent: Neighbours,
     widest: wp.array(dtype=float),
     # outputs
     room: wp.array(dtype=float),
 ):
-    """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent."""
+    """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent.
+
+    ``bent`` finds neighbours as far as they reach with their bends.
+    """
     i = first + wp.tid()
     own = widest[i]
     left = own
+    outlines = crowd.outlines
     if own > 0.0 and outlines.lightness[i] > 0.0:
-        at = wp.vec2(place[i][0], place[i][1])
+        at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
         reach = outlines.reach[i] + own
-        if inset != 0:
+        if crowd.inset != 0:
             for side in range(4):
-                depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, at, outlines, grid.space.size)
+                depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, at, outlines, bent.grid.space.size)
                 left = wp.min(left, wp.max(-depth, 0.0))
-        for m in range(grid.level_count):
-            around = cells_around(at, reach + grid.reach[m], m, grid)
+        for m in range(bent.grid.level_count):
+            around = cells_around(at, reach + bent.grid.reach[m], m, bent)
             for run in range(run_count(around)):
-                members = bodies_of_run(run, around, cell_start)
-                for start in range(members[0], members[1], LANES):
-                    found = next_near(at, reach, SAFELY, start, members[1], near, grid.space)
-                    while found != 0:
-                        j = near.body[start + lowest_bit(found)]
-                        found = found & (found - 1)
-                        if j != i:
-                            left = room_beside(left, i, at, j, place, outlines, widest, images, grid.space)
+                left = room_in_run(left, i, at, reach, bodies_of_run(run, around, bent), crowd, bent, widest)
     room[i] = left
 
 

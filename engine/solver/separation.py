@@ -320,16 +320,7 @@ class Separation:
         launcher.launch(
             kernels_bends.find_room,
             n,
-            [
-                self._place,
-                self._outlines,
-                near.near,
-                near.cell_start,
-                near.grid,
-                self._image_range,
-                self._inset,
-                widest,
-            ],
+            [self._crowd, near.for_kernels, widest],
             [room],
             grain=GRAIN_OF_NEIGHBOURS,
         )
