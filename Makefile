@@ -31,11 +31,13 @@ FOUND := $(shell for p in $(CANDIDATES); do \
 CHOSEN := $(word 1,$(FOUND))
 VERSION := $(or $(word 2,$(FOUND)),none)
 
-.PHONY: help demo pizza doughnut rocks boat dataset planet figures bench test fuzz extension repository wheel docs lint format clean
+.PHONY: help demo pizza meadow beach crowd portrait doughnut rocks boat dataset planet figures bench test fuzz extension repository wheel docs lint format clean
 
 help: ## Say what can be made
 	@echo "make demo       build, scatter and render the forest into $(OUTPUT)/"
 	@echo "make pizza      model, scatter and render four pizzas into $(OUTPUT)/"
+	@echo "make meadow     flowers and grass on both sides of a path; make beach: pebbles around driftwood; into $(OUTPUT)/"
+	@echo "make crowd      people on a square who look at a stage; make portrait: a photograph in buttons; into $(OUTPUT)/"
 	@echo "make doughnut   scatter sprinkles on a doughnut; make rocks: moss on rocks; make boat: barnacles under a boat; into $(OUTPUT)/"
 	@echo "make dataset    render SCENES=10 scenes with masks, depth and boxes into $(OUTPUT)/dataset/"
 	@echo "make planet     place TREES=10000000 trees on the Earth, and draw them from orbit down to one: $(OUTPUT)/planet.jpg"
@@ -58,6 +60,9 @@ demo: $(VENV)/.with-blender
 
 pizza: $(VENV)/.with-blender
 	$(RUN) demo_scenes/pizza.py --output $(OUTPUT)
+
+meadow beach crowd portrait: $(VENV)/.with-blender
+	$(RUN) demo_scenes/$@.py --output $(OUTPUT)
 
 doughnut rocks boat: $(VENV)/.with-blender
 	$(RUN) demo_scenes/surfaces.py $@ --output $(OUTPUT)

@@ -17,7 +17,7 @@ from .guidance import Guidance, needs_guidance
 from .model import Model
 from .separation import Separation
 
-__all__ = ["Contact"]
+__all__ = ["Contact", "keeps_apart"]
 
 # Rounds of pushing after every step of the relaxation.
 ROUNDS_PER_STEP = 4
@@ -26,8 +26,20 @@ DAMPING = 0.9
 SLACK = 1e-3
 # Lines that may overlap still do not cross: footprints thinned to this share keep apart.
 AXIS_RADIUS = 0.25
+# Unless they lie this many times on each other all the same: then nothing parts them, and everybody touches nearly everybody.
+MOST_LAYERS = 30.0
 # Bodies that the CPU looks after with one reading of a kernel's many arguments.
 BODIES_AT_ONCE = 32
+
+
+def keeps_apart(model: Model) -> bool:
+    """Whether anything is to be kept apart: all footprints, or of lines that may overlap what lies along their axes."""
+    if model.problem.avoid_overlap or not model.kinds:
+        return model.problem.avoid_overlap
+    longest = model.body.longest
+    radius = AXIS_RADIUS * radius_of(model.widths(longest), model.body.area)
+    layers = float((2.0 * longest * radius + np.pi * radius**2).sum()) / model.problem.domain.area
+    return layers < MOST_LAYERS
 
 
 class Contact:

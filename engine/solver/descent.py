@@ -19,7 +19,7 @@ from ..field.mirrored_field import COPIES
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction, kernels_dots
-from .contact import Contact
+from .contact import Contact, keeps_apart
 from .forces import SMALLEST_DENSITY, Forces
 from .initial_placement import first_pose
 from .line_rules import LineRules
@@ -65,7 +65,6 @@ class Descent:
     ) -> None:
         self.model = model
         self.launcher = launcher
-        problem = model.problem
         device = launcher.device
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
@@ -98,7 +97,7 @@ class Descent:
         # See kernels_direction.decide_direction.
         self.direction = launcher.zeros(4, float)
         self.contact: Contact | None = None
-        if problem.avoid_overlap or self.rules.kind_count:
+        if keeps_apart(model):
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)

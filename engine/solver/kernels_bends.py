@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_neighbourhood import (
-    LANES,
-    SAFELY,
-    Neighbours,
-    bodies_of_run,
-    cells_around,
-    lowest_bit,
-    next_near,
-    run_count,
-)
+from ..space.kernels_neighbourhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import difference
 from .kernels_descent import Bodies
 from .kernels_outlines import Outlines, wall_contact
@@ -45,11 +36,11 @@ def find_bends(
 @wp.func
 def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest: wp.array(dtype=float)):
     """What there was before, or less: what body j and its images leave to body i of the ground between the two."""
+    outlines = crowd.outlines
+    space = crowd.neighbours.grid.space
     room = before
     own = widest[i]
     other = widest[j]
-    outlines = crowd.outlines
-    space = crowd.neighbours.grid.space
     short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j] + own + other
     for y in range(-crowd.images[1], crowd.images[1] + 1):
@@ -67,56 +58,57 @@ def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest
 
 
 @wp.func
-def room_in_run(
-    before: float,
-    i: int,
-    at: wp.vec2,
-    reach: float,
-    members: wp.vec2i,
-    crowd: Crowd,
-    bent: Neighbours,
-    widest: wp.array(dtype=float),
+def room_among(
+    before: float, i: int, at: wp.vec2, reach: float, members: wp.vec2i, crowd: Crowd, widest: wp.array(dtype=float)
 ):
-    """The same with the bodies of a run of cells."""
-    left = before
+    """What there was before, or less: what bodies that lie in one run of cells leave to body i."""
+    room = before
     for start in range(members[0], members[1], LANES):
-        found = next_near(at, reach, SAFELY, start, members[1], bent)
+        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
         while found != 0:
-            j = bent.bodies.body[start + lowest_bit(found)]
+            j = crowd.neighbours.bodies.body[start + lowest_bit(found)]
             found = found & (found - 1)
             if j != i:
-                left = room_beside(left, i, at, j, crowd, widest)
-    return left
+                room = room_beside(room, i, at, j, crowd, widest)
+    return room
+
+
+@wp.func
+def room_inside(before: float, i: int, at: wp.vec2, crowd: Crowd):
+    """What there was before, or less: what the edges of the domain leave to body i."""
+    room = before
+    outlines = crowd.outlines
+    for side in range(4):
+        depth, _n, _lever = wall_contact(
+            i, outlines.first_corner[i], side, at, outlines, crowd.neighbours.grid.space.size
+        )
+        room = wp.min(room, wp.max(-depth, 0.0))
+    return room
 
 
 @wp.kernel
 def find_room(
     first: int,
     crowd: Crowd,
-    bent: Neighbours,
     widest: wp.array(dtype=float),
     # outputs
     room: wp.array(dtype=float),
 ):
-    """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent.
-
-    ``bent`` finds neighbours as far as they reach with their bends.
-    """
+    """How far every body that is bent may reach beside its axis: two share the ground between them as they are bent."""
     i = first + wp.tid()
     own = widest[i]
     left = own
-    outlines = crowd.outlines
-    if own > 0.0 and outlines.lightness[i] > 0.0:
+    if own > 0.0 and crowd.outlines.lightness[i] > 0.0:
         at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
-        reach = outlines.reach[i] + own
+        reach = crowd.outlines.reach[i] + own
         if crowd.inset != 0:
-            for side in range(4):
-                depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, at, outlines, bent.grid.space.size)
-                left = wp.min(left, wp.max(-depth, 0.0))
-        for m in range(bent.grid.level_count):
-            around = cells_around(at, reach + bent.grid.reach[m], m, bent)
+            left = room_inside(left, i, at, crowd)
+        grid = crowd.neighbours.grid
+        for m in range(grid.level_count):
+            around = cells_around(at, reach + grid.reach[m], m, crowd.neighbours)
             for run in range(run_count(around)):
-                left = room_in_run(left, i, at, reach, bodies_of_run(run, around, bent), crowd, bent, widest)
+                members = bodies_of_run(run, around, crowd.neighbours)
+                left = room_among(left, i, at, reach, members, crowd, widest)
     room[i] = left
 
 

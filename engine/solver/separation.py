@@ -317,13 +317,10 @@ class Separation:
         reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
         near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
         near.sort(self._place)
-        launcher.launch(
-            kernels_bends.find_room,
-            n,
-            [self._crowd, near.for_kernels, widest],
-            [room],
-            grain=GRAIN_OF_NEIGHBOURS,
-        )
+        crowd = kernels_pairs.Crowd()
+        crowd.place, crowd.outlines, crowd.neighbours = self._place, self._outlines, near.for_kernels
+        crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
+        launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBOURS)
         launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:

@@ -53,19 +53,23 @@ def supports_of(
     images: list[np.ndarray] = []
     of_body = np.zeros(len(class_index), np.int32)
     radius = _radii(problem, class_index, size_index, area, footprints)
+    largest = [float(radius[class_index == c].max(initial=0.0)) for c in range(len(problem.classes))]
+    shapes = [c.density_image.shape[:2] for c in problem.classes]
+    free_space: dict[tuple[int, int], np.ndarray] = {}
     for c, body_class in enumerate(problem.classes):
         image = body_class.density_image
-        shape = (image.shape[0], image.shape[1])
+        shape = shapes[c]
         pixel = np.array(problem.rectangle.size) / shape[::-1]
         # A pixel belongs to the support with its corners.
         corner = 0.5 * float(np.hypot(*pixel))
         own = class_index == c
-        free = clearance(
-            problem.obstacles,
-            problem.rectangle,
-            shape,
-            (float(radius[own].max()) + corner) * SAFELY + float(pixel.max()),
-        )
+        # Classes whose images are alike ask once: as far as any of them wants to know, which changes nothing nearer than that.
+        if shape not in free_space:
+            most = max(reach for reach, other in zip(largest, shapes, strict=True) if other == shape)
+            free_space[shape] = clearance(
+                problem.obstacles, problem.rectangle, shape, (most + corner) * SAFELY + float(pixel.max())
+            )
+        free = free_space[shape]
         for s, size in enumerate(body_class.sizes):
             bodies = np.flatnonzero(own & (size_index == s))
             low, high = float(radius[bodies].min()), float(radius[bodies].max())

@@ -23,6 +23,10 @@ def find_nearer_support(
     row = i / width
     column = i - row * width
     best = nearest[i]
+    # Nothing is nearer to what is in the support itself, and most pixels mostly are.
+    if best == i:
+        nearer[i] = i
+        return
     least = float(1.0e30)
     for neighbour in range(9):
         r = row + (neighbour / 3 - 1) * jump

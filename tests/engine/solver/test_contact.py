@@ -12,6 +12,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.quality.overlaps import overlap_count
 from esh.engine.solve import solve
+from esh.engine.solver.solver import Solver
 
 
 @pytest.fixture(scope="module")
@@ -139,3 +140,14 @@ def test_lines_whose_width_follows_from_their_length_do_not_overlap_either(bound
     sizes = [Size("line", 0.3, 220, line=Line(1.2)), Size("dot", 0.2, 300)]
     problem = Problem(Domain((20.0, 15.0), boundary), [BodyClass("a", sizes)], avoid_overlap=True)
     assert solve(problem, device="cpu", max_steps=steps).report.overlaps == 0
+
+
+def test_lines_that_lie_on_each_other_hundreds_of_times_are_not_pushed():
+    """Each of them touches thousands of others: a step took minutes."""
+    line = Line(0.1, "none", width=0.1)
+    for count, kept in ((500, True), (20_000, False)):
+        problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 1e-5, count, line=line)])])
+        with Solver(problem, device="cpu") as solver:
+            assert (solver.descent.contact is not None) == kept
+            solver.step()
+            assert np.isfinite(solver.placement().position).all()

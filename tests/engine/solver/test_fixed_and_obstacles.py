@@ -198,3 +198,22 @@ def test_a_size_that_fits_nowhere_is_refused_by_name():
         ProblemError, match='`obstacles` must leave a place for size "large" of class "k", which keeps off'
     ):
         Solver(problem, device="cpu")
+
+
+def test_classes_whose_images_are_alike_ask_once_how_far_obstacles_are(monkeypatch):
+    from esh.engine.solver import supports
+
+    asked, honest = [], supports.clearance
+
+    def counted(*arguments):
+        asked.append(arguments)
+        return honest(*arguments)
+
+    monkeypatch.setattr(supports, "clearance", counted)
+    lake = [Obstacle(disc=(20.0, 10.0, 4.0), margin=0.5)]
+    areas = (0.2, 0.9, 0.5)
+    classes = [BodyClass(f"k{area}", [Size("a", area, 40)]) for area in areas]
+    together = solved(Problem(WIDE, classes, obstacles=lake, avoid_overlap=True, seed=2), 10)
+    assert len(asked) == 1
+    away = np.hypot(*(together.position - (20.0, 10.0)).T) - np.sqrt(np.array(areas)[together.class_index] / np.pi)
+    assert away.min() >= 4.5
