@@ -36,13 +36,19 @@ SLACK = 2e-3
 SKIN = 0.08
 # Share of the bodies that may be beyond their skins before pairs are listed anew.
 STRAY_SHARE = 2e-3
-# Momentum at first, how much nearer to 1 it comes after so many rounds, and how far; and that of a second try.
+# Values without a derivation are choices; what others of them do is measured by benchmarks/constants.py, here on the scenes of
+# benchmarks/contact.py that are covered to 80 % and more (--scenes 8 --bodies 150), eight runs of each value.
+# Momentum at first, how much nearer to 1 it comes after so many rounds, and how far; and that of a second try. Measured: none overlap
+# whatever they are, but with 0 or 0.6 at first coverage errors are 6 and 3 % larger, and 3 % where it never comes above 0.9.
 FIRST_MOMENTUM = 0.9
 RISE = 0.7
 ROUNDS_PER_RISE = 60
 LARGEST_MOMENTUM = 0.985
 HOT_MOMENTUM = 0.98
+# Share of what contacts ask for that is made in a round. Measured: with 0.6 coverage errors are 2 % larger, with 1.2 6 % smaller; none
+# overlap with either.
 DAMPING = 0.9
+# Momentum of bodies that nothing touches.
 COASTING = 0.5
 # Share of the way back to its start that a body is pulled in a round, and rounds until the pull has faded: of loose bodies and of
 # discs, and of others where they are crowded.

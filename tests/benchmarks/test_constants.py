@@ -27,6 +27,18 @@ def test_a_row_for_each_value():
     assert float(rows[0][5]) == 1.0
 
 
+def test_without_contact_a_row_says_how_well_bodies_follow_and_how_settled_they_are():
+    found = run(
+        "kernels_direction.LARGEST_SHARE", "0.31", "--descent", "--scenes", "dots", "--bodies", "60", "--seeds", "1"
+    )
+    assert found.returncode == 0, found.stderr
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found.stdout.splitlines()[2:]]
+    assert [row[0] for row in rows] == ["2.0 (as it is)", "0.31"]
+    # Steps that are all but a fixed share of the moves do not settle as fast: kernels have the value that was given.
+    assert float(rows[1][3]) != float(rows[0][3])
+    assert all(0.0 < float(row[1]) < 1.0 for row in rows)
+
+
 def test_a_constant_that_is_not_there_is_refused():
     found = run("separation.NONE", "1")
     assert found.returncode == 2 and "there is no separation.NONE" in found.stderr
