@@ -25,6 +25,7 @@ from .amount import Amount
 from .on_whole_surface import mean_footprint
 from .scatter_class import ScatterClass, standing_of
 from .sources import (
+    DISC_IN_POLYGON,
     EDGE_SCALES,
     SizeShape,
     disc_of_area_1,
@@ -170,6 +171,9 @@ class ClassesFromAbove:
 
     def _with_discs(self, where: tuple[int, int], size: Size, factor: np.ndarray, slope: np.ndarray | None) -> Size:
         """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do."""
+        # A level disc keeps off more than one that leans, but on gentle slopes less than the polygon around one that leans.
+        if slope is not None and np.sqrt(1.0 + (slope**2).sum(axis=-1).max()) < DISC_IN_POLYGON:
+            slope = None
         if slope is None and (factor == 1.0).all():
             return size
         area = size.areas([self._settings.seed, 2, *where])

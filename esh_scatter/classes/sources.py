@@ -28,6 +28,7 @@ from .scatter_class import ScatterSize
 from .survey import Survey
 
 __all__ = [
+    "DISC_IN_POLYGON",
     "EDGE_SCALES",
     "SizeShape",
     "SizeSource",
@@ -42,6 +43,8 @@ __all__ = [
 # Edges of densities are looked at as the paper looks at them in an image of about this many pixels a side.
 EDGE_PIXELS = 256.0
 EDGE_SCALES = (RESOLUTION / EDGE_PIXELS, 3.0 * RESOLUTION / EDGE_PIXELS)
+# How much farther the corners of a polygon around a disc are than the disc's edge.
+DISC_IN_POLYGON = 1.0 / math.cos(math.pi / MOST_CORNERS)
 
 
 class SizeSource(NamedTuple):
@@ -244,7 +247,7 @@ def disc_of_area_1(*, leans: bool) -> Footprint:
     if not leans:
         return Footprint.disc(radius)
     angle = (2.0 * math.pi / MOST_CORNERS) * np.arange(MOST_CORNERS)
-    around = radius / math.cos(math.pi / MOST_CORNERS)
+    around = radius * DISC_IN_POLYGON
     return Footprint.polygon(around * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
