@@ -81,25 +81,36 @@ def _factor(
     """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
     count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
     step_y, step_x = (length / many for length, many in zip(domain.size[::-1], count, strict=True))
-    # What does not wrap goes on as in mirrors: clumps at an edge are whole ones.
-    period = [many if domain.periodic else 2 * many for many in count]
-    wave = np.hypot(np.fft.fftfreq(period[0], step_y)[:, None], np.fft.rfftfreq(period[1], step_x)[None, :])
+    if domain.periodic:
+        wave = np.hypot(np.fft.fftfreq(count[0], step_y)[:, None], np.fft.rfftfreq(count[1], step_x)[None, :])
+    else:
+        # What does not wrap goes on as in mirrors, and is made of cosines: clumps at an edge are whole ones.
+        along_y, along_x = (
+            0.5 * np.arange(many) / (many * step) for many, step in zip(count, (step_y, step_x), strict=True)
+        )
+        wave = np.hypot(along_y[:, None], along_x[None, :])
     wave *= WAVELENGTH * size
-    band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
-    band[0, 0] = 0.0
-    noise = _filtered(random.standard_normal(count), band, domain.periodic)
-    # Where the domain is smaller than a clump there is next to nothing.
-    noise /= max(float(noise.std()), 1e-9)
-    factor = np.exp(contrast * np.clip(noise, -HIGHEST, HIGHEST))
+    factor = np.exp(contrast * _noise(count, wave, domain.periodic, random))
     factor /= factor.mean()
     low, high = LOWEST_WAVES
-    share = np.clip((wave - low) / (high - low), 0.0, 1.0)
-    kept = share**2 * (3.0 - 2.0 * share)
+    # In place, as all of this: grids may have millions of pixels.
+    kept = np.clip((wave - low) / (high - low), 0.0, 1.0, out=wave)
+    kept *= kept * (3.0 - 2.0 * kept)
     for _ in range(min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // factor.size))):
         # What is cut off below has long waves again, though fewer.
         factor = 1.0 + _filtered(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
     factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
     return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+
+
+def _noise(count: list[int], wave: np.ndarray, wraps: bool, random: np.random.Generator) -> np.ndarray:
+    """Noise of waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
+    band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
+    band[0, 0] = 0.0
+    noise = _filtered(random.standard_normal(count), band, wraps)
+    # Where the domain is smaller than a clump there is next to nothing.
+    noise /= max(float(noise.std()), 1e-9)
+    return np.clip(noise, -HIGHEST, HIGHEST)
 
 
 def _length_of_transform(least: int) -> int:
@@ -112,11 +123,39 @@ def _length_of_transform(least: int) -> int:
 
 def _filtered(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:
     """Values on a grid times a function of their waves; they wrap, or go on as in mirrors."""
-    rows, columns = values.shape
-    if not wraps:
-        values = np.concatenate([values, values[::-1]])
-        values = np.concatenate([values, values[:, ::-1]], axis=1)
-    return np.fft.irfft2(np.fft.rfft2(values) * kept, values.shape)[:rows, :columns]
+    if wraps:
+        return np.fft.irfft2(np.fft.rfft2(values) * kept, values.shape)
+    spectrum = _cosines(_cosines(values).T).T
+    spectrum *= kept
+    return _from_cosines(_from_cosines(spectrum).T).T
+
+
+def _cosines(values: np.ndarray) -> np.ndarray:
+    """Cosine transform along the last axis, by one Fourier transform of the same length (Makhoul 1980, A fast cosine transform)."""
+    many = values.shape[-1]
+    waves = np.fft.rfft(np.concatenate([values[:, ::2], values[:, 1::2][:, ::-1]], axis=-1)) * _turns(many)
+    result = np.empty(values.shape)
+    result[:, : many // 2 + 1] = waves.real
+    result[:, many // 2 + 1 :] = -waves.imag[:, 1 : (many + 1) // 2][:, ::-1]
+    return result
+
+
+def _from_cosines(spectrum: np.ndarray) -> np.ndarray:
+    """What :func:`_cosines` made a spectrum of."""
+    many = spectrum.shape[-1]
+    waves = np.empty((len(spectrum), many // 2 + 1), np.complex128)
+    waves.real = spectrum[:, : many // 2 + 1]
+    waves.imag[:, 0] = 0.0
+    waves.imag[:, 1:] = -spectrum[:, : (many - 1) // 2 : -1]
+    waves *= np.conj(_turns(many))
+    values = np.fft.irfft(waves, many)
+    result = np.empty_like(values)
+    result[:, ::2], result[:, 1::2] = values[:, : (many + 1) // 2], values[:, (many + 1) // 2 :][:, ::-1]
+    return result
+
+
+def _turns(many: int) -> np.ndarray:
+    return np.exp(-0.5j * np.pi * np.arange(many // 2 + 1) / many)
 
 
 def _stretched(values: np.ndarray, count: int, wraps: bool) -> np.ndarray:

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Problem, ProblemError, Size, Surface, SurfaceMesh, solve
+from esh.engine.problem.clumps import _filtered
 from esh.engine.quality.coverage import coverage_error
 from scipy.spatial import cKDTree
 
@@ -97,3 +98,15 @@ def test_very_many_clumps_do_not_take_minutes():
     # No long waves, all the same.
     blocks = image[: rows // 50 * 50, : columns // 50 * 50].reshape(rows // 50, 50, columns // 50, 50).mean(axis=(1, 3))
     assert blocks.std() < 0.1 * image.mean() < 0.2 * image.std()
+
+
+@pytest.mark.parametrize("shape", [(5, 8), (6, 7), (1, 2), (3, 1)])
+def test_what_goes_on_as_in_mirrors_is_filtered_by_cosines_as_by_fourier_transforms_of_the_mirrored(shape):
+    values = np.random.default_rng(1).random(shape)
+    kept = np.random.default_rng(2).random(shape)
+    mirrored = np.block([[values, values[:, ::-1]], [values[::-1], values[::-1, ::-1]]])
+    # The share that is kept of a wave does not depend on its sign; the highest one of the mirrored is in neither.
+    rows, columns = (np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) for n in shape)
+    whole = np.pad(kept, ((0, 1), (0, 1)), mode="edge")[rows][:, columns]
+    expected = np.fft.ifft2(np.fft.fft2(mirrored) * whole).real[: shape[0], : shape[1]]
+    np.testing.assert_allclose(_filtered(values, kept, wraps=False), expected, atol=1e-12)
