@@ -80,7 +80,6 @@ class Contact:
         n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)
         self.discs = model.space.has_straight_ways and not (launcher.device.is_cuda or model.kinds)
-        self._spare = launcher.zeros(n, wp.vec4)
 
     def _radii(self, length: np.ndarray) -> np.ndarray:
         """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""

@@ -316,6 +316,8 @@ class Separation:
         # Bodies as they lie in space; those that are bent are looked for as far as they reach.
         reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
         near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        # Cells know only places inside of a periodic domain.
+        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
         near.sort(self._place)
         crowd = kernels_pairs.Crowd()
         crowd.place, crowd.outlines, crowd.neighbours = self._place, self._outlines, near.for_kernels
@@ -368,7 +370,7 @@ class Separation:
             guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, swapped, clean = math.inf, 0, 0, 0
-        best, best_place = math.inf, None
+        best, best_place, stopped = math.inf, None, False
         for number in range(guided + most + 1):
             if number % ROUNDS_PER_RISE == 0 and number and not hot:
                 momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
@@ -381,6 +383,7 @@ class Separation:
             self._find()
             if number % ROUNDS_AT_ONCE == 0 and number < guided:
                 if go_on is not None and not go_on():
+                    stopped = True
                     break
             elif number % ROUNDS_AT_ONCE == 0:
                 deep, touching, squares = self._left()
@@ -403,6 +406,7 @@ class Separation:
                 if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self._too_crowded:
                     break
                 if go_on is not None and not go_on():
+                    stopped = True
                     break
                 if number and number % ROUNDS_PER_SWAP == 0 and swapped < swaps and deep and self._swappable:
                     swapped += 1
@@ -412,7 +416,7 @@ class Separation:
             self._move()
         if best_place is not None:
             self._place.assign(best_place)
-        return False
+        return None if stopped else False
 
     def _rebuild(self) -> None:
         """List the pairs that are near."""

@@ -28,7 +28,7 @@ from .sources import (
     DISC_IN_POLYGON,
     EDGE_SCALES,
     SizeShape,
-    disc_of_area_1,
+    disc_of_area,
     engine_size,
     variant_footprints,
     variants_of,
@@ -160,7 +160,7 @@ class ClassesFromAbove:
         factor, turn = draw(standing, identity, long, self._settings.seed)
         slope = self._chart.slope(standing.align_to_normal)
         if not shape.own_outlines:
-            return self._with_discs(where, size, factor, slope)
+            return self._with_discs(where, size, identity, factor, slope)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
         if isinstance(shape.area, tuple):
@@ -169,16 +169,28 @@ class ClassesFromAbove:
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
 
-    def _with_discs(self, where: tuple[int, int], size: Size, factor: np.ndarray, slope: np.ndarray | None) -> Size:
-        """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do."""
+    def _with_discs(
+        self, where: tuple[int, int], size: Size, identity: np.ndarray, factor: np.ndarray, slope: np.ndarray | None
+    ) -> Size:
+        """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
+
+        Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
+        """
         # A level disc keeps off more than one that leans, but on gentle slopes less than the polygon around one that leans.
         if slope is not None and np.sqrt(1.0 + (slope**2).sum(axis=-1).max()) < DISC_IN_POLYGON:
             slope = None
         if slope is None and (factor == 1.0).all():
             return size
+        shape = self._shapes[where[0]][where[1]]
         area = size.areas([self._settings.seed, 2, *where])
-        disc = disc_of_area_1(leans=slope is not None)
-        return replace(size, footprint=Footprints(disc, scale=factor * np.sqrt(area), turn=0.0, slope=slope))
+        own, variant = np.array([size.mean_area]), np.zeros(len(identity), np.int64)
+        if isinstance(shape.area, tuple) and shape.outlines[0] is not None:
+            # Objects are scaled from their own areas to those of the range.
+            own = np.array([outline.area for outline in shape.outlines if outline is not None])
+            variant = variants_of(identity, len(own), shape.weights, self._settings.seed)
+        discs = [disc_of_area(one, leans=slope is not None) for one in own]
+        scale = factor * np.sqrt(area / own[variant])
+        return replace(size, footprint=Footprints(discs, variant=variant, scale=scale, turn=0.0, slope=slope))
 
 
 def _share_of_cover(asked: list[_Asked]) -> float:

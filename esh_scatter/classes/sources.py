@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.body_kind import disc_radius
 from ...engine.problem.footprint import MOST_CORNERS, Footprint, Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.size import Size
@@ -238,12 +239,14 @@ def with_any_outline(size: Size, shape: SizeShape) -> Size:
     """Return a size whose bodies have the outlines of what is placed there, turned and chosen somehow."""
     if shape.own_outlines:
         return replace(size, footprint=Footprints(variant_footprints(shape), turn=0.0))
-    return size if shape.line is not None else replace(size, footprint=Footprints(disc_of_area_1(leans=True), turn=0.0))
+    return (
+        size if shape.line is not None else replace(size, footprint=Footprints(disc_of_area(1.0, leans=True), turn=0.0))
+    )
 
 
-def disc_of_area_1(*, leans: bool) -> Footprint:
+def disc_of_area(area: float, *, leans: bool) -> Footprint:
     """Return the disc that bodies are which are asked for as discs; of one that leans with the ground, a polygon around it."""
-    radius = math.sqrt(1.0 / math.pi)
+    radius = float(disc_radius(area))
     if not leans:
         return Footprint.disc(radius)
     angle = (2.0 * math.pi / MOST_CORNERS) * np.arange(MOST_CORNERS)

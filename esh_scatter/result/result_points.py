@@ -104,18 +104,17 @@ def result_points(
                 ground.normal[own] = normal_of_slope(
                     slope_at(slope, placement.position[own], problem.rectangle.size), align
                 )
-        if own_outlines and standing is not None and isinstance(chart, Chart):
+        # Of discs for objects that nobody has measured, the scale says nothing of the objects.
+        measured = bool(outlines) or not isinstance(shape.area, tuple)
+        if outlined and measured and standing is not None and isinstance(chart, Chart):
             # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
             # that were drawn for this body.
             factor, turn = draw(standing, identity, ground.long[own], settings.seed)
-            ground.heading[own] -= turn.astype(np.float32)
+            if own_outlines:
+                ground.heading[own] -= turn.astype(np.float32)
             ground.fit[own] = placement.scale[own] / factor
         elif isinstance(shape.area, tuple) and outlines:
             ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
-        if outlined and not own_outlines and standing is not None:
-            # As large as the disc, whichever body that was drawn for.
-            factor, _ = draw(standing, identity, ground.long[own], settings.seed)
-            ground.fit[own] *= placement.scale[own] / (np.sqrt(placement.area[own]) * factor)
         if shape.line is not None and outlines:
             # Of lines, the outline's middle lies on the point.
             ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]

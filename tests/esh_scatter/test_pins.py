@@ -212,3 +212,32 @@ def follow():
         live._tick()
         still = 0 if any(one.busy for one in live._followed.values()) else still + 1
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize("steep", [0.02, 0.5])
+@pytest.mark.parametrize("area", [0.04, (0.02, 0.08)])
+def test_discs_that_are_pinned_keep_their_size(steep, area):
+    bpy.ops.mesh.primitive_grid_add(size=10, x_subdivisions=30, y_subdivisions=30)
+    ground = bpy.context.object
+    for vertex in ground.data.vertices:
+        vertex.co.z = steep * vertex.co.x
+    bpy.context.view_layer.update()
+    one = cone("One", 0.2)
+    size = ScatterSize("s", 80, one, area=area, line=False)
+    asked = [ScatterClass("a", [size])]
+    options = {"align_to_normal": 1.0, "scale_jitter": 0.3, "avoid_overlap": True, **OPTIONS}
+    result = scatter(ground, asked, **options).object
+    scales = None
+    for _ in range(3):
+        mesh = result.data
+        there = dict(zip(read_attribute(mesh, "id").tolist(), read_attribute(mesh, "scale")[:, 0].tolist(), strict=True))
+        if scales is not None:
+            assert {number: there[number] for number in scales} == pytest.approx(scales, rel=1e-4)
+        chosen = np.arange(len(mesh.vertices)) % 8 == 0
+        if pins.PINNED not in mesh.attributes:
+            mesh.attributes.new(pins.PINNED, "BOOLEAN", "POINT")
+        pinned = read_attribute(mesh, pins.PINNED) | chosen
+        write_attribute(mesh, pins.PINNED, pinned)
+        numbers = read_attribute(mesh, "id")
+        scales = {int(n): there[int(n)] for n in numbers[pinned]}
+        result = scatter(ground, asked, result=result, **options).object
