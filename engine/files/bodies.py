@@ -16,6 +16,7 @@ from ..errors import EshError, InputFileError
 from ..problem.body_kind import disc_radius
 from ..problem.placement import Placement
 from ..problem.problem import Problem
+from .quaternions import wxyz_of_axes
 
 __all__ = [
     "READ_COLUMNS",
@@ -183,7 +184,7 @@ def check_assets(problem: Problem, assets: AssetFiles) -> dict[tuple[int, int], 
 
 
 def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
-    """Return the bodies of a placement, flat on the plane z = 0, with a prototype for every size of every class.
+    """Return the bodies of a placement, flat on the plane z = 0 or standing on its surface, with a prototype for every size.
 
     Args:
         placement: What to write.
@@ -196,8 +197,12 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
     problem = placement.problem
     count = len(placement.position)
     scale = np.ones((count, 3))
-    half = 0.5 * np.asarray(placement.angle)
-    still = np.zeros(count)
+    if placement.normal is not None and placement.tangent is not None:
+        position, rotation = placement.position, wxyz_of_axes(placement.tangent, placement.normal)
+    else:
+        half, still = 0.5 * np.asarray(placement.angle), np.zeros(count)
+        position = np.column_stack([placement.position, still])
+        rotation = np.stack([np.cos(half), still, still, np.sin(half)], axis=1)
     prototypes: list[Prototype] = []
     index = np.empty(count, np.int32)
     files = check_assets(problem, assets or {})
@@ -225,8 +230,8 @@ def bodies_of(placement: Placement, assets: AssetFiles | None = None) -> Bodies:
                 )
             )
     return Bodies(
-        position=np.column_stack([placement.position, still]),
-        rotation=np.stack([np.cos(half), still, still, np.sin(half)], axis=1).astype(np.float32),
+        position=position,
+        rotation=rotation.astype(np.float32),
         scale=scale.astype(np.float32),
         prototype_index=index,
         prototypes=tuple(prototypes),

@@ -230,7 +230,9 @@ def test_discs_that_are_pinned_keep_their_size(steep, area):
     scales = None
     for _ in range(3):
         mesh = result.data
-        there = dict(zip(read_attribute(mesh, "id").tolist(), read_attribute(mesh, "scale")[:, 0].tolist(), strict=True))
+        there = dict(
+            zip(read_attribute(mesh, "id").tolist(), read_attribute(mesh, "scale")[:, 0].tolist(), strict=True)
+        )
         if scales is not None:
             assert {number: there[number] for number in scales} == pytest.approx(scales, rel=1e-4)
         chosen = np.arange(len(mesh.vertices)) % 8 == 0

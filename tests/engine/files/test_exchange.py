@@ -13,10 +13,11 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
+import trimesh
 from esh import BodyClass, Domain, EshError, InputFileError, Line, Placement, Problem, Report, Size
 from esh.engine.files.bodies import bodies_from_columns, bodies_of
 from esh.engine.files.body_formats import FORMATS
-from esh.engine.files.placement_files import WRITERS
+from esh.engine.files.placement_files import WRITERS, write_placement
 from esh.engine.files.placement_reader import READABLE
 
 NEEDS = {".usd": "pxr", ".usdc": "pxr", ".usda": "pxr", ".parquet": "pyarrow"}
@@ -188,7 +189,6 @@ def test_a_million_points_are_written_as_usd_in_seconds(tmp_path):
 
 def boxes(folder: Path) -> Path:
     """A .glb file of another program: two boxes, one of them textured, turned and shifted."""
-    import trimesh
     from PIL import Image
 
     scene = trimesh.Scene()
@@ -218,7 +218,6 @@ def gltf_instances(path: Path) -> list[tuple[str, np.ndarray, dict[str, np.ndarr
         start = view.byteOffset + (accessor.byteOffset or 0)
         return np.frombuffer(blob, "<f4", accessor.count * width, start).reshape(accessor.count, width)
 
-    import trimesh
 
     found = []
     assert "EXT_mesh_gpu_instancing" in content.extensionsUsed
@@ -254,7 +253,6 @@ def test_gltf_instances_stand_where_the_bodies_are(tmp_path, placement):
 
 
 def test_the_mesh_that_stands_in_is_closed_and_looks_outwards(tmp_path, placement):
-    import trimesh
 
     esh.write_placement(tmp_path / "out.glb", placement)
     meshes = list(trimesh.load_scene(tmp_path / "out.glb").geometry.values())
@@ -266,7 +264,6 @@ def test_the_mesh_that_stands_in_is_closed_and_looks_outwards(tmp_path, placemen
 
 
 def test_an_asset_of_several_meshes_is_taken_in_and_keeps_their_places(tmp_path, placement):
-    import trimesh
 
     asset = boxes(tmp_path)
     esh.write_placement(tmp_path / "out.glb", placement, assets={"Bärlauch 木": asset, "pine, old/large": asset})
@@ -289,7 +286,6 @@ def test_an_asset_of_several_meshes_is_taken_in_and_keeps_their_places(tmp_path,
 
 
 def node_places(path: Path) -> list[tuple[str, np.ndarray]]:
-    import trimesh
 
     scene = trimesh.load_scene(path)
     order = {"trunk": 0, "crown": 1}
@@ -304,7 +300,6 @@ def test_long_bodies_do_not_stretch_meshes_that_are_turned(tmp_path, placement):
 
 
 def test_ply_is_read_by_trimesh(tmp_path, placement):
-    import trimesh
 
     esh.write_placement(tmp_path / "out.ply", placement)
     (cloud,) = trimesh.load_scene(tmp_path / "out.ply").geometry.values()
@@ -509,3 +504,33 @@ def test_a_table_of_text_keeps_large_ids_and_tells_the_line_of_a_mistake(tmp_pat
     for read in (esh.load_placement, esh.read_fixed_bodies):
         with pytest.raises(InputFileError, match='must hold numbers in its column `y`; line 4 has "four"'):
             read(path)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".parquet", ".geojson", ".usda", ".glb"])
+def test_bodies_of_a_surface_stand_on_it(ending, tmp_path):
+    ball = trimesh.creation.icosphere(2)
+    line = esh.Line(length=0.2, direction="slope")
+    classes = [
+        esh.BodyClass("dot", [esh.Size("s", 0.01, 40)]),
+        esh.BodyClass("line", [esh.Size("s", 0.01, 20, line=line)]),
+    ]
+    surface = esh.Surface([esh.SurfaceMesh(ball.vertices, ball.faces)])
+    placement = esh.solve(esh.Problem(surface, classes), device="cpu", max_steps=3)
+    path = tmp_path / f"a{ending}"
+    write_placement(path, placement)
+    bodies = bodies_of(placement)
+    w, x, y, z = bodies.rotation.astype(float).T
+    # Columns of the rotation: the body's own x axis and its z axis.
+    np.testing.assert_allclose(
+        np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
+        placement.tangent,
+        atol=1e-6,
+    )
+    np.testing.assert_allclose(
+        np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1),
+        placement.normal,
+        atol=1e-6,
+    )
+    back = esh.load_placement(path)
+    np.testing.assert_allclose(back.position, placement.position, atol=1e-6)
+    np.testing.assert_allclose(np.abs((back.rotation * bodies.rotation).sum(axis=1)), 1.0, atol=1e-5)
