@@ -36,7 +36,7 @@
     length = 2.0                   # metres; or an image beside the recipe, black = length_range[0], white = length_range[1]
     direction = "density"          # default; "none", radians, or an image beside the recipe
     direction_kind = "angle"       # default, of an image: grey 0..1 is half a turn; or "vector": red and green are x and y
-    # width, charges, middle_charge, turn_weights, stretch_weights, straightness, tensor_scales: see Line in problem.py
+    # width, charges, middle_charge, turn_weights, stretch_weights, straightness, tensor_scales: see Line in engine/problem/line.py
 
 Instead of classes, a colour image may give them: one class per ink (see :mod:`~esh.engine.problem.color_separation`).
 

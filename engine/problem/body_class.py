@@ -74,7 +74,7 @@ class ClassSettings(Settings):
         default=0.0,
         metadata=setting(
             "Diameter of a clump. 0 chooses 2.5 times the mean spacing of the class",
-            more="It takes ``clustering``",
+            more="Requires ``clustering``",
             unit="m",
             low=0.0,
             high=validation.LARGEST_LENGTH,
@@ -86,7 +86,7 @@ class ClassSettings(Settings):
         metadata=setting(
             "Scales footprints while objects are kept apart. Above 1 leaves space around them, below 1 lets them overlap a little. "
             "The objects themselves keep their size",
-            more="It takes ``avoid_overlap``, and multiplies the ``room`` that :class:`Footprints` have",
+            more="Requires ``avoid_overlap``, and multiplies the ``room`` that :class:`Footprints` have",
             label="Room",
             low=validation.SMALLEST_ROOM,
             high=validation.LARGEST_ROOM,
@@ -98,7 +98,7 @@ class ClassSettings(Settings):
         default=0.0,
         metadata=setting(
             "Smallest distance between footprints of this class. Between two classes it is half of one gap plus half of the other",
-            more="It takes ``avoid_overlap``, and adds to the ``gap`` that :class:`Footprints` have",
+            more="Requires ``avoid_overlap``, and adds to the ``gap`` that :class:`Footprints` have",
             label="Gap",
             unit="m",
             low=0.0,

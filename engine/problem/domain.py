@@ -40,7 +40,7 @@ class Domain(Settings):
         default=False,
         metadata=setting(
             "Keep footprints inside an open domain as a whole, and not only their positions",
-            more="It takes ``avoid_overlap``: contact sees the edges as walls",
+            more="Requires ``avoid_overlap``: contact sees the edges as walls",
         ),
     )
 

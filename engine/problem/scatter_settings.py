@@ -131,7 +131,7 @@ class TargetSettings(Settings):
         default=False,
         metadata=setting(
             "Let objects stand on both sides of every face, and not only on the side that its normal points to",
-            more="It takes the whole surface",
+            more="Requires the whole surface",
         ),
     )
     face_material: str = field(
