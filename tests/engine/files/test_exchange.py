@@ -218,7 +218,6 @@ def gltf_instances(path: Path) -> list[tuple[str, np.ndarray, dict[str, np.ndarr
         start = view.byteOffset + (accessor.byteOffset or 0)
         return np.frombuffer(blob, "<f4", accessor.count * width, start).reshape(accessor.count, width)
 
-
     found = []
     assert "EXT_mesh_gpu_instancing" in content.extensionsUsed
     for number in content.scenes[content.scene].nodes:
