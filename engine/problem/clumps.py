@@ -13,9 +13,10 @@ import numpy as np
 
 from ..errors import ProblemError
 from .domain import Domain
+from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
 
-__all__ = ["with_clumps"]
+__all__ = ["BYTES_PER_PIXEL_OF_CLUMPS", "with_clumps"]
 
 # Diameter of a clump where none is given, in mean spacings of the class; two clumps are twice as far apart, so that there are some
 # twenty bodies for each.
@@ -37,6 +38,8 @@ MOST_PIXELS = 4096
 TIMES, FEWEST_TIMES = 24, 6
 PIXELS_IN_ALL = TIMES * 2**20
 LONG_SIDE = 1024
+# At the peak, measured: the grid of waves, what is filtered, and its transforms [bytes].
+BYTES_PER_PIXEL_OF_CLUMPS = 64
 
 
 def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int) -> PreparedClass:
@@ -49,7 +52,7 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
         seed: Of the problem.
 
     Raises:
-        ProblemError: Clumps too small for the domain.
+        ProblemError: Clumps too small for the domain, or for this machine's memory.
     """
     if body_class.clustering == 0.0:
         return body_class
@@ -72,6 +75,12 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
             f"{domain.size[0]:g} x {domain.size[1]:g} m; got {size:.3g}"
         )
     rows, columns = (own * math.ceil(many / own) for own, many in zip(image.shape, wanted, strict=True))
+    required, available = BYTES_PER_PIXEL_OF_CLUMPS * rows * columns, machine_memory()
+    if available is not None and required > available:
+        raise ProblemError(
+            f'`clump_size` of class "{name}" is too small ({size:.3g} m): its density would have {columns} x {rows} pixels and take '
+            f"about {format_bytes(required)} of memory, and this machine has {format_bytes(available)}"
+        )
     return rows, columns
 
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import math
-import os
-import sys
-from pathlib import Path
 
 import numpy as np
 
 from ..errors import ProblemError
 from ..field.field_meshes import charge_mesh, cutoff_of, target_mesh
 from ..field.mirrored_field import COPIES
+from ..problem.clumps import BYTES_PER_PIXEL_OF_CLUMPS
 from ..problem.interaction import LEVELS, most_levels
+from ..problem.machine_memory import format_bytes, machine_memory
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 from ..problem.validation import MOST_BODIES, show
@@ -24,7 +21,7 @@ from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
 from .guidance import is_long
 
-__all__ = ["check_memory", "machine_memory", "required_memory"]
+__all__ = ["check_memory", "required_memory"]
 
 # Python, NumPy, Warp and its compiled kernels, measured with the peak resident size of runs of a few bodies.
 BYTES_FIXED = 380_000_000
@@ -66,7 +63,11 @@ def required_memory(problem: Problem) -> int:
     if isinstance(problem.domain, Surface):
         triangles = len(problem.domain.triangle)
         return of_bodies + BYTES_PER_CHARGE_ON_SURFACE * problem.charge_count + BYTES_PER_TRIANGLE * triangles
-    return of_bodies + _required_for_images(problem) + _required_for_meshes(problem)
+    # Clumps are made before anything else.
+    of_clumps = BYTES_PER_PIXEL_OF_CLUMPS * max(
+        (c.density_image.size for c in problem.classes if c.clustering), default=0
+    )
+    return max(of_bodies + _required_for_images(problem) + _required_for_meshes(problem), BYTES_FIXED + of_clumps)
 
 
 def _required_for_images(problem: Problem) -> int:
@@ -200,59 +201,6 @@ def _check_images(problem: Problem, available: int) -> None:
     )
 
 
-def machine_memory() -> int | None:
-    """Return the memory that this process may use at most [bytes]; None where the system does not tell.
-
-    The physical memory, or less inside a container that is given less.
-    """
-    if sys.platform == "win32":
-        return _windows_memory()
-    physical = None
-    with contextlib.suppress(OSError, ValueError):
-        physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    limits = [amount for amount in (physical, _container_limit()) if amount is not None and amount > 0]
-    return min(limits, default=None)
-
-
-def format_bytes(amount: int) -> str:
-    """Return an amount of memory as people say it: ``"1.5 GB"``."""
-    for power, unit in enumerate(("bytes", "kB", "MB", "GB", "TB", "PB", "EB")):
-        if amount < 1000 ** (power + 1):
-            # Whole numbers throughout: the amount may be larger than any float.
-            return f"{amount * 10 // 1000**power / 10:.4g} {unit}"
-    return f"{show(max(amount // 1000**6, 10**18)) if amount // 1000**6 >= 10**18 else amount // 1000**6} EB"
-
-
 def _rounded(count: int) -> str:
     """Two digits are all that the estimate is worth."""
     return f"{float(f'{count:.1e}'):,.0f}"
-
-
-def _container_limit() -> int | None:
-    """The memory limit of a Linux container (control groups, version 2, then 1)."""
-    for path in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
-        with contextlib.suppress(OSError, ValueError):  # no such file, or the word "max"
-            return int(Path(path).read_text(encoding="ascii"))
-    return None
-
-
-class _MemoryStatus(ctypes.Structure):
-    """MEMORYSTATUSEX of the Windows API."""
-
-    _fields_ = (
-        ("length", ctypes.c_ulong),
-        ("load", ctypes.c_ulong),
-        ("total_physical", ctypes.c_ulonglong),
-        ("available_physical", ctypes.c_ulonglong),
-        ("total_page_file", ctypes.c_ulonglong),
-        ("available_page_file", ctypes.c_ulonglong),
-        ("total_virtual", ctypes.c_ulonglong),
-        ("available_virtual", ctypes.c_ulonglong),
-        ("available_extended_virtual", ctypes.c_ulonglong),
-    )
-
-
-def _windows_memory() -> int | None:
-    status = _MemoryStatus(length=ctypes.sizeof(_MemoryStatus))
-    answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # type: ignore[attr-defined]
-    return int(status.total_physical) if answered else None

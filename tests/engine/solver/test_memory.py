@@ -10,8 +10,9 @@ import time
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Problem, ProblemError, Size
+from esh.engine.problem.machine_memory import format_bytes, machine_memory
 from esh.engine.solver import memory
-from esh.engine.solver.memory import check_memory, format_bytes, machine_memory, required_memory
+from esh.engine.solver.memory import check_memory, required_memory
 
 
 def problem_of(*counts: int) -> Problem:
@@ -78,6 +79,7 @@ def test_amounts_read_as_people_say_them(amount, text):
 MEASURED = {
     "few bodies": "[BodyClass('a', [Size('s', 1e-4, 100)])]",
     "many bodies": "[BodyClass('a', [Size('s', 1e-6, 400_000)])]",
+    "clumps": "[BodyClass('a', [Size('s', 1e-4, 100)], clustering=0.5, clump_size=0.012)]",
     "ranges": "[BodyClass(f'{k}', [Size('s', (1e-3, 1e-2), 3000)]) for k in range(6)]",
     "images": (
         "[BodyClass(f'{k}', [Size('s', 1e-4, 100)], density=np.random.default_rng(k).random((2000, 2000)) > 0.5)"
