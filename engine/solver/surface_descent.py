@@ -22,6 +22,7 @@ from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_direction, kernels_on_surface, kernels_surface_lines
+from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below
 from .initial_placement import body_starts
 from .model import Model
@@ -120,7 +121,7 @@ class SurfaceDescent:
         self._poses = self.state.poses()
         self._motion = self.state.motion(change=launcher.zeros(n, wp.vec3), turn_change=launcher.zeros(n, wp.vec2))
         self.contact: SurfaceContact | None = None
-        if model.problem.avoid_overlap or self.rules.kind_count:
+        if keeps_apart(model):
             self.contact = SurfaceContact(model, launcher, self.bodies, self.ground, self._poses, self._motion)
         self.place_charges()
         self.step = launcher.record(self.take_step)

@@ -193,3 +193,15 @@ def test_what_lines_cannot_do_on_a_surface_is_said():
         esh.solve(asked(direction=lambda points: np.ones(len(points.triangle))), **RUN)
     with pytest.raises(EshError, match="must be finite everywhere; it returned NaN or infinity"):
         esh.solve(asked(direction=lambda points: np.full((len(points.triangle), 3), np.nan)), **RUN)
+
+
+@pytest.mark.parametrize(("count", "kept"), [(300, True), (4_000, False)])
+def test_lines_that_lie_on_each_other_many_times_are_not_pushed(count, kept):
+    ball = trimesh.creation.icosphere(2, radius=0.15)
+    line = esh.Line(0.1, "none", width=0.1)
+    classes = [esh.BodyClass("a", [esh.Size("s", 1e-5, count, line=line)])]
+    problem = esh.Problem(esh.Surface([esh.SurfaceMesh(ball.vertices, ball.faces)]), classes)
+    with esh.Solver(problem, device="cpu") as solver:
+        assert (solver.descent.contact is not None) == kept
+        solver.step()
+        assert np.isfinite(solver.placement().position).all()
