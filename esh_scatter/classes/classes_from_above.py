@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from ...engine.problem.packing import packable_share, scale_to_fit
 from ...engine.problem.prepared_class import PreparedClass, PreparedDensity, count_sizes, prepare_density
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import values_of
-from ...engine.problem.size import Size
+from ...engine.problem.size import Size, with_count
 from ...engine.problem.surface_directions import SLOPE
 from ...engine.problem.validation import check_density
 from ...engine.surface.chart import Chart
@@ -64,6 +64,7 @@ class ClassesFromAbove:
         classes: What is asked.
         shapes: Of their sizes, by class.
         settings: How the scatter is made.
+        staying: How many objects of an earlier result stay, by class and size; they are among the counts.
     """
 
     def __init__(
@@ -73,7 +74,9 @@ class ClassesFromAbove:
         classes: Sequence[ScatterClass],
         shapes: Sequence[Sequence[SizeShape]],
         settings: ScatterSettings,
+        staying: Mapping[tuple[int, int], int],
     ) -> None:
+        self._staying = staying
         self._chart, self._target_name = chart, target_name
         self._classes, self._shapes = classes, shapes
         self._settings = settings
@@ -165,9 +168,16 @@ class ClassesFromAbove:
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
         if isinstance(shape.area, tuple):
             # What gives each object its area; its jitter comes on top of that.
-            area = size.areas([self._settings.seed, 2, *where])
+            area = self._areas(where, size)
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
+
+    def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
+        """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""
+        count = size.count or 0
+        left = max(count - self._staying.get(where, 0), 0)
+        drawn = with_count(size, left).areas([self._settings.seed, 2, *where])
+        return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
 
     def _with_discs(
         self, where: tuple[int, int], size: Size, identity: np.ndarray, factor: np.ndarray, slope: np.ndarray | None
@@ -182,7 +192,7 @@ class ClassesFromAbove:
         if slope is None and (factor == 1.0).all():
             return size
         shape = self._shapes[where[0]][where[1]]
-        area = size.areas([self._settings.seed, 2, *where])
+        area = self._areas(where, size)
         own, variant = np.array([size.mean_area]), np.zeros(len(identity), np.int64)
         if isinstance(shape.area, tuple) and shape.outlines[0] is not None:
             # Objects are scaled from their own areas to those of the range.

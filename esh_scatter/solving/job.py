@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -220,7 +221,7 @@ class ScatterJob:
             values_of_classes = [values * free for values in values_of_classes]
         self.problem = Problem(
             domain,
-            self._prepare_classes(reading.target.name, shapes_of_classes, values_of_classes),
+            self._prepare_classes(reading, shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
             obstacles=() if obstacle is None else (obstacle,),
@@ -231,12 +232,15 @@ class ScatterJob:
         self._reading = None
 
     def _prepare_classes(
-        self, name: str, shapes: Sequence[Sequence[SizeShape]], values: Sequence[np.ndarray]
+        self, reading: _Reading, shapes: Sequence[Sequence[SizeShape]], values: Sequence[np.ndarray]
     ) -> list[PreparedClass] | list[BodyClass]:
-        """Return what the engine is to place, from densities at the chart's points; ``name`` is the target's in sentences."""
+        """Return what the engine is to place, from densities at the chart's points."""
         chart = self.chart
         if isinstance(chart, Chart):
-            return ClassesFromAbove(chart, name, self.classes, shapes, self.settings).prepare(values)
+            pins = None if reading.pins is None else reading.pins[0]
+            staying = Counter() if pins is None else Counter(zip(pins.class_index, pins.size_index, strict=True))
+            name = reading.target.name
+            return ClassesFromAbove(chart, name, self.classes, shapes, self.settings, staying).prepare(values)
         return [
             class_on_surface(chart, c, [engine_size(*pair) for pair in zip(c.sizes, of_class, strict=True)], density)
             for c, of_class, density in zip(self.classes, shapes, values, strict=True)

@@ -243,3 +243,18 @@ def test_discs_that_are_pinned_keep_their_size(steep, area):
         numbers = read_attribute(mesh, "id")
         scales = {int(n): there[int(n)] for n in numbers[pinned]}
         result = scatter(ground, asked, result=result, **options).object
+
+
+def test_a_range_beside_pins_is_drawn_for_those_that_are_new():
+    bpy.ops.mesh.primitive_grid_add(size=10)
+    ground, one = bpy.context.object, cone("One", 0.2)
+    asked = [ScatterClass("a", [ScatterSize("s", 60, one, area=(0.05, 0.2), distribution="linear", line=False)])]
+    result = scatter(ground, asked, avoid_overlap=True, **OPTIONS).object
+    result.data.attributes.new(pins.PINNED, "BOOLEAN", "POINT")
+    write_attribute(result.data, pins.PINNED, np.arange(60) < 30)
+    made = scatter(ground, asked, result=result, avoid_overlap=True, **OPTIONS)
+    scale = read_attribute(made.object.data, "scale")[:, 0]
+    new = scale[~made.placement.fixed]
+    # The smallest and the largest of the range are there, on what objects show too.
+    assert len(new) == 30 and (new.max() / new.min()) ** 2 == pytest.approx(4.0, rel=1e-3)
+    np.testing.assert_allclose(np.ptp(made.placement.area[~made.placement.fixed]), 0.15, rtol=1e-6)
