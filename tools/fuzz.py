@@ -307,7 +307,7 @@ def _check_distances(placement: Any) -> None:
         least = int((distance < counted - rounding).sum())
         crowded = np.bincount(np.concatenate([i, j])[np.tile(distance < touching, 2)], minlength=1).max(initial=0) > 190
         # A body that reaches round the domain overlaps copies of itself, which are counted, too.
-        around = problem.domain.periodic and (touching > size.min()).any()
+        around = problem.domain.periodic and 2.0 * radius.max() > size.min()
         assert around or report.overlaps <= most, (
             f"{report.overlaps} overlaps are reported, and there are {most} at most"
         )
