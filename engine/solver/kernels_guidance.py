@@ -6,7 +6,7 @@ import warp as wp
 
 from ..space.kernels_mesh import nearest_node
 from ..space.kernels_space import Space, confine
-from .kernels_descent import Bodies, Charges, Steps
+from .kernels_descent import Bodies, Charges, Steps, first_step
 from .kernels_outlines import Outlines
 
 wp.set_module_options({"enable_backward": False})
@@ -52,7 +52,7 @@ def find_homes(
     for j in range(begin, end):
         force += bodies.charge[j] * charges.field[j]
         total += bodies.charge[j]
-    length = steps.length[bodies.group[body] * (steps.mesh.count_x * steps.mesh.count_y) + nearest_node(p, steps.mesh)]
+    length = steps.length[first_step(bodies.group[body], steps) + nearest_node(p, steps.mesh)]
     way = force * (length / total)
     far = wp.length(way)
     if far > farthest:

@@ -32,14 +32,15 @@ def images_for_kernels(
     result.pixel = wp.array(np.concatenate([image.ravel() for image in distinct]), dtype=float, device=device)
     result.to_support = launcher.zeros(int(first[-1]) if to_support else 1, wp.vec2)
     # Densities differ more often than where they are above zero: behind one obstacle, all of them are so in the same pixels.
-    known: dict[tuple[tuple[int, ...], bytes], wp.array] = {}
+    known: dict[tuple[tuple[int, ...], bytes], int] = {}
     for image, start in zip(distinct, first[:-1].tolist(), strict=True):
         supported = image > 0.0
         if to_support and not supported.all():
             key = image.shape, np.packbits(supported).tobytes()
-            if key not in known:
-                known[key] = vectors_to_support(launcher, image, size)
-            wp.copy(result.to_support, known[key], dest_offset=start, count=image.size)
+            ways, at = result.to_support, known.setdefault(key, start)
+            if at == start:
+                ways, at = vectors_to_support(launcher, image, size), 0
+            wp.copy(result.to_support, ways, dest_offset=start, src_offset=at, count=image.size)
     result.start = wp.array(first[:-1][index], dtype=wp.int32, device=device)
     result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
     result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)

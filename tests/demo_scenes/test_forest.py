@@ -1,6 +1,5 @@
 """The forest: its parts, its own checks, and a whole run at low render settings."""
 
-import importlib
 import json
 import subprocess
 import sys
@@ -10,21 +9,6 @@ import numpy as np
 import pytest
 
 SCENES = Path(__file__).parents[2] / "demo_scenes"
-
-
-@pytest.fixture
-def module(monkeypatch):
-    """Import a module of the demo scenes, which are scripts and no package."""
-    monkeypatch.syspath_prepend(str(SCENES))
-    names = []
-
-    def load(name):
-        names.append(name)
-        return importlib.import_module(name)
-
-    yield load
-    for name in names:
-        sys.modules.pop(name, None)
 
 
 @pytest.fixture

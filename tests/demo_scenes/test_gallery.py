@@ -1,8 +1,6 @@
 """The scenes of the gallery: their own checks on whole scenes of few bodies, what these checks find, and a run with a tiny picture."""
 
-import importlib
 import re
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,19 +13,10 @@ NAMES = ("meadow", "beach", "crowd", "portrait")
 
 
 @pytest.fixture
-def module(monkeypatch):
-    """Import a module of the demo scenes, which are scripts and no package."""
+def module(module):
+    """As elsewhere, where Blender is there: all of these scenes import it."""
     pytest.importorskip("bpy")
-    monkeypatch.syspath_prepend(str(SCENES))
-    names = []
-
-    def load(name):
-        names.append(name)
-        return importlib.import_module(name)
-
-    yield load
-    for name in names:
-        sys.modules.pop(name, None)
+    return module
 
 
 def built(scene):

@@ -1,6 +1,5 @@
 """The pizzas: their parts, their own checks, and a whole run of tiny pictures."""
 
-import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -12,21 +11,6 @@ import pytest
 SCENES = Path(__file__).parents[2] / "demo_scenes"
 DOTS = {"ham": 0.02, "mushroom": 0.016, "salami": 0.015}
 LINES = {"chilli": 0.05, "anchovy": 0.05}
-
-
-@pytest.fixture
-def module(monkeypatch):
-    """Import a module of the demo scenes, which are scripts and no package."""
-    monkeypatch.syspath_prepend(str(SCENES))
-    names = []
-
-    def load(name):
-        names.append(name)
-        return importlib.import_module(name)
-
-    yield load
-    for name in names:
-        sys.modules.pop(name, None)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """The scenes on surfaces: their shapes, and their own checks on whole scenes without a picture."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +9,10 @@ SCENES = Path(__file__).parents[2] / "demo_scenes"
 
 
 @pytest.fixture
-def module(monkeypatch):
-    """Import a module of the demo scenes, which are scripts and no package."""
+def module(module):
+    """As elsewhere, where Blender is there: all of these scenes import it."""
     pytest.importorskip("bpy")
-    monkeypatch.syspath_prepend(str(SCENES))
-    names = []
-
-    def load(name):
-        names.append(name)
-        return importlib.import_module(name)
-
-    yield load
-    for name in names:
-        sys.modules.pop(name, None)
+    return module
 
 
 def volume(shape):
