@@ -120,7 +120,7 @@ class Contact:
             guided: Whether forces may keep them even meanwhile, where that takes some; they follow the densities of the problem.
         """
         parting = Separation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
-        if not guided or not needs_guidance(self._model):
+        if not guided or not needs_guidance(self._model) or parting.too_crowded:
             return parting.run(go_on, again=again)
         guidance = Guidance(self._model, self.launcher, self._bodies, bend)
         try:

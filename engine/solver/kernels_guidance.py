@@ -6,7 +6,7 @@ import warp as wp
 
 from ..space.kernels_mesh import nearest_node
 from ..space.kernels_space import Space, confine
-from .kernels_descent import Bodies, Charges, Steps, first_step
+from .kernels_descent import Bodies, Charges, Steps, first_step, limited
 from .kernels_outlines import Outlines
 
 wp.set_module_options({"enable_backward": False})
@@ -53,9 +53,6 @@ def find_homes(
         force += bodies.charge[j] * charges.field[j]
         total += bodies.charge[j]
     length = steps.length[first_step(bodies.group[body], steps) + nearest_node(p, steps.mesh)]
-    way = force * (length / total)
-    far = wp.length(way)
-    if far > farthest:
-        way = way * (farthest / far)
+    way = limited(force * (length / total), farthest)
     q = confine(p + way, space)
     home[i] = wp.vec4(q[0], q[1], own[2], 0.0)

@@ -297,7 +297,7 @@ class Separation:
         """
         self._again, self._guidance = again, guidance
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._swappable and not self._too_crowded:
+        if parted is False and self._fixed and self._swappable and not self.too_crowded:
             self._place.assign(self._start)
             self._moves.home.assign(self._start)
             parted = self._try(go_on, hot=True)
@@ -343,8 +343,8 @@ class Separation:
         return MOST_ROUNDS
 
     @cached_property
-    def _too_crowded(self) -> bool:
-        # Of the ground where bodies may be.
+    def too_crowded(self) -> bool:
+        """Whether there is hardly a way to part them, by the ground where bodies may be."""
         return cover_of(self._model.problem).covered > TOO_CROWDED
 
     def _try(self, go_on: Callable[[], bool] | None, hot: bool) -> bool | None:
@@ -363,7 +363,7 @@ class Separation:
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self._most_rounds
         swaps = HOT_SWAPS if hot else MOST_SWAPS
-        guidance = None if hot or self._too_crowded else self._guidance
+        guidance = None if hot else self._guidance
         guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         if guidance is not None:
@@ -403,7 +403,7 @@ class Separation:
                 least = squares if since == 0 else least
                 if number == guided + most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
                     break
-                if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self._too_crowded:
+                if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self.too_crowded:
                     break
                 if go_on is not None and not go_on():
                     stopped = True

@@ -26,3 +26,10 @@ def module(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ModuleTy
     yield load
     for name in names:
         sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def blender_module(module: Callable[[str], ModuleType]) -> Callable[[str], ModuleType]:
+    """As :func:`module`, where Blender is there: scenes that import it on their first lines."""
+    pytest.importorskip("bpy")
+    return module

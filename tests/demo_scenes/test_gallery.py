@@ -12,13 +12,6 @@ SCENES = ROOT / "demo_scenes"
 NAMES = ("meadow", "beach", "crowd", "portrait")
 
 
-@pytest.fixture
-def module(module):
-    """As elsewhere, where Blender is there: all of these scenes import it."""
-    pytest.importorskip("bpy")
-    return module
-
-
 def built(scene):
     import bpy
 
@@ -27,8 +20,8 @@ def built(scene):
 
 
 @pytest.mark.parametrize("name", ["meadow", "beach", "crowd"])
-def test_a_scene_keeps_its_promises(module, name):
-    scene = module(name)
+def test_a_scene_keeps_its_promises(blender_module, name):
+    scene = blender_module(name)
     made = built(scene)
     measured = scene.test_final(made)
     assert measured["placed"] > 40 and measured["overlaps"] == 0
@@ -39,8 +32,8 @@ def test_a_scene_keeps_its_promises(module, name):
             scene.test_final(made)
 
 
-def test_people_look_where_they_are_told_to(module):
-    crowd = module("crowd")
+def test_people_look_where_they_are_told_to(blender_module):
+    crowd = blender_module("crowd")
     import bpy
     from mathutils import Quaternion, Vector
 
@@ -53,8 +46,8 @@ def test_people_look_where_they_are_told_to(module):
     bpy.data.meshes.remove(mesh)
 
 
-def test_nothing_of_the_path_is_left_out(module):
-    meadow = module("meadow")
+def test_nothing_of_the_path_is_left_out(blender_module):
+    meadow = blender_module("meadow")
     way = meadow.path_points()
     # It goes through the points that it was given but for its ends, and its distance is that of its nearest point.
     given = np.array(meadow.PATH[1:-1])
@@ -66,8 +59,8 @@ def test_nothing_of_the_path_is_left_out(module):
     assert meadow.distance_to_path(way).max() < 1e-9
 
 
-def test_a_scene_is_rendered_and_saved(module, tmp_path, capsys):
-    module("portrait").main(["--quick", "--output", str(tmp_path), "--device", "cpu"])
+def test_a_scene_is_rendered_and_saved(blender_module, tmp_path, capsys):
+    blender_module("portrait").main(["--quick", "--output", str(tmp_path), "--device", "cpu"])
     assert "all checks passed" in capsys.readouterr().out
     from PIL import Image
 

@@ -8,13 +8,6 @@ import pytest
 SCENES = Path(__file__).parents[2] / "demo_scenes"
 
 
-@pytest.fixture
-def module(module):
-    """As elsewhere, where Blender is there: all of these scenes import it."""
-    pytest.importorskip("bpy")
-    return module
-
-
 def volume(shape):
     vertex, face = shape
     if face.shape[1] == 4:
@@ -23,8 +16,8 @@ def volume(shape):
     return float((a * np.cross(b, c)).sum() / 6.0)
 
 
-def test_closed_shapes_look_outwards(module):
-    shapes = module("surface_shapes")
+def test_closed_shapes_look_outwards(blender_module):
+    shapes = blender_module("surface_shapes")
     assert volume(shapes.ball(4)) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
     assert volume(shapes.box((1.0, 2.0, 3.0))) == pytest.approx(6.0)
     assert volume(shapes.ring(0.04, 0.02, 1)) == pytest.approx(2.0 * np.pi**2 * 0.04 * 0.02**2 * 0.86, rel=0.1)
@@ -40,8 +33,8 @@ def test_closed_shapes_look_outwards(module):
 
 
 @pytest.mark.parametrize("scene", ["doughnut", "boat"])
-def test_a_scene_passes_its_own_checks(module, monkeypatch, scene):
-    surfaces = module("surfaces")
+def test_a_scene_passes_its_own_checks(blender_module, monkeypatch, scene):
+    surfaces = blender_module("surfaces")
     honest = surfaces.esh.scatter
 
     def hurried(target, classes, **options):
