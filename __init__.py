@@ -264,7 +264,7 @@ _MODULES = {
 }
 
 
-# Hidden from type checkers: to them a name that is misspelt is one that does not exist.
+# Hidden from type checkers: to them a name that is misspelled is one that does not exist.
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:

@@ -1,4 +1,4 @@
-"""A crowd on a square that looks at a stage: people in coats of eight colours, tall and small, around a fountain and under trees.
+"""A crowd on a square that looks at a stage: people in coats of eight colors, tall and small, around a fountain and under trees.
 
     python demo_scenes/crowd.py --output output
 
@@ -34,7 +34,7 @@ LOOK_AT = (0.0, 13.4)
 SPREAD = math.radians(22.0)
 FOUNTAIN = (-9.5, -3.0, 3.1)
 TREES = ((-17.5, 7.0), (-17.5, -0.5), (-17.5, -8.0), (17.5, 7.0), (17.5, -0.5), (17.5, -8.0))
-# Colour of a coat -> how many grown-ups and children wear it.
+# Color of a coat -> how many grown-ups and children wear it.
 COATS: dict[str, tuple[Color, int, int]] = {
     "red": ((0.58, 0.045, 0.035), 95, 16),
     "navy": ((0.03, 0.06, 0.17), 150, 12),
@@ -139,7 +139,7 @@ def person(seed: int, child: bool = False) -> tuple[shapes.Shape, np.ndarray]:
 
 
 def _by_person(name: str, colors: list[Color], spread: int) -> bpy.types.Material:
-    """One of some colours for each person; ``spread`` makes what is chosen differ from material to material."""
+    """One of some colors for each person; ``spread`` makes what is chosen differ from material to material."""
     material, tree = new_material(name)
     chance = calculate(tree, "FRACT", calculate(tree, "MULTIPLY", random_of(tree), float(spread)))
     color = color_ramp(tree, chance, [(i / len(colors), c) for i, c in enumerate(colors)])
@@ -152,7 +152,7 @@ def _by_person(name: str, colors: list[Color], spread: int) -> bpy.types.Materia
 
 
 def coat_material() -> bpy.types.Material:
-    """Cloth in the colour of the class, a little lighter or darker on each person."""
+    """Cloth in the color of the class, a little lighter or darker on each person."""
     material, tree = new_material("Coat")
     color = add_node(tree, "ShaderNodeAttribute", attribute_type="INSTANCER", attribute_name="class_color").outputs[
         "Color"
@@ -370,7 +370,7 @@ def _leaves(middle: np.ndarray, radius: float, seed: int, count: int) -> shapes.
 
 
 def _add_houses(holder: bpy.types.Collection) -> None:
-    """Add rows of houses behind the stage and along the sides, each of its own colour and height."""
+    """Add rows of houses behind the stage and along the sides, each of its own color and height."""
     random = np.random.default_rng(SEED + 1)
     plaster = [
         (0.66, 0.43, 0.30),
@@ -423,7 +423,7 @@ def _add_house(
     """A house with a gable, which stands so far along a row and looks out of it."""
 
     def placed(shape: shapes.Shape) -> shapes.Shape:
-        # Modelled along x, with the front at y = 0 and the house behind it, at y > 0.
+        # Modeled along x, with the front at y = 0 and the house behind it, at y > 0.
         vertex, face = shape
         x, y = vertex[:, 0] + along, vertex[:, 1]
         flat = np.array(start) + x[:, None] * np.array(way) - y[:, None] * np.array(out)

@@ -1,4 +1,4 @@
-"""The kernel that evaluates the field at every charge: near part over neighbours, far part from the mesh."""
+"""The kernel that evaluates the field at every charge: near part over neighbors, far part from the mesh."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["COLUMNS_PER_CUTOFF", "LANES", "ROWS_PER_CUTOFF", "evaluate_field"]
 
 wp.set_module_options({"enable_backward": False})
 
-# Neighbours that the CPU takes at once. Arrays of neighbours are longer by so many, since the last of them may read beyond.
+# Neighbors that the CPU takes at once. Arrays of neighbors are longer by so many, since the last of them may read beyond.
 LANES = 8
 # Cells along the cut-off, from row to row and along a row: narrow cells follow its circle, high ones keep ranges long.
 ROWS_PER_CUTOFF = 1
@@ -51,7 +51,7 @@ def _eighth_root() -> list[float]:
 # some processors take a hundred times as long for others. Of a charge's unit share, what the split spreads farther out than the
 # distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does, and the core is added.
 def _add_ranges(variance: str) -> str:
-    """C++ that goes through all ranges of neighbours; ``variance`` is that of a pair."""
+    """C++ that goes through all ranges of neighbors; ``variance`` is that of a pair."""
     return f"""
     for (int range = 0; range < ranges; ++range)
     {{
@@ -119,7 +119,7 @@ _SUM_NEAR = f"""
     const float height = 1.0f / per_row;
     const int columns = grid.count_x, rows = grid.count_y;
     const bool repeats_x = period[0] > 0.0f, repeats_y = period[1] > 0.0f;
-    // Cells of a row are neighbours in memory: those within the cut-off are one range, or two where it reaches round the domain.
+    // Cells of a row are neighbors in memory: those within the cut-off are one range, or two where it reaches round the domain.
     enum {{ MOST = 2 * {2 * ROWS_PER_CUTOFF + 1} }};
     int begins[MOST], ends[MOST], ranges = 0;
     float from_x[MOST], from_y[MOST];

@@ -1,4 +1,4 @@
-"""Where the bodies end: a state, in metres."""
+"""Where the bodies end: a state, in meters."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .body_flags import BodyFlags
 from .model import Model
 from .state import State
 
-__all__ = ["facing_turns", "placement_of", "position_in_metres"]
+__all__ = ["facing_turns", "placement_of", "position_in_meters"]
 
 
 def placement_of(model: Model, state: State) -> Placement:
     """The bodies of a state, less the ghosts; the report is still to be measured."""
     body = model.body
-    position = _settled(model, position_in_metres(model, state))
+    position = _settled(model, position_in_meters(model, state))
     angle, length, width = (np.zeros(len(position)) for _ in range(3))
     given = model.footprints.is_outline
     if given.any():
@@ -94,7 +94,7 @@ def _within(angle: np.ndarray, period: float) -> np.ndarray:
     return np.mod(angle + 0.5 * period, period) - 0.5 * period
 
 
-def position_in_metres(model: Model, state: State) -> np.ndarray:
+def position_in_meters(model: Model, state: State) -> np.ndarray:
     """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
     position = np.multiply(state.pose.numpy()[:, :2], model.unit, dtype=np.float64)
     return Space.of(model.problem.rectangle).inside(position)

@@ -19,7 +19,7 @@ from ..problem.surface import Surface
 from .carried_over import CarriedOver
 from .descent import Descent
 from .edit import carry_lines, carry_over
-from .final_placement import facing_turns, placement_of, position_in_metres
+from .final_placement import facing_turns, placement_of, position_in_meters
 from .memory import check_memory
 from .model import Model
 from .spread import spread
@@ -199,7 +199,7 @@ class Solver:
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         old = before_edit.state
         pose = old.pose.numpy().astype(np.float64)
-        position = position_in_metres(before, old)
+        position = position_in_meters(before, old)
         carried = carry_over(before, position, model, self._next_identity, self._spread)
         model.carry(before, carried)
         start = np.full((model.body_count, 4), np.nan)
@@ -377,7 +377,7 @@ class Solver:
         if not looking.any():
             return False
         turn = descent.state.turn.numpy().copy()
-        wanted = facing_turns(model, position_in_metres(model, descent.state))
+        wanted = facing_turns(model, position_in_meters(model, descent.state))
         away = looking & (np.abs(np.mod(wanted - turn + math.pi, 2.0 * math.pi) - math.pi) > past)
         turn[away] = wanted[away]
         descent.state.turn.assign(turn)
@@ -419,7 +419,7 @@ class Solver:
     def _position(self) -> np.ndarray:
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
-        return position_in_metres(self.model, self.descent.state)
+        return position_in_meters(self.model, self.descent.state)
 
 
 def _charges_per_body(model: Model) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Where bodies on a surface end: a state, in metres, and in the triangles of the meshes."""
+"""Where bodies on a surface end: a state, in meters, and in the triangles of the meshes."""
 
 from __future__ import annotations
 

@@ -236,5 +236,5 @@ def standing_of(scatter_class: ScatterClass, settings: ScatterSettings) -> Stand
 
 
 def color_of(scatter_class: ScatterClass) -> tuple[float, ...]:
-    """Return the colour of a class's points: red, green, blue, alpha; white where it has none."""
+    """Return the color of a class's points: red, green, blue, alpha; white where it has none."""
     return (1.0, 1.0, 1.0, 1.0) if scatter_class.color is None else (*scatter_class.color, 1.0)[:4]

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CLASSES", "CLASS_COLORS", "DERIVED_COUNTS", "ESH_PG_class"]
 
-# Told apart by most people with a colour vision deficiency (after Okabe and Ito), and pleasant beside each other.
+# Told apart by most people with a color vision deficiency (after Okabe and Ito), and pleasant beside each other.
 CLASS_COLORS = (
     (0.000, 0.342, 0.171),
     (0.791, 0.347, 0.000),

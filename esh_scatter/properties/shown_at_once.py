@@ -35,7 +35,7 @@ def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
 
 
 def paint_class_anew(body_class: PropertyGroup, _context: object) -> None:
-    """Give the points of a class its colour."""
+    """Give the points of a class its color."""
     from ..result.kept_ground import paint_points
 
     if found := _points_of_class(body_class):

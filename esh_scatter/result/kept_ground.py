@@ -1,4 +1,4 @@
-"""What a result keeps with its points, and what can be changed there at once, without solving: standing, colour, visibility."""
+"""What a result keeps with its points, and what can be changed there at once, without solving: standing, color, visibility."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, lo
 
 
 def paint_points(result: bpy.types.Object, class_number: int, color: tuple[float, ...]) -> None:
-    """Give the points of one class another colour (red, green, blue)."""
+    """Give the points of one class another color (red, green, blue)."""
     mesh = result.data
     if "class_color" in mesh.attributes:
         values = read_attribute(mesh, "class_color")

@@ -344,7 +344,7 @@ def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:
 
 
 def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> None:
-    """Give a result what was changed at once while it was solved: how objects stand, and colours."""
+    """Give a result what was changed at once while it was solved: how objects stand, and colors."""
     from ..result.kept_ground import CLASSES_OF_POINTS, can_stand_anew, paint_points, stand_anew
 
     classes = {c.uid: c for c in scatter.classes}

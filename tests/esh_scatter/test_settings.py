@@ -144,7 +144,7 @@ def test_every_setting_that_needs_solving_makes_a_result_outdated(scatter):
 
 
 def test_what_has_no_influence_is_there(scatter):
-    """A name that is misspelt, or of a property that is gone, would hide another one."""
+    """A name that is misspelled, or of a property that is gone, would hide another one."""
     groups = (scatter, scatter.classes[0], scatter.classes[0].sizes[0])
     assert {name for group in groups for name in group.bl_rna.properties.keys()} >= WITHOUT_INFLUENCE  # noqa: SIM118
 

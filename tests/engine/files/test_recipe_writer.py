@@ -230,7 +230,7 @@ def test_arrays_of_lengths_and_directions_are_taken_as_they_are(tmp_path):
         np.testing.assert_array_equal(line.length, 1.0 + IMAGE)
         np.testing.assert_array_equal(line.direction, direction)
     for name, more, complaint in (
-        ("grey.png", 'direction_kind = "radians"\n', "must be a .npy file; got the ending '.png'"),
+        ("gray.png", 'direction_kind = "radians"\n', "must be a .npy file; got the ending '.png'"),
         ("length.npy", 'direction_kind = "degrees"\n', '"radians" for a .npy file; got "degrees"'),
     ):
         recipe.write_text(f'{text}direction = "{name}"\n{more}')
