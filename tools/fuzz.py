@@ -188,6 +188,12 @@ def any_recipe(choose: Choices, folder: Path) -> str:
             made["clustering"] = sometimes(choose.pick([0.0, 0.3, 1.0]), -1, "much")
             made["clump_size"] = sometimes(choose.between(0.01, 10.0), -1.0, 1e-9)
         if choose.pick([False] * 4 + [True]):
+            made["look_at"] = {
+                "point": sometimes([choose.between(-9.0, 9.0), choose.between(-9.0, 9.0), 0.0], [1.0], 3),
+                "spread": sometimes(choose.between(0.0, 3.0), -1.0, math.inf),
+                "front": sometimes(choose.pick(["x", "-x", "y", "-y"]), "z"),
+            }
+        if choose.pick([False] * 4 + [True]):
             made["unsharp"] = {
                 "amount": sometimes(choose.between(0.1, 5), 1e300),
                 "radius": sometimes(2.0, 1e-9, 1e300),
