@@ -112,7 +112,7 @@ def parts_of(faces: np.ndarray) -> np.ndarray:
 def spacing(
     position: np.ndarray, normal: np.ndarray, number_density: np.ndarray | float, part: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """Smallest and mean distance to the nearest neighbour on the same side and part, over that of a hexagonal lattice."""
+    """Smallest and mean distance to the nearest neighbor on the same side and part, over that of a hexagonal lattice."""
     distance, near = cKDTree(position).query(position, k=min(24, len(position)))
     same = (normal[near] * normal[:, None]).sum(axis=2) > 0.0
     if part is not None:
