@@ -162,6 +162,7 @@ class Cascade:
         self._sort = CellSort(launcher, n, self.node_count)
         self._sorted = _room_for_sorted(launcher, n)
         self._node_charge = launcher.zeros(self.node_count * self.group_count, float)
+        self._offset = launcher.zeros(self.node_count * self.group_count, float)
 
     def evaluate(self, charges: Points, facet: wp.array, weight: wp.array, home: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -214,6 +215,10 @@ class Cascade:
                 grain=GRAIN_OF_NEIGHBORS,
             )
 
+    def set_offset(self, offset: np.ndarray) -> None:
+        """Give every group a potential of its own at every node, shape ``[group_count, node_count]``, that is added to the others."""
+        self._offset.assign(offset.T.astype(np.float32).ravel())
+
     def _cascade(self) -> None:
         """From the charges at the nodes to the potential there."""
         levels, groups = self._levels, self.group_count
@@ -236,9 +241,10 @@ class Cascade:
 
         for fine, coarse in itertools.pairwise(levels):
             multiply(fine.down, fine.down_value, fine.charge, 0, coarse.charge)
+        self.launcher.launch(kernels_cascade.begin_with, len(self._offset), [self._offset], [levels[0].potential])
         for number in reversed(range(len(levels))):
             level = levels[number]
-            multiply(level.octave, level.octave_value, level.charge, 0, level.potential)
+            multiply(level.octave, level.octave_value, level.charge, int(number == 0), level.potential)
             if level.up is not None:
                 multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
 

@@ -27,6 +27,7 @@ from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
+from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_state import SurfaceState
@@ -94,6 +95,9 @@ class SurfaceDescent:
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
         )
+        potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
+        if potential is not None:
+            self.cascade.set_offset(potential)
         self.ground = self._make_ground(on_device, share, model.interaction @ of_group)
         n, charge_count = model.body_count, model.charge_count
         self.charges = kernels_on_surface.Charges()
