@@ -23,7 +23,7 @@ from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_direction, kernels_on_surface, kernels_surface_lines
 from .contact import keeps_apart
-from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below
+from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below, residual_of
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
@@ -127,8 +127,8 @@ class SurfaceDescent:
         self.step = launcher.record(self.take_step)
 
     def residual(self) -> float:
-        """RMS of the moves that the forces asked for in the last step, over the local spacing."""
-        return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+        """As :meth:`.Descent.residual`."""
+        return residual_of(self.direction, self.model.body_count)
 
     def settled(self, tolerance: float) -> Until:
         """When steps are to end: once the residual may be below a tolerance, or is no number."""

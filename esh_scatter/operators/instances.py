@@ -18,7 +18,7 @@ from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import pins
 from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
-from .edit import Edit
+from .edit import Edit, select_points
 
 __all__ = ["CLASSES"]
 
@@ -46,19 +46,7 @@ class ESH_OT_instances_edit(_OnResult):
         if result.mode == "EDIT":
             bpy.ops.object.mode_set(mode="OBJECT")
             return {"FINISHED"}
-        if context.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
-        if result.name not in context.view_layer.objects or result.hide_get():
-            self.report({"ERROR"}, f'"{result.name}" is hidden. Show it to edit its instances')
-            return {"CANCELLED"}
-        for item in context.selected_objects:
-            item.select_set(False)
-        result.select_set(True)
-        context.view_layer.objects.active = result
-        result.data.vertices.foreach_set("select", np.zeros(len(result.data.vertices), bool))
-        bpy.ops.object.mode_set(mode="EDIT")
-        context.tool_settings.mesh_select_mode = (True, False, False)
-        return {"FINISHED"}
+        return select_points(self, context, np.zeros(len(result.data.vertices), bool))
 
 
 class _OnInstances(_OnResult):

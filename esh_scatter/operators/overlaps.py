@@ -11,7 +11,7 @@ from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.result import OVERLAPPING
-from .edit import Edit, settings_editable
+from .edit import Edit, select_points, settings_editable
 
 __all__ = ["CLASSES"]
 
@@ -60,18 +60,14 @@ class ESH_OT_select_overlapping(_OfResult):
         """Select them."""
         result = selected_scatter(context).result_in(context.scene)
         assert result is not None
-        if context.mode != "OBJECT":
+        if result.mode == "EDIT":
+            # There its attributes cannot be read.
             bpy.ops.object.mode_set(mode="OBJECT")
-        for item in context.selected_objects:
-            item.select_set(False)
-        result.select_set(True)
-        context.view_layer.objects.active = result
         chosen = _overlapping(result)
-        result.data.vertices.foreach_set("select", chosen)
-        context.tool_settings.mesh_select_mode = (True, False, False)
-        bpy.ops.object.mode_set(mode="EDIT")
-        self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
-        return {"FINISHED"}
+        answer = select_points(self, context, chosen)
+        if answer == {"FINISHED"}:
+            self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
+        return answer
 
 
 class ESH_OT_frame_overlap(_OfResult):
