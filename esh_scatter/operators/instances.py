@@ -89,13 +89,13 @@ class ESH_OT_instances_unpin(_OnInstances):
 
 
 class ESH_OT_instances_turn(_OnInstances):
-    """Turn the selected instances about their own axis, and pin them"""
+    """Rotate the selected instances about their own axis, and pin them"""
 
     bl_idname = "esh.instances_turn"
-    bl_label = "Turn"
+    bl_label = "Rotate"
 
     angle: FloatProperty(
-        name="Angle", description="Angle of the turn, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
+        name="Angle", description="Angle of rotation, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
     )
 
     def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
@@ -121,11 +121,11 @@ class ESH_OT_instances_remove(_OnInstances):
 
 
 class ESH_OT_instances_refill(Edit):
-    """Let the next run use the places of removed instances again"""
+    """Let the next run place objects again where instances were removed"""
 
     bl_idname = "esh.instances_refill"
-    bl_label = "Refill Removed"
-    _missing = "No instance was removed"
+    bl_label = "Refill Gaps"
+    _missing = "No instances were removed"
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:

@@ -90,7 +90,7 @@ class ESH_OT_frame_overlap(_OfResult):
             view.view_distance = DISTANCE_OF_VIEW * max(
                 (pair[0] - pair[1]).length, report.get("usual") or 0.0, report["deepest_overlap"]
             )
-        self.report({"INFO"}, f"Two objects lie {report['deepest_overlap']:.3g} m in each other at the 3D cursor")
+        self.report({"INFO"}, f"The deepest overlap, {report['deepest_overlap']:.3g} m, is at the 3D cursor")
         return {"FINISHED"}
 
 
@@ -102,9 +102,9 @@ def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None
     if not report["overlaps"] or report.get("deepest_pair") is None:
         return "No two objects overlap"
     if OVERLAPPING not in result.data.attributes and result.mode != "EDIT":
-        return "The result does not say which objects overlap. Scatter once more"
+        return "The result does not say which objects overlap. Scatter again"
     if max(report["deepest_pair"]) >= len(result.data.vertices):
-        return "Points were removed by hand. Scatter once more"
+        return "Points were removed by hand. Scatter again"
     if result.name not in context.view_layer.objects or not result.visible_get():
         return "The result is hidden. Show it first"
     return None
