@@ -92,7 +92,7 @@ USUAL = {
         "clustering": 0.0,
         "clump_size": 0.0,
     },
-    esh.Unsharp: {"amount": 1.0, "radius": 2.0},
+    esh.Unsharp: {"amount": 1.0, "radius": 2.0, "overshoot": 0.0},
     esh.Problem: {
         "domain": esh.Domain((4.0, 3.0)),
         "classes": [esh.BodyClass("a", [esh.Size("a", 0.01, 5)])],

@@ -47,7 +47,7 @@ SAMPLES = {
         "clustering": [0.1 + 0.2, 1.0],
         "clump_size": [1.0 / 3.0],
     },
-    Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5]},
+    Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5], "overshoot": [0.25]},
     Size: {
         "name": ["größer ⌀ ≥ 1"],
         "area": [0.1 + 0.2, (0.1, 1.0 / 3.0)],
