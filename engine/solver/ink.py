@@ -1,8 +1,8 @@
 """Widths of lines that are drawn: wider where they lie on each other, so that a picture is as dark as was asked.
 
 Charges follow the density, and lines that have no width of their own are as wide as their areas say. Where they overlap they cover
-less than these add up to. So they are drawn, what is covered is compared with what was asked, and they are made wider or narrower, cell by
-cell, until it is that.
+less than these add up to. So they are drawn, what is covered is compared with what was asked, and they are made wider or narrower,
+cell by cell, until it is that.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ FEWEST_OF_CELL, MOST_OF_CELL = 4, 64
 # What is drawn and what was asked are compared after a blur by so many cells, which are as large as lines have ground.
 BLUR = 1.0
 # How often lines are drawn; the share of what is missing that the first time makes up for, and its factor in a cell from one time to
-# the next: where the error changed its sign, evenly laid lines cover far more as soon as they are a little wider, and where it did not.
+# the next: where the error changed its sign, because evenly laid lines cover far more as soon as they are a little wider, and where it
+# did not.
 TIMES = 6
 GAIN = 0.6
 BACK, ON = 0.5, 1.2
