@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.domain import Domain
 from ..problem.image_filters import gaussian_blur
 from ..problem.placement import Placement
@@ -50,8 +50,8 @@ FAINTEST = 0.01
 def with_widths(placement: Placement, launcher: Launcher) -> np.ndarray:
     """Thickness of every body [m], shape ``[n]``, with which lines cover what the densities of their classes ask for.
 
-    Only lines that have no width and no outline of their own are changed; a class that lacks nothing is left as it is. Lines cover
-    each other within a class: those of others have other colours.
+    Only lines that have no width and no outline of their own are changed; a class that lacks nothing is left as it is, and one with
+    bodies longer than the domain. Lines cover each other within a class: those of others have other colors.
     """
     width = placement.width.copy()
     for index, body_class in enumerate(placement.problem.classes):
@@ -60,7 +60,8 @@ def with_widths(placement: Placement, launcher: Launcher) -> np.ndarray:
             continue
         own = np.flatnonzero(placement.class_index == index)
         adapts = np.isin(placement.size_index[own], adapting)
-        if adapts.any():
+        longest = float((placement.length + 2.0 * placement.radius)[own].max(initial=0.0))
+        if adapts.any() and longest <= max(placement.problem.rectangle.size):
             width[own] *= _factors(placement, index, own, adapts, launcher)
     return width
 
@@ -176,7 +177,7 @@ class _Drawing:
             self._stroke_count,
             [self._strokes, self.factor, self._samples],
             [self._covered],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         up, across = self._per_cell
         self._launcher.launch(
@@ -184,7 +185,7 @@ class _Drawing:
             self.cells[0] * self.cells[1],
             [self.cells[1], across, up],
             [self._covered, self._count],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         return self._count.numpy().reshape(self.cells) / (up * across)
 

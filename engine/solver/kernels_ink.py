@@ -99,8 +99,7 @@ def draw_strokes(
     squared = wp.dot(axis, axis)
     low = wp.min(a[1], a[1] + axis[1]) - radius
     high = wp.max(a[1], a[1] + axis[1]) + radius
-    top = int(wp.floor(high / step[1] - 0.5))
-    for row in range(int(wp.ceil(low / step[1] - 0.5)), top + 1):
+    for row in range(int(wp.ceil(low / step[1] - 0.5)), int(wp.floor(high / step[1] - 0.5)) + 1):
         y = (float(row) + 0.5) * step[1]
         inside = sample_inside(row, samples.rows, samples.space)
         # The part of the axis from which the stroke reaches to this row.
