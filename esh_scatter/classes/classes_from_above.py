@@ -195,7 +195,7 @@ class ClassesFromAbove:
 
         Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
         """
-        # A level disc keeps off more than one that leans, but on slopes that are mostly gentle less than a polygon around one that leans.
+        # A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
         if slope is not None:
             longer = np.sqrt(1.0 + (slope**2).sum(axis=-1))
             if np.average(longer, weights=self._chart.area) < DISC_IN_POLYGON:
