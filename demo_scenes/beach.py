@@ -13,6 +13,7 @@ import esh
 import numpy as np
 import surface_shapes as shapes
 from gallery_parts import Built, add, check_counts, check_overlaps, run, variants
+from mathutils import Vector
 from scene_parts import add_camera
 from shader_nodes import Color, add_bump, add_node, calculate, color_ramp, mix_colors, new_material, noise, object_place
 from shader_nodes import per_instance as random_of
@@ -25,7 +26,7 @@ SEED = 5
 WIDE, NEAR, FAR = 1.6, -1.0, 2.5
 # Areas of small, middling and large stones [m²].
 SMALL, MIDDLING, LARGE = (0.0002, 0.0011), (0.0012, 0.005), (0.006, 0.019)
-# Kind -> colours of its stones, size of its grains as a share of a stone, counts of small, middling and large ones.
+# Kind -> colors of its stones, size of its grains as a share of a stone, counts of small, middling and large ones.
 STONES: dict[str, tuple[list[Color], float, tuple[int, int, int]]] = {
     "granite": ([(0.30, 0.29, 0.28), (0.44, 0.42, 0.40), (0.50, 0.44, 0.41)], 0.05, (700, 250, 40)),
     "slate": ([(0.07, 0.085, 0.10), (0.13, 0.15, 0.17), (0.16, 0.19, 0.19)], 0.6, (800, 260, 36)),
@@ -139,7 +140,7 @@ def _wettable(
 
 
 def stone_material(name: str, colors: list[Color], grain: float) -> bpy.types.Material:
-    """Stone, of which every instance has a colour of its own, with grains or cloudy bands."""
+    """Stone, of which every instance has a color of its own, with grains or cloudy bands."""
     material, tree = new_material(name)
     base = color_ramp(tree, random_of(tree), [(i / (len(colors) - 1), c) for i, c in enumerate(colors)])
     place = object_place(tree, (1.0, 1.0, 2.2) if grain > 0.3 else (1.0, 1.0, 1.0))
@@ -162,7 +163,7 @@ def sand_material() -> bpy.types.Material:
     material, tree = new_material("Sand")
     grit = noise(tree, 0.009, 3.0)
     sand = color_ramp(tree, grit, [(0.3, (0.085, 0.07, 0.055)), (0.5, (0.21, 0.165, 0.12)), (0.72, (0.42, 0.35, 0.27))])
-    # Grains of all colours, too small to be placed one by one.
+    # Grains of all colors, too small to be placed one by one.
     grains = add_node(tree, "ShaderNodeTexVoronoi")
     grains.inputs["Scale"].default_value = 95.0
     tree.links.new(add_node(tree, "ShaderNodeNewGeometry").outputs["Position"], grains.inputs["Vector"])
@@ -245,10 +246,6 @@ def water_material() -> bpy.types.Material:
     return material
 
 
-def _grid(x: np.ndarray, y: np.ndarray, height: np.ndarray) -> shapes.Shape:
-    return np.stack([x, y, height], axis=-1).reshape(-1, 3), shapes.grid_faces(*x.shape)
-
-
 def _add_sea(step: float) -> None:
     """Add the water, and the ground below it and beside the beach, wider and farther than a camera sees."""
     aside = np.arange(0.0, 1.8, step)
@@ -256,10 +253,10 @@ def _add_sea(step: float) -> None:
     away = np.concatenate([np.arange(0.4, 3.0, step), np.geomspace(3.05, 24.0, 12)])
     x, y = np.meshgrid(np.concatenate([-aside[:0:-1], aside]), away)
     height = ground_height(x, y)
-    water = add("Water", _grid(x, y, np.zeros_like(x)), water_material())
+    water = add("Water", shapes.grid(x, y, np.zeros_like(x)), water_material())
     depth = water.data.attributes.new("depth", "FLOAT", "POINT")
     depth.data.foreach_set("value", np.clip(-height / 0.16, 0.0, 1.0).ravel().astype(np.float32))
-    add("Sea Floor", _grid(x, y, height - 0.006), bpy.data.materials["Sand"])
+    add("Sea Floor", shapes.grid(x, y, height - 0.006), bpy.data.materials["Sand"])
 
 
 def build(device: str = "auto", quick: bool = False) -> Built:
@@ -268,7 +265,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
     step = 0.06 if quick else 0.015
     x, y = np.meshgrid(np.arange(-WIDE, WIDE + step, step), np.arange(NEAR, FAR + step, step))
     height = ground_height(x, y)
-    beach = add("Beach", _grid(x, y, height), sand_material())
+    beach = add("Beach", shapes.grid(x, y, height), sand_material())
     _add_sea(0.2 if quick else 0.03)
     wood = plain(
         "Driftwood", [(0.3, (0.20, 0.165, 0.13)), (0.55, (0.46, 0.40, 0.33)), (0.8, (0.62, 0.56, 0.48))], 0.03, 0.85
@@ -359,17 +356,10 @@ def test_final(built: Built) -> dict[str, float]:
 def _under(item: bpy.types.Object, place: np.ndarray) -> np.ndarray:
     """Which places ``[n, 3]`` lie over or under an object, seen from above."""
     inverse = item.matrix_world.inverted()
-    down = inverse.to_3x3() @ _vector((0.0, 0.0, -1.0))
+    down = inverse.to_3x3() @ Vector((0.0, 0.0, -1.0))
     return np.array(
-        [item.ray_cast(inverse @ _vector((x, y, 10.0)), down, distance=100.0)[0] for x, y, _ in place.tolist()]
+        [item.ray_cast(inverse @ Vector((x, y, 10.0)), down, distance=100.0)[0] for x, y, _ in place.tolist()]
     )
-
-
-def _vector(value: tuple[float, float, float]) -> object:
-    """Numbers as Blender takes them."""
-    from mathutils import Vector
-
-    return Vector(value)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -178,7 +178,7 @@ def flower(kind: str, height: float, seed: int) -> tuple[shapes.Shape, np.ndarra
 def thin(
     name: str, stops: list[tuple[float, Color]], through: float, *, tall: float = 0.0, roughness: float = 0.6
 ) -> bpy.types.Material:
-    """What light shines through: blades and petals. Each instance has its own of some colours; ``tall`` darkens the foot [m]."""
+    """What light shines through: blades and petals. Each instance has its own of some colors; ``tall`` darkens the foot [m]."""
     material, tree = new_material(name)
     color = color_ramp(tree, random_of(tree), stops)
     patch = color_ramp(tree, noise(tree, 6.0, 2.0), [(0.3, (0.80, 0.86, 0.8)), (0.7, (1.16, 1.1, 1.0))])
@@ -226,7 +226,7 @@ def _add_ground(step: float) -> bpy.types.Object:
     x, y = np.meshgrid(np.arange(-WIDE, WIDE + step, step), np.arange(NEAR, FAR + step, step))
     away = distance_to_path(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
     height = ground_height(x, y) - 0.06 * np.clip(1.0 - away / (0.5 * PATH_WIDTH), 0.0, 1.0) ** 0.5
-    shape = np.stack([x, y, height], axis=-1).reshape(-1, 3), shapes.grid_faces(*x.shape)
+    shape = shapes.grid(x, y, height)
     ground = add("Meadow", shape, ground_material())
     worn = ground.data.attributes.new("path", "FLOAT", "POINT")
     worn.data.foreach_set("value", np.clip(1.5 - 2.0 * away / PATH_WIDTH, 0.0, 1.0).ravel().astype(np.float32))
@@ -271,7 +271,7 @@ def _add_far_hills(quick: bool) -> tuple[bpy.types.Object, list[bpy.types.Object
         hills.append(
             add(
                 f"Far Hill {number + 1}",
-                (np.stack([x, y, height], axis=-1).reshape(-1, 3), shapes.grid_faces(*x.shape)),
+                shapes.grid(x, y, height),
                 grass,
             )
         )
@@ -430,13 +430,13 @@ def test_final(built: Built) -> dict[str, float]:
     for kind in FLOWERS:
         own = position[index == names.index(kind)]
         measured[f"{kind}, clumps"] = clumped = (
-            _neighbours(own, own, near) / len(own) / (_neighbours(own, grass, near) / len(grass))
+            _neighbors(own, own, near) / len(own) / (_neighbors(own, grass, near) / len(grass))
         )
-        assert clumped > 1.5, f"{kind} has {clumped:.2f} times the neighbours that it would have if it grew like grass"
+        assert clumped > 1.5, f"{kind} has {clumped:.2f} times the neighbors that it would have if it grew like grass"
     return measured
 
 
-def _neighbours(place: np.ndarray, others: np.ndarray, within: float) -> float:
+def _neighbors(place: np.ndarray, others: np.ndarray, within: float) -> float:
     """How many of other points ``[m, 2]`` points ``[n, 2]`` have within a distance [m] on average, themselves left out."""
     away = np.hypot(*np.moveaxis(place[:, None] - others, 2, 0))
     return float(((away > 0.0) & (away < within)).sum() / len(place))

@@ -1,4 +1,4 @@
-"""What the surface demos are made of, modelled by code: rocks and moss, a doughnut and its sprinkles, a hull and what grows on it.
+"""What the surface demos are made of, modeled by code: rocks and moss, a doughnut and its sprinkles, a hull and what grows on it.
 
 Shapes are vertices ``[n, 3]`` [m] and faces ``[m, 3 or 4]``; things that are placed stand on z = 0 and look up along z.
 """
@@ -52,6 +52,11 @@ def grid_faces(rows: int, columns: int, *, round_rows: bool = False, round_colum
     column = np.arange(columns if round_columns else columns - 1)
     corner = [((row + i) % rows) * columns + (column + j) % columns for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))]
     return np.stack(corner, axis=-1).reshape(-1, 4)
+
+
+def grid(x: np.ndarray, y: np.ndarray, height: np.ndarray) -> Shape:
+    """Ground of which a height is known at every place of a grid, shapes ``[rows, columns]``."""
+    return np.stack([x, y, height], axis=-1).reshape(-1, 3), grid_faces(*x.shape)
 
 
 def joined(shapes: list[Shape]) -> Shape:

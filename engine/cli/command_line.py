@@ -44,8 +44,8 @@ INTERRUPTING = (signal.SIGINT,)
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 # Commands that have parts which stay.
 KEPT = {
-    "batch": "the scenes that are done stay, the same command goes on",
-    "tiles": "the windows that are done stay, the same command goes on",
+    "batch": "the scenes that are done stay, and the same command continues",
+    "tiles": "the windows that are done stay, and the same command continues",
 }
 # Seconds that a step may go on after a signal before the process is ended in its middle.
 PATIENCE = 1.0
@@ -155,7 +155,7 @@ def _add_solve(commands: argparse._SubParsersAction) -> None:
         help="draw the bodies as ink on paper: a .png or .svg file",
     )
     solve.add_argument(
-        "--scale", metavar="S", type=_positive, default=4.0, help="pixels per metre of a .png halftone (default: 4)"
+        "--scale", metavar="S", type=_positive, default=4.0, help="pixels per meter of a .png halftone (default: 4)"
     )
     solve.add_argument("--seed", metavar="N", type=_whole(0), help="use this seed instead of the recipe's")
     solve.add_argument(
@@ -176,8 +176,8 @@ def _add_separate(commands: argparse._SubParsersAction) -> None:
     models = one_of(f"{name} (default)" if name == DEFAULT_MODEL else name for name in INK_MODELS)
     separate = commands.add_parser(
         "separate",
-        help="split a colour image into inks",
-        description="Split a colour image into inks. Writes one image for each ink, and a recipe that prints them.",
+        help="split a color image into inks",
+        description="Split a color image into inks. Writes one image for each ink, and a recipe that prints them.",
     )
     separate.add_argument(
         "image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR file; transparent places count as white"
@@ -530,7 +530,7 @@ def _print(*parts: object) -> None:
     except (OSError, ValueError) as error:
         _close_output()
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise EshError(f"the files are written, but what there is to say of them is not: {reason.lower()}") from None
+        raise EshError(f"the files are written, but the report could not be printed: {reason.lower()}") from None
 
 
 def _close_output() -> None:

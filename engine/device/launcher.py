@@ -28,14 +28,14 @@ from .kernel_cache import ensure_kernel_cache
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
-__all__ = ["GRAIN", "GRAIN_OF_NEIGHBOURS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
+__all__ = ["GRAIN", "GRAIN_OF_NEIGHBORS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
 # Elements that take a CPU thread some 10 microseconds, many times as long as it takes to hand them out: by themselves, and in kernels
-# that go through an element's neighbours.
+# that go through an element's neighbors.
 GRAIN = 1024
-GRAIN_OF_NEIGHBOURS = 96
+GRAIN_OF_NEIGHBORS = 96
 # From so many bytes on NumPy asks the system for large pages, of which fewer are to be looked up: a seventh less time for 1,000,000
 # bodies. Warp does not.
 LARGE_ARRAY = 1 << 22
@@ -71,7 +71,7 @@ def resolve_device(name: str = "auto") -> wp.Device:
     number = name.removeprefix("cuda:")
     if name == "cuda" or number.isdigit():
         why = "this machine has no such NVIDIA GPU, or no driver for it"
-        raise DeviceError(f"`device` {name!r} is not there: {why}; use one of {accepted}")
+        raise DeviceError(f"`device` {name!r} is not available: {why}; use one of {accepted}")
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
 
 
@@ -336,7 +336,7 @@ class GpuRecording(Recording):
 
 
 def _nothing() -> NoReturn:
-    raise RuntimeError("this recording was let go of")
+    raise RuntimeError("this recording was released")
 
 
 class CpuRecording(Recording):

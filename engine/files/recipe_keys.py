@@ -121,7 +121,7 @@ def plain_value(value: Any) -> Any:
 def _read_density(table: RecipeTable) -> np.ndarray | float | SurfaceDensity:
     if isinstance(table.entries.get("density"), dict):
         if "invert" in table.entries:
-            raise table.error("invert", "stands inside the `density` where that is a table")
+            raise table.error("invert", "belongs into the table of the `density`")
         return read_surface_density(table.table("density"))
     density = table.take("density", _check_density)
     invert = table.take("invert", validation.check_switch, False)
@@ -226,14 +226,14 @@ def _check_length(value: object, key: str) -> str | float:
     if isinstance(value, str):
         if Path(value).suffix:
             return value
-        raise ProblemError(f"{key} must be a number in metres above 0, or the name of an image; got {show(value)}")
+        raise ProblemError(f"{key} must be a number in meters above 0, or the name of an image; got {show(value)}")
     return validation.check_length(value, key)
 
 
 def _check_length_range(value: object, key: str) -> tuple[float, float]:
     entries = value if isinstance(value, list) else []
     if len(entries) != 2:
-        raise ProblemError(f"{key} must be two lengths in metres, of black and of white; got {show(value)}")
+        raise ProblemError(f"{key} must be two lengths in meters, of black and of white; got {show(value)}")
     low, high = (validation.check_length(entry, key) for entry in entries)
     return low, high
 

@@ -150,7 +150,7 @@ def _check_positions(value: object, key: str) -> np.ndarray:
         position = np.empty(0)
     if position.ndim != 2 or position.shape[1] not in (2, 3) or isinstance(value, str):
         raise ProblemError(
-            f"{key} must be a list of positions, each x and y in metres, and z on a surface; got {show(value)}"
+            f"{key} must be a list of positions, each x and y in meters, and z on a surface; got {show(value)}"
         )
     return position
 

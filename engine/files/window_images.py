@@ -132,7 +132,7 @@ def _open_geotiff(path: Path, invert: bool) -> WindowImage:
     transform = opened.transform
     if not transform.is_identity:
         if transform.b or transform.d:
-            raise InputFileError(f"{path} must lie with its rows along x; it is turned")
+            raise InputFileError(f"{path} must have its rows along x; it is rotated")
         crs = None
         if opened.crs is not None:
             with contextlib.suppress(Exception):  # systems that have no such form
@@ -165,7 +165,7 @@ def read_world_file(path: Path, shape: tuple[int, int]) -> Georeference | None:
             raise InputFileError(f"{name} must hold six numbers, as world files do") from None
         if turned_x or turned_y or not (width > 0.0 > height):
             raise InputFileError(f"{name} must not turn or mirror the image")
-        # A world file names the centre of the pixel at the top left.
+        # A world file names the center of the pixel at the top left.
         return Georeference(x - 0.5 * width, y - 0.5 * height + height * shape[0], (width, -height))
     return None
 

@@ -272,7 +272,7 @@ def _positions(
     for part in parts:
         if part.position.shape[1] != width:
             where = "on a surface x, y and z" if width == 3 else "in a rectangle x and y"
-            raise ProblemError(f"`fixed.position` must be {where} in metres; got {part.position.shape[1]} coordinates")
+            raise ProblemError(f"`fixed.position` must be {where} in meters; got {part.position.shape[1]} coordinates")
     position = np.concatenate([part.position for part in parts])
     mesh = np.concatenate([np.asarray(part.mesh) for part in parts])
     triangle = np.concatenate([np.asarray(part.triangle) for part in parts])
@@ -301,7 +301,7 @@ def _as_bodies(part: object) -> FixedBodies:
     position = _numbers(part.position, "`fixed.position`")
     if position.shape not in ((2,), (3,)):
         raise ProblemError(
-            f"`fixed.position` must be two lengths in metres, x and y, or three on a surface; got {show(part.position)}"
+            f"`fixed.position` must be two lengths in meters, x and y, or three on a surface; got {show(part.position)}"
         )
     return FixedBodies(
         position[None, :],

@@ -35,11 +35,11 @@ class Obstacle:
 
     Args:
         polygon: Corners [m], shape ``[3 or more, 2]``, in either order; where its edges cross, what is inside an odd number of times.
-        disc: Centre along x and y, and radius [m].
-        ball: Centre along x, y and z, and radius [m]; what of a surface lies within it is an obstacle.
+        disc: Center along x and y, and radius [m].
+        ball: Center along x, y and z, and radius [m]; what of a surface lies within it is an obstacle.
         image: Shape ``[height, width]``, row 0 at the top, stretched over the domain: an obstacle from half on, of 0..1 or of true
             and false.
-        margin: How far bodies keep off its edge [m]: their centres, and their whole footprints where overlap is avoided.
+        margin: How far bodies keep off its edge [m]: their centers, and their whole footprints where overlap is avoided.
 
     Raises:
         ProblemError: None or several of the four, or a value that is none.
@@ -70,25 +70,25 @@ def check_polygon(value: object, key: str) -> np.ndarray:
     except validation.FOREIGN_ERRORS:
         corners = np.empty(0)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
-        raise ProblemError(f"{key} must be three or more corners, each x and y in metres; got {show(value)}")
+        raise ProblemError(f"{key} must be three or more corners, each x and y in meters; got {show(value)}")
     return corners
 
 
 def check_disc(value: object, key: str) -> tuple[float, float, float]:
-    """Return centre and radius; raise ProblemError unless the radius is above 0."""
+    """Return center and radius; raise ProblemError unless the radius is above 0."""
     entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
     x, y, radius = (math.nan if entry is None else entry for entry in (entries if len(entries) == 3 else [None] * 3))
     if not (math.isfinite(x) and math.isfinite(y) and 0.0 < radius < math.inf):
-        raise ProblemError(f"{key} must be x, y and a radius above 0, in metres; got {show(value)}")
+        raise ProblemError(f"{key} must be x, y and a radius above 0, in meters; got {show(value)}")
     return x, y, radius
 
 
 def check_ball(value: object, key: str) -> tuple[float, float, float, float]:
-    """Return centre and radius; raise ProblemError unless the radius is above 0."""
+    """Return center and radius; raise ProblemError unless the radius is above 0."""
     entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
     ball = tuple(math.nan if entry is None else entry for entry in (entries if len(entries) == 4 else [None] * 4))
     if not (all(math.isfinite(entry) for entry in ball) and ball[3] > 0.0):
-        raise ProblemError(f"{key} must be x, y, z and a radius above 0, in metres; got {show(value)}")
+        raise ProblemError(f"{key} must be x, y, z and a radius above 0, in meters; got {show(value)}")
     return ball[0], ball[1], ball[2], ball[3]
 
 
@@ -125,7 +125,7 @@ def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, 
 
 
 def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
-    """How far every pixel's centre is from the nearest obstacle with its margin [m].
+    """How far every pixel's center is from the nearest obstacle with its margin [m].
 
     Args:
         obstacles: The obstacles.
@@ -151,7 +151,7 @@ def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, i
 
 
 def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, periodic: bool) -> np.ndarray:
-    """Distance of every pixel's centre from that of the nearest one in ``mask``, exact up to ``reach``, which is the most.
+    """Distance of every pixel's center from that of the nearest one in ``mask``, exact up to ``reach``, which is the most.
 
     Args:
         mask: Shape ``[height, width]``, bool.
@@ -200,7 +200,7 @@ def _shifts(domain: Domain) -> Iterator[tuple[float, float]]:
 def _window(
     low: np.ndarray, high: np.ndarray, domain: Domain, shape: tuple[int, int]
 ) -> tuple[slice, slice, np.ndarray, np.ndarray]:
-    """Pixels that a box comes upon: rows and columns, x of the columns' centres and y of the rows'."""
+    """Pixels that a box comes upon: rows and columns, x of the columns' centers and y of the rows'."""
     height, width = shape
     pixel_x, pixel_y = domain.size[0] / width, domain.size[1] / height
     left, right = np.clip([math.floor(low[0] / pixel_x), math.ceil(high[0] / pixel_x)], 0, width)
@@ -219,9 +219,9 @@ def _cut_shape(
     most = reach + obstacle.margin
     if obstacle.disc is not None:
         x, y, radius = obstacle.disc
-        centre = np.array([x, y]) + shift
-        rows, columns, xs, ys = _window(centre - radius - most, centre + radius + most, domain, shape)
-        away = np.hypot(xs - centre[0], (ys - centre[1])[:, None]) - radius - obstacle.margin
+        center = np.array([x, y]) + shift
+        rows, columns, xs, ys = _window(center - radius - most, center + radius + most, domain, shape)
+        away = np.hypot(xs - center[0], (ys - center[1])[:, None]) - radius - obstacle.margin
         np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
         return
     corners = np.asarray(obstacle.polygon) + shift
@@ -249,7 +249,7 @@ def _cut_shape(
 
 
 def _from_image(image: np.ndarray, domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
-    """Distance of every pixel's centre from the edge of an image's obstacles, below 0 within them."""
+    """Distance of every pixel's center from the edge of an image's obstacles, below 0 within them."""
     row = ((np.arange(shape[0]) + 0.5) * image.shape[0] / shape[0]).astype(np.int64)
     column = ((np.arange(shape[1]) + 0.5) * image.shape[1] / shape[1]).astype(np.int64)
     mask = image[row[:, None], column]

@@ -1,6 +1,6 @@
 """The problem: which bodies, how many, how large, following which density, in which domain.
 
-Conventions used in the whole engine: metres, square metres and radians; x to the right, y up; the domain is the
+Conventions used in the whole engine: meters, square meters and radians; x to the right, y up; the domain is the
 rectangle ``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y),
 and it is stretched over the whole domain whatever its resolution or aspect.
 
@@ -165,7 +165,7 @@ class Problem(SamplingSettings):
             total = count if self.include_fixed else count + fixed
             if total < 1:
                 raise ProblemError(
-                    f"{key} must be a whole number of at least 1, or bodies of it be fixed; got {show(count)}"
+                    f"{key} must be a whole number of at least 1, unless bodies of it are fixed; got {show(count)}"
                 )
             sizes.append(size if total == count else with_count(size, total))
         return body_class if sizes == list(body_class.sizes) else replace(body_class, sizes=tuple(sizes))

@@ -40,7 +40,7 @@ LARGEST_SHARE = wp.constant(2.0)
 SMALLEST_COSINE = wp.constant(1.0e-3)
 # Charges that repel one another compress lines. The preferred length is raised until the mean length reached is the one asked for, by
 # this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown. Lines far
-# shorter than the way to their neighbours, as those of a rare class are, are stretched by their own charges; the stronger the pull
+# shorter than the way to their neighbors, as those of a rare class are, are stretched by their own charges; the stronger the pull
 # that this takes, which may be one to less than no length, the faster they follow.
 LENGTH_GAIN = wp.constant(0.05)
 LARGEST_FACTOR = wp.constant(3.0)
@@ -88,6 +88,13 @@ def add(sums: wp.array3d(dtype=wp.int64), thread: int, kind: int, i: int, value:
     """Add ``value`` of body ``i`` to one of the sums over all bodies, in the slots of a thread."""
     amount = wp.int64(wp.clamp(value, -LARGEST_SUMMAND, LARGEST_SUMMAND) * SUM_SCALE)
     wp.atomic_add(sums, thread, kind, i & (sums.shape[2] - 1), amount)
+
+
+@wp.func
+def add_length(sums: wp.array2d(dtype=wp.int64), thread: int, block: int, ratio: float):
+    """Add a line's length over the preferred one to the sum of its block, and count it."""
+    wp.atomic_add(sums, thread, 2 * block, wp.int64(wp.min(ratio, LARGEST_SUMMAND) * SUM_SCALE))
+    wp.atomic_add(sums, thread, 2 * block + 1, wp.int64(1))
 
 
 @wp.func
@@ -146,6 +153,39 @@ def sum_of(totals: wp.array(dtype=wp.int64), kind: int):
     return wp.float64(totals[kind]) / wp.float64(SUM_SCALE)
 
 
+@wp.func
+def adapted(factor: float, ratio: float):
+    """A factor on preferred lengths, nearer to the one with which lines have them; ``ratio`` is that of their lengths to these."""
+    result = factor
+    # While lines still grow, what is missing is no pressure.
+    if ratio > GROWN:
+        raised = factor + LENGTH_GAIN * wp.max(1.0, 2.0 - 2.0 * factor) * (1.0 - ratio)
+        result = wp.clamp(raised, SMALLEST_FACTOR, LARGEST_FACTOR)
+    return result
+
+
+@wp.kernel
+def adapt_blocks(
+    first: int,
+    kind_count: int,
+    # outputs
+    sums: wp.array2d(dtype=wp.int64),
+    length_factor: wp.array(dtype=float),
+):
+    """What makes up for compressed lines block by block; ``length_factor`` has those behind the kinds'. Leaves the sums empty."""
+    i = first + wp.tid()
+    total = wp.int64(0)
+    count = wp.int64(0)
+    for thread in range(sums.shape[0]):
+        total += sums[thread, 2 * i]
+        count += sums[thread, 2 * i + 1]
+        sums[thread, 2 * i] = wp.int64(0)
+        sums[thread, 2 * i + 1] = wp.int64(0)
+    if count > wp.int64(0):
+        ratio = float(wp.float64(total) / (wp.float64(SUM_SCALE) * wp.float64(count)))
+        length_factor[kind_count + i] = adapted(length_factor[kind_count + i], ratio)
+
+
 @wp.kernel
 def decide_direction(
     first: int,
@@ -191,11 +231,8 @@ def decide_direction(
         direction[3] = wp.NAN
     for kind in range(kind_count):
         ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
-        # While lines still grow, what is missing is no pressure.
-        if pressed[kind] > 0.0 and ratio > GROWN:
-            factor = length_factor[kind]
-            raised = factor + LENGTH_GAIN * wp.max(1.0, 2.0 - 2.0 * factor) * (1.0 - ratio)
-            length_factor[kind] = wp.clamp(raised, SMALLEST_FACTOR, LARGEST_FACTOR)
+        if pressed[kind] > 0.0:
+            length_factor[kind] = adapted(length_factor[kind], ratio)
     # What is broken once stays so, however many steps are taken before somebody looks.
     for kind in range(totals.shape[0]):
         if kind != BROKEN:

@@ -11,6 +11,7 @@ from ..surface.kernels_facets import (
     Spot,
     carried,
     facet_of_tile,
+    smooth_normal,
     spot_at,
     step_along,
     tangential,
@@ -29,7 +30,7 @@ class Ground:
     """The surface for the descent.
 
     Facets; the home node of every tile; on which tiles bodies of a class may be, class after class; and for every node how far bodies
-    may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, centre and radius,
+    may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, center and radius,
     and by how much more every body does.
     """
 
@@ -216,7 +217,7 @@ def put_charge(j: int, facet: int, weight: wp.vec2, ground: Ground, charges: Cha
     charges.facet[j] = facet
     charges.weight[j] = weight
     charges.points.position[j] = spot.position
-    charges.points.normal[j] = ground.facets.normal[facet]
+    charges.points.normal[j] = smooth_normal(facet, weight, ground.facets)
     charges.home[j] = ground.home[tile_of(facet, weight, ground.facets)]
 
 

@@ -34,8 +34,10 @@ def images_for_kernels(
     # Densities differ more often than where they are above zero: behind one obstacle, all of them are so in the same pixels.
     known: dict[tuple[tuple[int, ...], bytes], int] = {}
     for image, start in zip(distinct, first[:-1].tolist(), strict=True):
+        if not to_support:
+            break
         supported = image > 0.0
-        if to_support and not supported.all():
+        if not supported.all():
             key = image.shape, np.packbits(supported).tobytes()
             ways, at = result.to_support, known.setdefault(key, start)
             if at == start:
@@ -48,7 +50,7 @@ def images_for_kernels(
 
 
 def vectors_to_support(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> wp.array:
-    """Return the vector from every pixel's centre to that of the nearest in the support, ``wp.vec2``, shape ``[height * width]``.
+    """Return the vector from every pixel's center to that of the nearest in the support, ``wp.vec2``, shape ``[height * width]``.
 
     By jump flooding (Rong and Tan, Jump Flooding in GPU, 2006): x to the right, y up; 0 in the support. Now and then a pixel is
     told of one that is not quite the nearest.

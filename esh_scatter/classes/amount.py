@@ -21,8 +21,8 @@ class Amount:
     It holds where the class's density is 1 or more. Where the density is lower, so is the number.
 
     Attributes:
-        per_area: Number for each square metre of surface [1/m²].
-        distance: Distance between neighbours in an even placement [m].
+        per_area: Number for each square meter of surface [1/m²].
+        distance: Distance between neighbors in an even placement [m].
         cover: Share of the surface that the footprints cover together.
 
     Raises:

@@ -22,7 +22,7 @@ from .entries import entry_at
 from .names import scatter_renamed, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
-from .shown_at_once import show_class_anew
+from .shown_at_once import show_class_anew, stand_class_anew
 from .size import in_a_scene
 from .target import WithTarget
 
@@ -45,7 +45,7 @@ def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
     ScatterSettings,
     BY_HAND,
     class_separation={"name": "Mix Classes"},
-    size_emphasis={"name": "Large Ones First"},
+    size_emphasis={"name": "Favor Large Sizes"},
     max_steps={"name": "Max Steps"},
 )
 class ESH_PG_scatter(WithTarget, PropertyGroup):
@@ -78,15 +78,15 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         update=_live_switched,
     )
     points_above: IntProperty(
-        name="Points Above",
-        description="Results with more objects than this are shown as points in the viewport at first. Renders show the objects",
+        name="Show Points Above",
+        description="Results with more objects than this are first shown as points in the viewport. Renders always show the objects",
         default=100_000,
         min=0,
         soft_max=10_000_000,
     )
     cap: IntProperty(
-        name="Ask Above",
-        description="Ask before placing more objects than this, and say how long it will take",
+        name="Confirm Above",
+        description="Ask before placing more objects than this, with an estimate of time and memory",
         default=1_000_000,
         min=1,
         soft_max=10_000_000,
@@ -209,7 +209,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         if self.ready_classes():
             return None
         incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
-        return next(incomplete, None) or "All classes are muted; switch one on"
+        return next(incomplete, None) or "All classes are muted; unmute one"
 
     def obstacle_of(self, body_class: ESH_PG_class) -> str | None:
         """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for."""
@@ -282,6 +282,26 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         for body_class in ready:
             if not (body_class.show_viewport and body_class.show_render):
                 show_class_anew(body_class, None)
+
+    def turned_to_what_moved(self, before: dict, now: dict) -> bool:
+        """Turn objects at once to what they look at, where two records differ in nothing but in where that is; tell whether."""
+        if not settings_record.only_looks_differ(before, now):
+            return False
+        for body_class in self.ready_classes():
+            if settings_record.looks_of(body_class) is not None:
+                stand_class_anew(body_class, None)
+        return True
+
+    def remember_look(self, body_class: ESH_PG_class) -> None:
+        """Keep that the result shows where a class looks now."""
+        record = _parse_record(self.ran_with)
+        uid = str(body_class.uid)
+        if uid in record.get("classes", {}):
+            looks, kept = settings_record.looks_of(body_class), record["classes"][uid]
+            if kept.get("looks") != looks:
+                kept = {name: value for name, value in kept.items() if name != "looks"}
+                changed = {**record["classes"], uid: kept if looks is None else {**kept, "looks": looks}}
+                self.ran_with = json.dumps({**record, "classes": changed}, separators=(",", ":"))
 
     def forget_deleted_result(self) -> None:
         """Remove a result that was deleted in the viewport from the file, so that the next one can have its name."""

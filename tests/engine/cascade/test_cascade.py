@@ -40,7 +40,7 @@ def points_on_sphere(launcher, count, seed=0):
     return points
 
 
-def test_lists_hold_every_neighbour_of_the_same_part_and_side_once(launcher):
+def test_lists_hold_every_neighbor_of_the_same_part_and_side_once(launcher):
     points = points_on_sphere(launcher, 3000)
     position, label = points.position.numpy(), points.label.numpy()
     lists = lists_of(launcher, points, points, 1.3, 0.995)
@@ -138,11 +138,9 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
     near = descent.cascade._target_nearby.force.numpy() * 900
     count = descent.facets.corner_count
-    position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
-    launcher.launch(
-        kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
-    )
-    place = position.numpy()
+    corners = [launcher.empty(count, kind) for kind in (wp.vec3, wp.vec3, wp.int32)]
+    launcher.launch(kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], corners)
+    place = corners[0].numpy()
     inside = np.abs(place[:, :2]).max(axis=1) < 11.0
     assert inside.sum() > 100
     assert np.linalg.norm(near[inside], axis=1).max() < 0.05

@@ -174,7 +174,7 @@ def test_a_problem_is_written_with_them_and_solves_to_the_same_bytes(tmp_path):
             "`fixed.2..file` cannot be used: .*a.csv does not exist; fixed bodies are a .npz or",
         ),
         ('[[fixed]]\nfile = "a.txt"\n', "must end in .csv, .npz, .usd, .* or .geojson; got the ending '.txt'"),
-        ("[[fixed]]\nposition = [1, 2]\n", "`fixed.2..position` must be a list of positions, each x and y in metres"),
+        ("[[fixed]]\nposition = [1, 2]\n", "`fixed.2..position` must be a list of positions, each x and y in meters"),
         (
             "[[fixed]]\nposition = [[1, 2]]\nangle = true\n",
             "`fixed.2..angle` must be a number, or a list of one for every",
@@ -186,7 +186,7 @@ def test_a_problem_is_written_with_them_and_solves_to_the_same_bytes(tmp_path):
             "`fixed.2..positon` is not a known key; did you mean `position`",
         ),
         ("[[obstacle]]\nmargin = 1\n", "`obstacle.1.`: an obstacle must have one of"),
-        ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in metres; got"),
+        ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in meters; got"),
         ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number of 0 or more"),
         (
             "[[obstacle]]\ndisc = [1, 2, 3]\ninvert = true\n",
