@@ -75,6 +75,22 @@ def test_bodies_are_even_on_a_sphere(on_sphere):
     assert on_sphere.report.smallest_spacing == pytest.approx(smallest, rel=0.01)
 
 
+def test_neither_flat_triangles_nor_their_sizes_show_in_the_coverage():
+    # A coarse torus: its triangles are about as large as the spacing, on the inside smaller, and 15 degrees apart.
+    ring = trimesh.creation.torus(1.0, 0.4, major_sections=48, minor_sections=24)
+    mesh = np.array(ring.vertices), np.array(ring.faces)
+    placement = solve(on_surface(mesh, 1024), device="cpu")
+    measured = metric.SurfaceMetric(*mesh, 1024)
+    half, one, two, four = measured.coverage(placement.position, uniform)
+    assert half < 0.025
+    assert one < 0.0025
+    assert two < 0.0006
+    assert four < 0.0003
+    smallest, mean = metric.spacing(placement.position, placement.normal, 1024 / measured.area)
+    assert smallest > 0.82
+    assert mean > 0.92
+
+
 def test_bodies_follow_a_density_that_is_a_function_of_points():
     mesh = meshes.sphere(3)
     density = meshes.gradient(mesh[0])
@@ -235,3 +251,14 @@ def test_cover_asks_for_as_many_as_fit(density):
     assert len(placed.position) == pytest.approx(len(placement.position) / 1.25**2, rel=0.01)
     nearest = cKDTree(placed.position).query(placed.position, 2)[0][:, 1].min()
     assert nearest > 1.2 * 2.0 * np.sqrt(0.02 / np.pi)
+
+
+@pytest.mark.parametrize("squares", [np.inf, np.nan])
+def test_a_residual_that_is_no_finite_number_is_said_as_in_the_plane(squares):
+    with Solver(on_surface(meshes.sphere(1), 20), device="cpu") as solver:
+        solver.step()
+        assert 0.0 < solver.descent.residual() < 1.0
+        direction = solver.descent.direction.numpy()
+        direction[3] = squares
+        solver.descent.direction.assign(direction)
+        assert np.isnan(solver.descent.residual())
