@@ -68,7 +68,7 @@ class Balance(Settings):
         metadata=setting(
             "How evenly classes with few objects are spread where others have many. 0 treats all classes alike",
             more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
-            label="Rare Classes",
+            label="Favor Rare Classes",
             low=0.0,
             high=2.0,
         ),

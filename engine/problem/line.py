@@ -65,7 +65,8 @@ class Line(Settings):
         metadata=setting(
             "Thickness",
             unit="m",
-            more="None makes it the area over the mean length reached, so that the average gray is kept",
+            more="None makes it the area over the mean length reached, so that the average gray is kept; where lines lie on each "
+            "other and may do so, wider, until they cover what the density asks for",
             check=validation.check_length,
         ),
     )
@@ -78,7 +79,7 @@ class Line(Settings):
     middle_charge: float = field(
         default=6.0,
         metadata=setting(
-            "Charge of the middle one over that of an end, where their number is odd",
+            "Charge of the middle one divided by that of an end, if their number is odd",
             check=validation.check_middle_charge,
         ),
     )

@@ -26,7 +26,7 @@ from .line_rules import LineRules
 from .model import Model
 from .state import State
 
-__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below"]
+__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below", "residual_of"]
 
 # No body moves further in a step than this share of the local spacing: two neighbors that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
@@ -94,6 +94,8 @@ class Descent:
         room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
         self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
         self._totals = launcher.zeros(kinds, wp.int64)
+        blocks = (launcher.thread_count, max(2 * self.rules.block_count, 1))
+        self._sums_of_blocks = launcher.zeros(blocks, wp.int64)
         # See kernels_direction.decide_direction.
         self.direction = launcher.zeros(4, float)
         self.contact: Contact | None = None
@@ -104,16 +106,11 @@ class Descent:
 
     def residual(self) -> float:
         """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
-        squares = float(self.direction.numpy()[3])
-        return math.sqrt(max(squares, 0.0) / self.model.body_count) if math.isfinite(squares) else math.nan
+        return residual_of(self.direction, self.model.body_count)
 
     def settled(self, tolerance: float) -> Until:
         """When steps are to end: once the residual may be below a tolerance, or is no number."""
         return residual_below(tolerance, self.direction, self.model.body_count)
-
-    def set_flags(self, flags: np.ndarray) -> None:
-        """Say anew what is special about every body, shape ``[body_count]``; the model's own flags are in ``model.body``."""
-        self.bodies.flags.assign(flags.astype(np.int32))
 
     def _first_state(self, given: np.ndarray | None) -> State:
         model, launcher = self.model, self.launcher
@@ -194,7 +191,7 @@ class Descent:
                 kernels_descent.propose_lines,
                 self.model.body_count,
                 [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
-                [self._motion, self.state.bend, self._sums],
+                [self._motion, self.state.bend, self._sums, self._sums_of_blocks],
                 grain=GRAIN_OF_NEIGHBORS,
                 per_thread=True,
             )
@@ -210,6 +207,13 @@ class Descent:
             [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
             [self._totals, self.direction, self.rules.lines.length_factor],
         )
+        if self.rules.block_count:
+            self.launcher.launch(
+                kernels_direction.adapt_blocks,
+                self.rules.block_count,
+                [self.rules.kind_count],
+                [self._sums_of_blocks, self.rules.lines.length_factor],
+            )
 
     def move(self) -> None:
         """Move them."""
@@ -241,6 +245,12 @@ class Descent:
         )
 
 
+def residual_of(direction: wp.array, body_count: int) -> float:
+    """Root of the mean square that :func:`.kernels_direction.decide_direction` has written; NaN where it is no finite number."""
+    squares = float(direction.numpy()[3])
+    return math.sqrt(max(squares, 0.0) / body_count) if math.isfinite(squares) else math.nan
+
+
 def residual_below(tolerance: float, direction: wp.array, body_count: int) -> Until:
     """When the mean square that :func:`.kernels_direction.decide_direction` writes may have fallen below that of a tolerance.
 
@@ -256,8 +266,7 @@ def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodi
     bodies.support = launcher.array(table.support, wp.int32)
     bodies.group = launcher.array(table.group, wp.int32)
     bodies.line = launcher.array(table.kind, wp.int32)
-    # These may be said anew.
-    bodies.flags = wp.array(table.flags, dtype=wp.int32, device=launcher.device)
+    bodies.flags = launcher.array(table.flags, wp.int32)
     bodies.first_charge = launcher.array(charge.first, wp.int32)
     bodies.axial = launcher.array(charge.axial, float)
     bodies.charge = launcher.array(charge.charge, float)

@@ -23,7 +23,7 @@ from ..surface.facets import Facets
 from ..surface.parts import joined_parts
 from . import kernels_direction, kernels_on_surface, kernels_surface_lines
 from .contact import keeps_apart
-from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below
+from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below, residual_of
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
@@ -131,8 +131,8 @@ class SurfaceDescent:
         self.step = launcher.record(self.take_step)
 
     def residual(self) -> float:
-        """RMS of the moves that the forces asked for in the last step, over the local spacing."""
-        return math.sqrt(max(float(self.direction.numpy()[3]), 0.0) / self.model.body_count)
+        """As :meth:`.Descent.residual`."""
+        return residual_of(self.direction, self.model.body_count)
 
     def settled(self, tolerance: float) -> Until:
         """When steps are to end: once the residual may be below a tolerance, or is no number."""
@@ -255,7 +255,7 @@ class SurfaceDescent:
         total = amount.sum(axis=1, keepdims=True)
         if not (total > 0.0).all():
             name = classes[int(np.argmin(total[:, 0]))].name
-            raise ProblemError(f'`density` of class "{name}" is above 0 on too little of the surface to be found')
+            raise ProblemError(f'`density` of class "{name}" is above 0 on too small a part of the surface')
         return amount / total
 
     def _densities(self, facet: np.ndarray, inner: int, classes: list[int]) -> list[np.ndarray]:
