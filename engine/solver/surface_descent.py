@@ -29,6 +29,7 @@ from .model import Model
 from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
+from .surface_own_forces import own_forces
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_state import SurfaceState
 
@@ -85,13 +86,14 @@ class SurfaceDescent:
         column = model.groups.class_index
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
+        self._own_forces, interaction = own_forces(model, launcher, self.facets, on_device, share)
         self.cascade = Cascade(
             launcher,
             self.facets,
             on_device,
             share=share,
-            attraction=model.interaction @ of_group,
-            interaction=model.interaction,
+            attraction=interaction @ of_group,
+            interaction=interaction,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
         )
@@ -142,6 +144,8 @@ class SurfaceDescent:
         """Launch a whole step."""
         charges = self.charges
         self.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+        for own in self._own_forces:
+            own.add(charges)
         with self.launcher.phase("update"):
             self._propose()
             self._decide()
