@@ -253,7 +253,8 @@ def test_one_body_and_many_small_parts_are_placed():
 def test_bytes_do_not_depend_on_the_number_of_threads(monkeypatch):
     mesh = meshes.sphere(3)
     sizes = [Size("s", 0.002, 2500), Size("l", 0.004, 300)]
-    problem = Problem(Surface(SurfaceMesh(*mesh)), [BodyClass("a", sizes), BodyClass("b", sizes)], avoid_overlap=True)
+    classes = [BodyClass("a", sizes), BodyClass("b", sizes), BodyClass("rare", [Size("s", 0.002, 60)])]
+    problem = Problem(Surface(SurfaceMesh(*mesh)), classes, avoid_overlap=True)
     found = []
     for threads in ("1", "3"):
         monkeypatch.setenv("ESH_THREADS", threads)
