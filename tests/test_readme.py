@@ -127,7 +127,7 @@ def test_the_reference_of_recipes_has_every_key():
     from esh.engine.problem.body_class import BodyClass
     from esh.engine.problem.domain import Domain
     from esh.engine.problem.line import Line
-    from esh.engine.problem.problem import SamplingSettings
+    from esh.engine.problem.problem import ProblemSettings
     from esh.engine.problem.size import Size
 
     folder = ROOT / "engine" / "files"
@@ -137,7 +137,7 @@ def test_the_reference_of_recipes_has_every_key():
     ]
     reference = TEXT["docs/recipes.md"].partition("## Every key")[2]
     documented = {name.strip("[]").split(".")[-1] for name in re.findall(r"^\| `([^`]+)` \|", reference, re.MULTILINE)}
-    known = {key for cls in (SamplingSettings, Domain, Balance, BodyClass, Size, Line) for key in keys_of(cls)} - {
+    known = {key for cls in (ProblemSettings, Domain, Balance, BodyClass, Size, Line) for key in keys_of(cls)} - {
         "sizes"
     }
     known |= set(SCENE)

@@ -9,13 +9,13 @@ import pytest
 from esh import EshError, read_recipe, solve, write_recipe
 from esh.engine.files.recipe import recipe_colors
 from esh.engine.problem.balance import Balance
-from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp
+from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.prepared_class import PreparedClass
-from esh.engine.problem.problem import Problem, SamplingSettings
-from esh.engine.problem.settings import settings_of
+from esh.engine.problem.problem import Problem, ProblemSettings
+from esh.engine.problem.settings import settings_of, values_of
 from esh.engine.problem.size import Size
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -34,7 +34,12 @@ SAMPLES = {
         "non_overlap": [np.eye(2)],
         "rare_emphasis": [0.0, 0.1 + 0.2],
     },
-    SamplingSettings: {"seed": [2**62 + 1], "avoid_overlap": [True], "regularity": [0.0, 0.1 + 0.2]},
+    ProblemSettings: {
+        "seed": [2**62 + 1],
+        "avoid_overlap": [True],
+        "regularity": [0.0, 0.1 + 0.2],
+        "include_fixed": [True],
+    },
     BodyClass: {
         "name": ['Bärlauch 木 "\\', "a"],
         "sizes": [[Size("a", 0.01, 3)]],
@@ -122,7 +127,7 @@ def problem_with(cls, name, value):
         Domain(**{"size": (4.0, 3.0), **(own if cls is Domain else {})}),
         classes,
         Balance(**(own if cls is Balance else {})),
-        **(own if cls is SamplingSettings else {"avoid_overlap": True} if name == "inset" else {}),
+        **(own if cls is ProblemSettings else {"avoid_overlap": True} if name == "inset" else {}),
     )
 
 
@@ -198,6 +203,14 @@ def test_a_class_that_was_not_asked_for_alone_is_written_as_it_is_placed(tmp_pat
     write_recipe(tmp_path / "r.toml", problem)
     (read,) = read_recipe(tmp_path / "r.toml").classes
     assert same(read.density_image, IMAGE) and same(read.sizes, placed.sizes)
+
+
+def test_such_a_class_is_written_with_all_that_it_has_beside_its_density(tmp_path):
+    given = {name: SAMPLES[BodyClass][name][0] for name in settings_of(PlacingSettings)}
+    placed = PreparedClass("a", (Size("s", 0.01, 3),), IMAGE, **given)
+    write_recipe(tmp_path / "r.toml", Problem(Domain((4.0, 4.0)), [placed]))
+    (read,) = read_recipe(tmp_path / "r.toml").classes
+    assert {name: getattr(read.asked, name) for name in given} == given == values_of(read, PlacingSettings)
 
 
 def test_a_folder_that_is_not_there_is_said_and_nothing_is_written(tmp_path):
