@@ -12,10 +12,14 @@ import pytest
 from esh import EshError
 from esh.engine.errors import ProblemError
 from esh.engine.files.recipe_keys import keys_of
+from esh.engine.files.recipe_scene import ON_SURFACES
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.fixed_bodies import FixedBodies, FixedBody
+from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.line import Line
+from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.prepared_class import PreparedClass
 from esh.engine.problem.problem import Problem, ProblemSettings, SamplingSettings
 from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing, TargetSettings
@@ -32,6 +36,11 @@ DESCRIBED = [
     BodyClass,
     SamplingSettings,
     ProblemSettings,
+    Footprint,
+    Footprints,
+    Obstacle,
+    FixedBodies,
+    FixedBody,
     Standing,
     RunSettings,
     TargetSettings,
@@ -201,6 +210,8 @@ TABLES = {
     "`[[class]]`": (BodyClass, {"color"}, {"sizes": "[[class.size]]"}),
     "`[[class.size]]`": (Size, set(), {"line": "[class.size.line]"}),
     "`[class.size.line]`": (Line, set(), {}),
+    "`[[fixed]]`": (FixedBodies, {"file"}, dict.fromkeys(ON_SURFACES)),
+    "`[[obstacle]]`": (Obstacle, set(), {}),
 }
 
 
@@ -209,10 +220,12 @@ def test_the_documentation_lists_every_key_of_a_recipe_with_its_default(heading)
     cls, more, shown_as = TABLES[heading]
     section = RECIPES.partition(f"### {heading}\n")[2].partition("###")[0]
     rows = re.findall(r"^\| `([^`]+)` \| .* \| ([^|]+) \|$", section, re.MULTILINE)
-    assert {key for key, _ in rows} == {shown_as.get(key, key) for key in keys_of(cls)} | more
+    assert {key for key, _ in rows} == {shown_as.get(key, key) for key in keys_of(cls)} - {None} | more
+    known = {**(settings_of(Footprints) if cls is Size else {}), **settings_of(cls)}
     for key, written in rows:
-        one = settings_of(cls).get(key)
-        if one is None or one.required or one.default is None or key == "density":
+        one = known.get(key)
+        # What a density or a size is without the key, words say.
+        if one is None or one.required or one.default is None or key in ("density", "size"):
             continue
         default = tomllib.loads(f"value = {written.strip('`')}")["value"]
         assert np.all(default == (list(one.default) if isinstance(one.default, tuple) else one.default)), key
