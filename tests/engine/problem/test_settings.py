@@ -25,6 +25,8 @@ from esh.engine.problem.problem import Problem, ProblemSettings, SamplingSetting
 from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing, TargetSettings
 from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
 from esh.engine.problem.size import Size
+from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
+from esh.engine.problem.surface_directions import SurfaceVectors
 
 DESCRIBED = [
     Domain,
@@ -41,6 +43,10 @@ DESCRIBED = [
     Obstacle,
     FixedBodies,
     FixedBody,
+    SurfaceAttribute,
+    SurfaceImage,
+    SurfaceTriplanar,
+    SurfaceVectors,
     Standing,
     RunSettings,
     TargetSettings,
