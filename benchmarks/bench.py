@@ -40,7 +40,7 @@ UNIFORM = np.ones((1, 1), dtype=np.float32)
 DIRECT_BODIES, DIRECT_BODIES_QUICK = 16_384, 1024
 # Steps that the paper's scheme takes, and direct descent with our step lengths.
 PAPER_STEPS, DIRECT_STEPS = 1000, 300
-# What the parts of a step take as separate kernels of Warp on an H200 [s]: neighbours from a hash grid, deposit, two transforms.
+# What the parts of a step take as separate kernels of Warp on an H200 [s]: neighbors from a hash grid, deposit, two transforms.
 GPU_STEP_OF_A_MILLION = 1.4e-3
 # A Gaussian's transform exp(-s²k²/2) falls to 1e-3 at k = 3.72/s.
 LAST_WAVE = 3.72

@@ -32,7 +32,7 @@ from esh.esh_scatter.api import (
     scatter,
 )
 
-# Metres and vertices along a side of the target, and pixels along a side of the texture.
+# Meters and vertices along a side of the target, and pixels along a side of the texture.
 SIDE = 64.0
 VERTICES = 700
 PIXELS = 2048

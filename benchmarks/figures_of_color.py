@@ -1,4 +1,4 @@
-"""Colour halftones (figure 13).
+"""Color halftones (figure 13).
 
 Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
 """
@@ -35,7 +35,7 @@ def forbidden(problem, coverage: np.ndarray, dot_area: float, pixels_per_metre: 
 
 
 def color_models(run: Run) -> None:
-    """Figure 13: every model gives back the picture's colours, and inks keep apart that must."""
+    """Figure 13: every model gives back the picture's colors, and inks keep apart that must."""
     image = astronaut(256)
     pictures = [("original", np.kron(image, np.ones((3, 3, 1))))]
     for name in MODELS:

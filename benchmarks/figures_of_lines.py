@@ -1,4 +1,4 @@
-"""Hatching: lines, lines and dots, bent lines, coloured lines (figures 16 and 17).
+"""Hatching: lines, lines and dots, bent lines, colored lines (figures 16 and 17).
 
 Figures are numbered as in Schmaltz, Gwosdek and Weickert 2012.
 """
@@ -26,7 +26,7 @@ INK = (0.08, 0.08, 0.1)
 
 
 def area_for(image: np.ndarray, count: int) -> float:
-    """Area of each of ``count`` bodies that together cover what ``image`` asks for, a pixel being a square metre."""
+    """Area of each of ``count`` bodies that together cover what ``image`` asks for, a pixel being a square meter."""
     return float(image.sum() / count)
 
 
@@ -81,7 +81,7 @@ def report_lines(run: Run, figure: str, name: str, placement: Placement, lines: 
 
 
 def hatching(run: Run) -> None:
-    """Figure 16: a portrait in 20,000 lines of 2 and of 4 pixels; then bent ones, and coloured ones."""
+    """Figure 16: a portrait in 20,000 lines of 2 and of 4 pixels; then bent ones, and colored ones."""
     image = face(200)
     domain = Domain((200.0, 300.0))
     count = 20_000
@@ -104,7 +104,7 @@ def hatching(run: Run) -> None:
 
 
 def colored_hatching(run: Run) -> None:
-    """Coloured lines in two sizes: one class per ink."""
+    """Colored lines in two sizes: one class per ink."""
     image = astronaut(256)
     model = MODELS["CMYK"]
     channels = separate(image, model)
@@ -120,7 +120,7 @@ def colored_hatching(run: Run) -> None:
     placement = run.solve(problem)
     rendered = render_halftone(placement, pixels_per_metre=4.0, colors=colors)
     off = np.abs(rendered.mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max()
-    run.row("16", f"coloured lines of two sizes, {problem.body_count:,}: mean colour off by", f"{off:.3f}")
+    run.row("16", f"colored lines of two sizes, {problem.body_count:,}: mean color off by", f"{off:.3f}")
     sheet(run.output / "figure-16-colored-lines.png", [("CMYK lines of two sizes", rendered)], 1)
 
 

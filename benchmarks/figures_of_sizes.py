@@ -22,11 +22,11 @@ UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))
 # Steps for what is to end near a lattice.
 PATIENT = 800
-RED, BLUE, GREY = (0.82, 0.2, 0.16), (0.13, 0.33, 0.7), (0.25, 0.25, 0.27)
+RED, BLUE, GRAY = (0.82, 0.2, 0.16), (0.13, 0.33, 0.7), (0.25, 0.25, 0.27)
 
 
 def pixels(image: np.ndarray) -> Domain:
-    """A domain in which a pixel is a square metre."""
+    """A domain in which a pixel is a square meter."""
     return Domain((float(image.shape[1]), float(image.shape[0])))
 
 
@@ -39,7 +39,7 @@ def error(problem: Problem, position: np.ndarray, chosen: np.ndarray, k: float =
 def colored(
     placement: Placement, key: np.ndarray, colors: list[tuple[float, float, float]], scale: float
 ) -> np.ndarray:
-    """Draw bodies in colours by ``key``."""
+    """Draw bodies in colors by ``key``."""
     picture = 1.0
     for index, color in enumerate(colors):
         picture = picture * render_halftone(
@@ -85,8 +85,8 @@ def second_order(run: Run) -> None:
     sheet(run.output / "figure-04-second-order.png", pictures, 2)
 
 
-def grey_patch(darkness: float, correction: bool) -> Problem:
-    """Dots on one grey, of 72 by 72 pixels: as many as its darkness asks for, which contact brings near a honeycomb.
+def gray_patch(darkness: float, correction: bool) -> Problem:
+    """Dots on one gray, of 72 by 72 pixels: as many as its darkness asks for, which contact brings near a honeycomb.
 
     The correction is made for a honeycomb. Where overlap is avoided, a cover aims at what fits without it, so the count is that of a
     problem in which dots may overlap.
@@ -97,20 +97,20 @@ def grey_patch(darkness: float, correction: bool) -> Problem:
     return Problem(domain, [BodyClass("dot", [Size("dot", 1.0, count)], density)], avoid_overlap=True)
 
 
-def grey_correction(run: Run) -> None:
-    """Figure 10: dark greys come out as asked, and what they would be without the correction."""
-    for grey in (0, 5, 10, 15, 20, 24):
-        darkness = 1.0 - grey / 255.0
+def gray_correction(run: Run) -> None:
+    """Figure 10: dark grays come out as asked, and what they would be without the correction."""
+    for gray in (0, 5, 10, 15, 20, 24):
+        darkness = 1.0 - gray / 255.0
         rendered, counts = {}, {}
         for correction in (True, False):
-            problem = grey_patch(darkness, correction)
+            problem = gray_patch(darkness, correction)
             placement = run.solve(problem, max_steps=PATIENT)
             counts[correction] = problem.body_count
             rendered[correction] = float(render_halftone(placement, pixels_per_metre=4.0, supersampling=4).mean())
-        with_it, without = (abs(rendered[c] - grey / 255.0) for c in (True, False))
+        with_it, without = (abs(rendered[c] - gray / 255.0) for c in (True, False))
         run.row(
             "10",
-            f"grey {grey} of 255, {counts[True]:,} dots: error of the rendered grey",
+            f"gray {gray} of 255, {counts[True]:,} dots: error of the rendered gray",
             f"{with_it:.4f} (without the correction {without:.4f})",
             "<= 0.006",
             with_it <= 0.006,
@@ -121,7 +121,7 @@ def grey_correction(run: Run) -> None:
         classes = [BodyClass("dot", [Size("dot", 1.0)], image, "cover", density_correction=correction)]
         placement = run.solve(Problem(pixels(image), classes))
         pictures.append((name, render_halftone(placement, pixels_per_metre=4.0)))
-    sheet(run.output / "figure-10-grey-correction.png", pictures, 1)
+    sheet(run.output / "figure-10-gray-correction.png", pictures, 1)
 
 
 def third_order(run: Run) -> None:
@@ -180,8 +180,8 @@ def continuous_sizes(run: Run) -> None:
             reached <= 1.5 * reference,
         )
     for levels in (4, 8, 16, 24, 48):
-        quantised = direct_solve(small, run.launcher, levels=levels)
-        errors = [error(small, quantised, area >= np.quantile(area, dropped)) for dropped in (0.0, 0.25, 0.5, 0.75)]
+        quantized = direct_solve(small, run.launcher, levels=levels)
+        errors = [error(small, quantized, area >= np.quantile(area, dropped)) for dropped in (0.0, 0.25, 0.5, 0.75)]
         run.row(
             "12",
             f"direct sum with {levels} levels instead of a matrix of all pairs",
@@ -276,7 +276,7 @@ def second_order_classes(run: Run) -> None:
 
 EXPERIMENTS = {
     "4": second_order,
-    "10": grey_correction,
+    "10": gray_correction,
     "11": third_order,
     "12": continuous_sizes,
     "14": separation_sweep,

@@ -1,4 +1,4 @@
-"""Optimisers for the relaxation, compared by what they reach with so many force evaluations, as one Markdown table.
+"""Optimizers for the relaxation, compared by what they reach with so many force evaluations, as one Markdown table.
 
     python benchmarks/optimizers.py [--bodies 4096] [--seeds 3] [--output output/optimizers.md]
 
@@ -47,7 +47,7 @@ NEAR_SHARE = 0.5
 # A secant pair whose cosine is below this says nothing about the curvature.
 SMALLEST_COSINE = 1e-3
 SAFE_STEP = 0.7
-NODE_AND_NEIGHBOURS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
+NODE_AND_NEIGHBORS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
 
 
 class Dots:
@@ -56,7 +56,7 @@ class Dots:
     Args:
         problem: Open, without lines.
         launcher: Where to run.
-        guarded: Steps from the largest density at the nearest node and its four neighbours, not at that node alone: where density
+        guarded: Steps from the largest density at the nearest node and its four neighbors, not at that node alone: where density
             changes within a mesh spacing the curvature is never taken for less than it is.
 
     Attributes:
@@ -76,7 +76,7 @@ class Dots:
         self.group = self.descent.model.body.group
         step = self.descent.step_length.numpy().reshape(-1, *self.layout.shape).astype(np.float64)
         if guarded:
-            step = np.stack([minimum_filter(one, footprint=NODE_AND_NEIGHBOURS, mode="nearest") for one in step])
+            step = np.stack([minimum_filter(one, footprint=NODE_AND_NEIGHBORS, mode="nearest") for one in step])
         self.step = step
         self.limit = self.descent.step_limit.numpy().reshape(self.layout.shape).astype(np.float64)
         self.class_index = problem.body_indices()[0]
@@ -214,7 +214,7 @@ def coverage_errors(position: np.ndarray, charge: np.ndarray, image: np.ndarray)
     return np.array([coverage_error(position, charge, image, SQUARE, k) for k in WIDTHS])
 
 
-# An optimiser yields the state after every evaluation.
+# An optimizer yields the state after every evaluation.
 Optimizer = Callable[[Dots, np.ndarray], Iterator[np.ndarray]]
 
 
@@ -510,7 +510,7 @@ def best_setting(settings: list[Optimizer], problems: list[Problem], launcher: L
 
 
 def told(optimizer: Optimizer) -> str:
-    """Settings of an optimiser, as words."""
+    """Settings of an optimizer, as words."""
     values = dict(getattr(optimizer, "keywords", {}))
     if "then" in values:
         values.update(values["then"].keywords)
@@ -539,7 +539,7 @@ def table(count: int, seeds: int, launcher: Launcher, marks: tuple[int, ...] = M
     lines = [
         f"Coverage errors at k = {' / '.join(map(str, WIDTHS))}, in 1e-4, means over {seeds} seeds; {count:,} charges.",
         "",
-        "| scene | optimiser | " + " | ".join(f"after {mark}" for mark in shown) + f" | {reached} |",
+        "| scene | optimizer | " + " | ".join(f"after {mark}" for mark in shown) + f" | {reached} |",
         "|---|---|" + "---|" * (len(shown) + 1),
     ]
     print("\n".join(lines), flush=True)

@@ -23,7 +23,7 @@ CAPTION = 30
 
 @cache
 def astronaut(width: int = 256) -> np.ndarray:
-    """Colour photograph, square, stored values 0..1."""
+    """Color photograph, square, stored values 0..1."""
     return np.clip(resize(data.astronaut(), (width, width), anti_aliasing=True), 0.0, 1.0)
 
 
@@ -43,8 +43,8 @@ def camera(width: int = 256) -> np.ndarray:
 @cache
 def cat(width: int = 463, height: int = 229) -> np.ndarray:
     """Darkness of a photograph with fine fur."""
-    grey = data.chelsea()[20:240] @ np.array([0.2126, 0.7152, 0.0722]) / 255.0
-    return np.clip(1.0 - resize(grey, (height, width), anti_aliasing=True), 0.0, 1.0)
+    gray = data.chelsea()[20:240] @ np.array([0.2126, 0.7152, 0.0722]) / 255.0
+    return np.clip(1.0 - resize(gray, (height, width), anti_aliasing=True), 0.0, 1.0)
 
 
 def gaussian(width: int = 256) -> np.ndarray:
@@ -54,7 +54,7 @@ def gaussian(width: int = 256) -> np.ndarray:
 
 
 def dark_word(width: int = 320, height: int = 95) -> np.ndarray:
-    """Darkness of the word DARK, grey 0 on grey 10 of 255 (figure 10)."""
+    """Darkness of the word DARK, gray 0 on gray 10 of 255 (figure 10)."""
     image = Image.new("L", (width, height), 10)
     font = ImageFont.load_default(90)
     ImageDraw.Draw(image).text((width / 2, height / 2), "DARK", 0, font, anchor="mm")
@@ -62,7 +62,7 @@ def dark_word(width: int = 320, height: int = 95) -> np.ndarray:
 
 
 def sheet(path: Path, pictures: Sequence[tuple[str, np.ndarray]], columns: int) -> None:
-    """Put pictures (values 0..1, grey or colour) with their captions side by side and save them."""
+    """Put pictures (values 0..1, gray or color) with their captions side by side and save them."""
     images = [
         Image.fromarray(np.round(255 * np.clip(_color(picture), 0, 1)).astype(np.uint8)) for _, picture in pictures
     ]

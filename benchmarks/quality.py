@@ -93,7 +93,7 @@ def quality_cases(
 
 
 def nearest_distances(placement: Placement, chosen: object) -> tuple[float, float]:
-    """Smallest and mean distance to the nearest neighbour, hexagonal = 1."""
+    """Smallest and mean distance to the nearest neighbor, hexagonal = 1."""
     from scipy.spatial import cKDTree
 
     position = placement.position[chosen]
@@ -103,7 +103,7 @@ def nearest_distances(placement: Placement, chosen: object) -> tuple[float, floa
 
 
 def regularity(placement: Placement, chosen: object) -> float:
-    """Mean sixfold order of bodies' neighbours, |psi 6|: 1 for a hexagonal lattice, 0.4 for random points."""
+    """Mean sixfold order of bodies' neighbors, |psi 6|: 1 for a hexagonal lattice, 0.4 for random points."""
     from scipy.spatial import cKDTree
 
     position = placement.position[chosen]

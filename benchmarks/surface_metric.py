@@ -101,7 +101,7 @@ class SurfaceMetric:
 
 
 def spacing(position: np.ndarray, normal: np.ndarray, number_density: np.ndarray | float) -> tuple[float, float]:
-    """Smallest and mean distance to the nearest neighbour on the same side, over that of a hexagonal lattice."""
+    """Smallest and mean distance to the nearest neighbor on the same side, over that of a hexagonal lattice."""
     distance, near = cKDTree(position).query(position, k=min(12, len(position)))
     same = (normal[near] * normal[:, None]).sum(axis=2) > 0.0
     same[:, 0] = False

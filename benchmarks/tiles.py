@@ -146,7 +146,7 @@ def error_maps(solved: Solved, problem: esh.Problem, chosen: np.ndarray) -> dict
 
 
 def deposited(place: np.ndarray, weight: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Weights between the centres of pixels, linearly."""
+    """Weights between the centers of pixels, linearly."""
     rows, columns = shape
     x, y = place[:, 0] * columns - 0.5, place[:, 1] * rows - 0.5
     i, j = np.floor(x).astype(int), np.floor(y).astype(int)
@@ -262,7 +262,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("cases", nargs="*", choices=[*CASES, []], default=list(CASES))
     parser.add_argument("--bodies", type=int, default=160_000)
-    parser.add_argument("--tile", type=float, default=None, help="metres; mean spacings here")
+    parser.add_argument("--tile", type=float, default=None, help="meters; mean spacings here")
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--steps", type=int, nargs=3, default=None)
     options = parser.parse_args(arguments)

@@ -25,7 +25,7 @@ SEED = 5
 WIDE, NEAR, FAR = 1.6, -1.0, 2.5
 # Areas of small, middling and large stones [m²].
 SMALL, MIDDLING, LARGE = (0.0002, 0.0011), (0.0012, 0.005), (0.006, 0.019)
-# Kind -> colours of its stones, size of its grains as a share of a stone, counts of small, middling and large ones.
+# Kind -> colors of its stones, size of its grains as a share of a stone, counts of small, middling and large ones.
 STONES: dict[str, tuple[list[Color], float, tuple[int, int, int]]] = {
     "granite": ([(0.30, 0.29, 0.28), (0.44, 0.42, 0.40), (0.50, 0.44, 0.41)], 0.05, (700, 250, 40)),
     "slate": ([(0.07, 0.085, 0.10), (0.13, 0.15, 0.17), (0.16, 0.19, 0.19)], 0.6, (800, 260, 36)),
@@ -139,7 +139,7 @@ def _wettable(
 
 
 def stone_material(name: str, colors: list[Color], grain: float) -> bpy.types.Material:
-    """Stone, of which every instance has a colour of its own, with grains or cloudy bands."""
+    """Stone, of which every instance has a color of its own, with grains or cloudy bands."""
     material, tree = new_material(name)
     base = color_ramp(tree, random_of(tree), [(i / (len(colors) - 1), c) for i, c in enumerate(colors)])
     place = object_place(tree, (1.0, 1.0, 2.2) if grain > 0.3 else (1.0, 1.0, 1.0))
@@ -162,7 +162,7 @@ def sand_material() -> bpy.types.Material:
     material, tree = new_material("Sand")
     grit = noise(tree, 0.009, 3.0)
     sand = color_ramp(tree, grit, [(0.3, (0.085, 0.07, 0.055)), (0.5, (0.21, 0.165, 0.12)), (0.72, (0.42, 0.35, 0.27))])
-    # Grains of all colours, too small to be placed one by one.
+    # Grains of all colors, too small to be placed one by one.
     grains = add_node(tree, "ShaderNodeTexVoronoi")
     grains.inputs["Scale"].default_value = 95.0
     tree.links.new(add_node(tree, "ShaderNodeNewGeometry").outputs["Position"], grains.inputs["Vector"])

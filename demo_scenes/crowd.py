@@ -1,4 +1,4 @@
-"""A crowd on a square that looks at a stage: people in coats of eight colours, tall and small, around a fountain and under trees.
+"""A crowd on a square that looks at a stage: people in coats of eight colors, tall and small, around a fountain and under trees.
 
     python demo_scenes/crowd.py --output output
 
@@ -34,7 +34,7 @@ LOOK_AT = (0.0, 13.4)
 SPREAD = math.radians(22.0)
 FOUNTAIN = (-9.5, -3.0, 3.1)
 TREES = ((-17.5, 7.0), (-17.5, -0.5), (-17.5, -8.0), (17.5, 7.0), (17.5, -0.5), (17.5, -8.0))
-# Colour of a coat -> how many grown-ups and children wear it.
+# Color of a coat -> how many grown-ups and children wear it.
 COATS: dict[str, tuple[Color, int, int]] = {
     "red": ((0.58, 0.045, 0.035), 95, 16),
     "navy": ((0.03, 0.06, 0.17), 150, 12),
@@ -139,7 +139,7 @@ def person(seed: int, child: bool = False) -> tuple[shapes.Shape, np.ndarray]:
 
 
 def _by_person(name: str, colors: list[Color], spread: int) -> bpy.types.Material:
-    """One of some colours for each person; ``spread`` makes what is chosen differ from material to material."""
+    """One of some colors for each person; ``spread`` makes what is chosen differ from material to material."""
     material, tree = new_material(name)
     chance = calculate(tree, "FRACT", calculate(tree, "MULTIPLY", random_of(tree), float(spread)))
     color = color_ramp(tree, chance, [(i / len(colors), c) for i, c in enumerate(colors)])
@@ -152,7 +152,7 @@ def _by_person(name: str, colors: list[Color], spread: int) -> bpy.types.Materia
 
 
 def coat_material() -> bpy.types.Material:
-    """Cloth in the colour of the class, a little lighter or darker on each person."""
+    """Cloth in the color of the class, a little lighter or darker on each person."""
     material, tree = new_material("Coat")
     color = add_node(tree, "ShaderNodeAttribute", attribute_type="INSTANCER", attribute_name="class_color").outputs[
         "Color"
@@ -370,7 +370,7 @@ def _leaves(middle: np.ndarray, radius: float, seed: int, count: int) -> shapes.
 
 
 def _add_houses(holder: bpy.types.Collection) -> None:
-    """Add rows of houses behind the stage and along the sides, each of its own colour and height."""
+    """Add rows of houses behind the stage and along the sides, each of its own color and height."""
     random = np.random.default_rng(SEED + 1)
     plaster = [
         (0.66, 0.43, 0.30),
@@ -423,7 +423,7 @@ def _add_house(
     """A house with a gable, which stands so far along a row and looks out of it."""
 
     def placed(shape: shapes.Shape) -> shapes.Shape:
-        # Modelled along x, with the front at y = 0 and the house behind it, at y > 0.
+        # Modeled along x, with the front at y = 0 and the house behind it, at y > 0.
         vertex, face = shape
         x, y = vertex[:, 0] + along, vertex[:, 1]
         flat = np.array(start) + x[:, None] * np.array(way) - y[:, None] * np.array(out)
@@ -469,24 +469,6 @@ def _add_lights(holder: bpy.types.Collection) -> None:
         for a, b in pairwise(path):
             pieces.append((_limb([tuple(a), tuple(b)], [0.012, 0.012], 4), 1))
     _link("Bulbs", _joined_by(pieces), holder, bulb, wire)
-
-
-def turn_towards(result: esh.ScatterResult, point: tuple[float, float], spread: float, seed: int) -> None:
-    """Turn the objects of a result, which look along their y axis, to a point seen from above, give or take ``spread`` [rad].
-
-    A point's ``rotation`` is a quaternion (w, x, y, z), which the result's node group gives to the object that it places there.
-    """
-    mesh = result.object.data
-    count = len(mesh.vertices)
-    place = np.empty(3 * count, np.float32)
-    mesh.vertices.foreach_get("co", place)
-    to = np.array(point) - place.reshape(-1, 3)[:, :2]
-    aside = spread * (2.0 * np.random.default_rng(seed).beta(2.0, 2.0, count) - 1.0)
-    half = 0.5 * (np.arctan2(to[:, 1], to[:, 0]) - 0.5 * math.pi + aside)
-    rotation = np.zeros((count, 4), np.float32)
-    rotation[:, 0], rotation[:, 3] = np.cos(half), np.sin(half)
-    mesh.attributes["rotation"].data.foreach_set("value", rotation.ravel())
-    mesh.update()
 
 
 def build(device: str = "auto", quick: bool = False) -> Built:
@@ -558,6 +540,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
             ],
             density=near_the_stage,
             color=color,
+            look_at=esh.LookAt((*LOOK_AT, 0.0), SPREAD, front="y"),
         )
         for coat, (color, *counts) in coats.items()
     ]
@@ -568,13 +551,11 @@ def build(device: str = "auto", quick: bool = False) -> Built:
         class_separation=0.7,
         align_to_normal=0.0,
         scale_jitter=0.07,
-        random_turn=0.0,
         seed=SEED,
         device=device,
         max_steps=30 if quick else 60,
         name="Crowd",
     )
-    turn_towards(result, LOOK_AT, SPREAD, SEED)
     # end: scatter
     set_light(scene, (-0.42, -0.72, 0.60), 4.6, (0.46, 0.58, 0.86), 0.7, (1.0, 0.74, 0.48))
     scene.view_settings.exposure = 0.3

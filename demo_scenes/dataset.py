@@ -3,7 +3,7 @@
     python demo_scenes/dataset.py --scenes 100 --output output/dataset
 
 Every scene has other counts, another camera and another sun; which ones, its number alone decides. ``esh.scatter`` places stones,
-mushrooms and sticks so that none overlap. Each scene is rendered twice: once with light, and once with one ray a pixel, whose colour
+mushrooms and sticks so that none overlap. Each scene is rendered twice: once with light, and once with one ray a pixel, whose color
 is the number of the instance, the number of its class and the depth. So masks have no mixed pixels at edges.
 
     images/000000.png      the picture
@@ -32,7 +32,7 @@ from scene_parts import add_camera, collection, mesh_object, set_render
 
 __all__ = ["build", "main", "write_scene"]
 
-# Name -> smallest and largest count, footprint of the largest instance [m²], colour.
+# Name -> smallest and largest count, footprint of the largest instance [m²], color.
 CLASSES = {
     "stone": (10, 40, 0.30, (0.30, 0.29, 0.27)),
     "mushroom": (15, 60, 0.06, (0.55, 0.16, 0.07)),

@@ -51,7 +51,7 @@ def footprint(crown_radius: float) -> float:
 
 
 def tree_object(name: str, tree: trees.TreeMesh, surfaces: list[bpy.types.Material]) -> bpy.types.Object:
-    """Make an object of a modelled tree; ``surfaces`` are its bark and its foliage."""
+    """Make an object of a modeled tree; ``surfaces`` are its bark and its foliage."""
     item = mesh_object(name, tree.vertex, tree.face)
     for material in surfaces:
         item.data.materials.append(material)
@@ -289,7 +289,7 @@ def _check_texture(
         at_row.ravel(), at_column.ravel(), bins=edges, weights=(texture / np.cos(terrain.slope())).ravel()
     )
     correlation = float(np.corrcoef(placed.ravel(), wanted.ravel())[0, 1])
-    assert correlation > 0.8, f"the texture of class {kind} is not to be recognised: correlation {correlation:.2f}"
+    assert correlation > 0.8, f"the texture of class {kind} is not to be recognized: correlation {correlation:.2f}"
     return correlation
 
 

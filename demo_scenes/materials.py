@@ -20,7 +20,7 @@ from shader_nodes import (
 
 __all__ = ["bark", "foliage", "grass", "ground", "set_sky"]
 
-# Air: the distance over which two thirds of the light of a thing is lost [m], and the colour that takes its place.
+# Air: the distance over which two thirds of the light of a thing is lost [m], and the color that takes its place.
 VISIBILITY = 1500.0
 HAZE: Color = (0.64, 0.58, 0.53)
 HAZE_STRENGTH = 0.6
@@ -51,7 +51,7 @@ def _surface(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, roughness: f
 
 
 def bark(name: str, dark: Color, light: Color) -> bpy.types.Material:
-    """Bark or stone: two colours, mottled."""
+    """Bark or stone: two colors, mottled."""
     material, tree = new_material(name)
     color = color_ramp(tree, noise(tree, 0.5), [(0.3, dark), (0.7, light)])
     _finish(tree, _surface(tree, color).outputs[0])
@@ -63,7 +63,7 @@ def foliage(name: str, hues: list[tuple[float, Color]], shade: float, translucen
 
     Args:
         name: Of the material.
-        hues: From which every tree takes its own colour: position 0..1 and colour.
+        hues: From which every tree takes its own color: position 0..1 and color.
         shade: Brightness of the innermost leaves beside the outermost.
         translucent: Share of the light that shines through.
     """

@@ -178,7 +178,7 @@ def flower(kind: str, height: float, seed: int) -> tuple[shapes.Shape, np.ndarra
 def thin(
     name: str, stops: list[tuple[float, Color]], through: float, *, tall: float = 0.0, roughness: float = 0.6
 ) -> bpy.types.Material:
-    """What light shines through: blades and petals. Each instance has its own of some colours; ``tall`` darkens the foot [m]."""
+    """What light shines through: blades and petals. Each instance has its own of some colors; ``tall`` darkens the foot [m]."""
     material, tree = new_material(name)
     color = color_ramp(tree, random_of(tree), stops)
     patch = color_ramp(tree, noise(tree, 6.0, 2.0), [(0.3, (0.80, 0.86, 0.8)), (0.7, (1.16, 1.1, 1.0))])
@@ -430,13 +430,13 @@ def test_final(built: Built) -> dict[str, float]:
     for kind in FLOWERS:
         own = position[index == names.index(kind)]
         measured[f"{kind}, clumps"] = clumped = (
-            _neighbours(own, own, near) / len(own) / (_neighbours(own, grass, near) / len(grass))
+            _neighbors(own, own, near) / len(own) / (_neighbors(own, grass, near) / len(grass))
         )
-        assert clumped > 1.5, f"{kind} has {clumped:.2f} times the neighbours that it would have if it grew like grass"
+        assert clumped > 1.5, f"{kind} has {clumped:.2f} times the neighbors that it would have if it grew like grass"
     return measured
 
 
-def _neighbours(place: np.ndarray, others: np.ndarray, within: float) -> float:
+def _neighbors(place: np.ndarray, others: np.ndarray, within: float) -> float:
     """How many of other points ``[m, 2]`` points ``[n, 2]`` have within a distance [m] on average, themselves left out."""
     away = np.hypot(*np.moveaxis(place[:, None] - others, 2, 0))
     return float(((away > 0.0) & (away < within)).sum() / len(place))

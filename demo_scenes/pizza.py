@@ -89,7 +89,7 @@ class Ingredient:
 
 
 def piece_object(name: str, piece: toppings.Piece, surfaces: list[bpy.types.Material]) -> bpy.types.Object:
-    """Make an object of a modelled piece with its values as attributes of the points."""
+    """Make an object of a modeled piece with its values as attributes of the points."""
     item = mesh_object(name, piece.vertex, piece.face, smooth=True)
     for material in surfaces:
         item.data.materials.append(material)
@@ -278,9 +278,9 @@ def render_plans(servings: list[Serving], side: int, output: Path) -> None:
 
 
 def density_picture(wanted: dict[str, np.ndarray], charges: dict[str, float], side: int) -> Image.Image:
-    """Draw densities as a disc of dots in the ingredients' colours on white.
+    """Draw densities as a disc of dots in the ingredients' colors on white.
 
-    Dots, and no mixture: two mixed colours look like a third ingredient.
+    Dots, and no mixture: two mixed colors look like a third ingredient.
 
     Args:
         wanted: Densities by ingredient.
@@ -292,7 +292,7 @@ def density_picture(wanted: dict[str, np.ndarray], charges: dict[str, float], si
     share = np.stack([charges[kind] * image[np.ix_(at, at)] / image.sum() for kind, image in wanted.items()])
     upper = np.cumsum(share, axis=0) / share.sum(axis=0).max()
     row, column = np.indices((cells, cells))
-    # Thresholds of a low-discrepancy lattice: neighbours differ much.
+    # Thresholds of a low-discrepancy lattice: neighbors differ much.
     threshold = (0.7548776662 * column + 0.5698402910 * row) % 1.0
     color = np.array([*(COLORS[kind] for kind in wanted), (1.0, 1.0, 1.0)])
     picture = Image.fromarray(np.round(255 * color[(threshold >= upper).sum(axis=0)]).astype(np.uint8))
@@ -323,7 +323,7 @@ def add_inset(picture: Image.Image, serving: Serving) -> None:
 
 
 def sheet_of(pictures: list[Image.Image]) -> Image.Image:
-    """Join four pictures, with a line below that says which colour is which ingredient."""
+    """Join four pictures, with a line below that says which color is which ingredient."""
     side = pictures[0].width
     gap, strip = max(side // 90, 2), max(round(0.07 * side), 12)
     sheet = Image.new("RGB", (2 * side + 3 * gap, 2 * side + 3 * gap + strip), (250, 248, 244))

@@ -1,6 +1,6 @@
-"""The pizza below its toppings, modelled by code: dough with a puffed rim, and a bed of sauce and molten cheese.
+"""The pizza below its toppings, modeled by code: dough with a puffed rim, and a bed of sauce and molten cheese.
 
-Centred on the origin, z up, metres. Points carry numbers 0..1 by name, which materials turn into colours.
+Centered on the origin, z up, meters. Points carry numbers 0..1 by name, which materials turn into colors.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ RIM = 0.0195
 
 
 def _spots(place: np.ndarray, count: int, size: tuple[float, float], area: np.ndarray, seed: int) -> np.ndarray:
-    """Round bumps 0..1 at random places: ``place`` ``[n, 3]``, centres drawn from ``area`` ``[k, 3]``, radii [m]."""
+    """Round bumps 0..1 at random places: ``place`` ``[n, 3]``, centers drawn from ``area`` ``[k, 3]``, radii [m]."""
     rng = np.random.default_rng(seed)
     bump = np.zeros(len(place))
-    for centre in area[rng.integers(len(area), size=count)]:
+    for center in area[rng.integers(len(area), size=count)]:
         radius = size[0] + (size[1] - size[0]) * rng.random() ** 2.5
-        near = np.flatnonzero(np.abs(place - centre).max(axis=1) < radius)
-        distance = np.linalg.norm(place[near] - centre, axis=1) / radius
+        near = np.flatnonzero(np.abs(place - center).max(axis=1) < radius)
+        distance = np.linalg.norm(place[near] - center, axis=1) / radius
         bump[near] = np.maximum(bump[near], rng.uniform(0.6, 1.0) * np.sqrt(np.clip(1.0 - distance**2, 0.0, 1.0)))
     return bump
 
@@ -58,8 +58,8 @@ def dough(seed: int) -> Piece:
     a, b = row * sides + side, row * sides + (side + 1) % sides
     face = np.stack([a, b, b + sides, a + sides], axis=1)
     level = vertex[:, 2] / RIM
-    centre = np.dstack([(outer - width)[None] * circle[:, 0], (outer - width)[None] * circle[:, 1], 0.5 * height[None]])
-    out = vertex - np.broadcast_to(centre, (rows, sides, 3)).reshape(-1, 3)
+    center = np.dstack([(outer - width)[None] * circle[:, 0], (outer - width)[None] * circle[:, 1], 0.5 * height[None]])
+    out = vertex - np.broadcast_to(center, (rows, sides, 3)).reshape(-1, 3)
     out /= np.linalg.norm(out, axis=1, keepdims=True) + 1e-9
     upper = np.flatnonzero((level > 0.35) & (np.hypot(vertex[:, 0], vertex[:, 1]) > BED_RADIUS))
     blister = _spots(vertex, 90, (0.003, 0.011), vertex[upper], seed + 5)

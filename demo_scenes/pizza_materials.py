@@ -36,7 +36,7 @@ def _food(
         tree: Where the node is made.
         color: Of the surface.
         roughness: Of its own shine.
-        below: How far light spreads under the surface [m], and which colour spreads how far.
+        below: How far light spreads under the surface [m], and which color spreads how far.
         oil: Weight of a clear film over it.
     """
     node = add_node(tree, "ShaderNodeBsdfPrincipled")
@@ -186,7 +186,7 @@ def salami() -> bpy.types.Material:
 
 
 def ham() -> bpy.types.Material:
-    """Cooked ham: pink, with paler fibres, browned along folds and edges."""
+    """Cooked ham: pink, with paler fibers, browned along folds and edges."""
     material, tree = new_material("Ham")
     place = object_place(tree)
     streak = noise(tree, 0.006, 5.0, _distort(tree, object_place(tree, (1.0, 0.4, 1.0)), 0.012, 0.004))
@@ -269,9 +269,9 @@ def calyx() -> bpy.types.Material:
 def anchovy() -> bpy.types.Material:
     """Anchovy in oil: rosy brown flesh, dark along the middle, a remainder of silver skin along its edges."""
     material, tree = new_material("Anchovy")
-    fibre = noise(tree, 0.0032, 5.0, object_place(tree, (0.35, 1.8, 1.0)))
+    fiber = noise(tree, 0.0032, 5.0, object_place(tree, (0.35, 1.8, 1.0)))
     color = color_ramp(
-        tree, fibre, [(0.30, (0.20, 0.050, 0.022)), (0.5, (0.40, 0.135, 0.062)), (0.70, (0.60, 0.29, 0.165))]
+        tree, fiber, [(0.30, (0.20, 0.050, 0.022)), (0.5, (0.40, 0.135, 0.062)), (0.70, (0.60, 0.29, 0.165))]
     )
     away = calculate(tree, "ABSOLUTE", calculate(tree, "SUBTRACT", attribute(tree, "across"), 0.5))
     middle = color_ramp(tree, away, [(0.02, (0.85,) * 3), (0.10, (0.0,) * 3)])
@@ -283,7 +283,7 @@ def anchovy() -> bpy.types.Material:
     color = _vary(tree, color, (0.80, 0.78, 0.76), (1.15, 1.12, 1.1))
     surface = _food(tree, color, roughness=0.36, below=(0.002, (1.0, 0.4, 0.25)), oil=0.45)
     connect(tree, calculate(tree, "MULTIPLY", silver, 0.4), surface.inputs["Metallic"])
-    add_bump(tree, surface, fibre, 0.0009, 0.8)
+    add_bump(tree, surface, fiber, 0.0009, 0.8)
     _output(tree, surface)
     return material
 
@@ -326,12 +326,12 @@ def wood(
     ring.inputs["Detail"].default_value = 3.0
     ring.inputs["Detail Scale"].default_value = 2.0
     tree.links.new(stretched.outputs[0], ring.inputs["Vector"])
-    fibre_place = add_node(tree, "ShaderNodeVectorMath", operation="MULTIPLY")
-    tree.links.new(place, fibre_place.inputs[0])
-    fibre_place.inputs[1].default_value = (0.04, 1.0, 1.0)
-    fibre = noise(tree, 0.0018, 4.0, fibre_place.outputs[0])
+    fiber_place = add_node(tree, "ShaderNodeVectorMath", operation="MULTIPLY")
+    tree.links.new(place, fiber_place.inputs[0])
+    fiber_place.inputs[1].default_value = (0.04, 1.0, 1.0)
+    fiber = noise(tree, 0.0018, 4.0, fiber_place.outputs[0])
     tone = calculate(
-        tree, "ADD", calculate(tree, "MULTIPLY", ring.outputs["Fac"], 0.45), calculate(tree, "MULTIPLY", fibre, 0.55)
+        tree, "ADD", calculate(tree, "MULTIPLY", ring.outputs["Fac"], 0.45), calculate(tree, "MULTIPLY", fiber, 0.55)
     )
     color = color_ramp(tree, tone, [(0.15, dark), (0.75, light)])
     stain = color_ramp(tree, noise(tree, 0.11, 4.0, place), [(0.3, (0.72,) * 3), (0.7, (1.1,) * 3)])
@@ -342,7 +342,7 @@ def wood(
     tree.links.new(color, surface.inputs["Base Color"])
     surface.inputs["Roughness"].default_value = shine
     surface.inputs["Specular IOR Level"].default_value = 0.35
-    height = calculate(tree, "SUBTRACT", fibre, calculate(tree, "MULTIPLY", gap, 2.5)) if plank else fibre
+    height = calculate(tree, "SUBTRACT", fiber, calculate(tree, "MULTIPLY", gap, 2.5)) if plank else fiber
     add_bump(tree, surface, height, 0.0010, 0.35)
     _output(tree, surface)
     return material

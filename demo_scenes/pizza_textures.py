@@ -1,6 +1,6 @@
 """Where every ingredient is wanted on each pizza: densities and directions as arrays, made by formulas.
 
-An array covers a square of ``2 * half`` metres around the pizza's middle; row 0 is its top, x runs to the right, y up.
+An array covers a square of ``2 * half`` meters around the pizza's middle; row 0 is its top, x runs to the right, y up.
 """
 
 from __future__ import annotations

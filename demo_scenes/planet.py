@@ -3,12 +3,12 @@
     python demo_scenes/planet.py --output output            # needs: pip install 'esh-scatter[planet]'
     python demo_scenes/planet.py --output output --quick    # 20,000 trees
 
-The land is real: a mask of one kilometre, of NOAA's elevation model GLOBE, from the package global-land-mask (MIT licence). Which
+The land is real: a mask of one kilometer, of NOAA's elevation model GLOBE, from the package global-land-mask (MIT license). Which
 trees grow is not: three belts by latitude alone. The domain is the Mercator map, which keeps angles; so what is even on the map, for
 a density that takes its scale into account, is even on the globe.
 
     planet/world.toml    the recipe, with a density for each kind of tree (.npy)
-    planet/tiles/        the trees: GeoParquet in Web Mercator metres (EPSG:3857)
+    planet/tiles/        the trees: GeoParquet in Web Mercator meters (EPSG:3857)
     planet.jpg           the picture
 """
 
@@ -35,7 +35,7 @@ Land = Callable[[np.ndarray, np.ndarray], np.ndarray]
 RADIUS = 6_378_137.0
 # Latitudes between which trees grow.
 SOUTH, NORTH = -56.0, 72.0
-# Kind of tree -> share of all, latitude and width of its belt [degrees], whether it grows south of the equator as well, colour.
+# Kind of tree -> share of all, latitude and width of its belt [degrees], whether it grows south of the equator as well, color.
 KINDS = {
     "conifer": (0.36, 57.0, 9.0, False, (26, 74, 62)),
     "broadleaf": (0.24, 44.0, 9.0, True, (104, 128, 40)),
@@ -89,7 +89,7 @@ def write_world(folder: Path, trees: int, columns: int, land: Land) -> Path:
     latitudes -= 90.0
     for row, latitude in enumerate(latitudes.tolist()):
         there = land(np.full(columns, latitude), longitude)
-        # A square metre of the map is less of the globe, the farther from the equator.
+        # A square meter of the map is less of the globe, the farther from the equator.
         scale = math.cos(math.radians(latitude)) ** 2
         for kind, (_, belt, wide, both, _) in KINDS.items():
             away = (abs(latitude) if both else latitude) - belt
@@ -167,7 +167,7 @@ def view_axes(latitude: float, longitude: float) -> np.ndarray:
 
 
 def ground_picture(axes: np.ndarray, width: float, land: Land) -> np.ndarray:
-    """Land and sea from above, shape ``[PIXELS, PIXELS, 3]``, float; ``width`` in metres."""
+    """Land and sea from above, shape ``[PIXELS, PIXELS, 3]``, float; ``width`` in meters."""
     step = (np.arange(PIXELS) + 0.5) / PIXELS - 0.5
     x, y = np.meshgrid(step * width / RADIUS, -step * width / RADIUS)
     squared = x**2 + y**2
@@ -274,10 +274,10 @@ def draw(path: Path, folder: Path, trees: int, land: Land) -> None:
     pen = ImageDraw.Draw(whole)
     widths = [WIDTHS[0] * 1e3, *(min(width * wider, WIDTHS[0] / 2.0**k) * 1e3 for k, width in enumerate(WIDTHS[1:], 1))]
     for number, width in enumerate(widths):
-        centre = (min(focus[0], 24.0), focus[1] + 4.0) if number == 0 else focus
-        axes = view_axes(*centre)
+        center = (min(focus[0], 24.0), focus[1] + 4.0) if number == 0 else focus
+        axes = view_axes(*center)
         color = ground_picture(axes, width, land)
-        add_trees(color, axes, width, planet.near(*centre, 0.75 * width if number else math.inf), spacing)
+        add_trees(color, axes, width, planet.near(*center, 0.75 * width if number else math.inf), spacing)
         left = number * (PIXELS + GAP)
         whole.paste(Image.fromarray(np.clip(color, 0, 255).astype(np.uint8)), (left, 0))
         if number + 1 < len(widths):

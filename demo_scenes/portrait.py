@@ -1,9 +1,9 @@
-"""A portrait in buttons: a photograph's inks become classes of coloured buttons on linen, none over another.
+"""A portrait in buttons: a photograph's inks become classes of colored buttons on linen, none over another.
 
     python demo_scenes/portrait.py --output output
 
 The photograph is that of the astronaut Eileen Collins by NASA, in the public domain (``recipes/astronaut.png``).
-``esh.separate`` splits it into inks; each ink is a class with buttons of its colour in three sizes, as many as the photograph needs.
+``esh.separate`` splits it into inks; each ink is a class with buttons of its color in three sizes, as many as the photograph needs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SHARES = {"small": 0.4, "middling": 0.35, "large": 0.25}
 # Where the four holes are, and how wide, as shares of the radius.
 HOLES, HOLE = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)), 0.13
 MODEL = "CMY-RGB-K"
-# Colours of the buttons, in the order of the model's inks: cyan, magenta, yellow, red, green, blue, black.
+# Colors of the buttons, in the order of the model's inks: cyan, magenta, yellow, red, green, blue, black.
 BUTTONS: dict[str, Color] = {
     "C": (0.03, 0.38, 0.55),
     "M": (0.62, 0.06, 0.24),
@@ -42,7 +42,7 @@ BUTTONS: dict[str, Color] = {
     "B": (0.035, 0.07, 0.32),
     "K": (0.012, 0.011, 0.014),
 }
-# Buttons that lie about on the table, of each colour.
+# Buttons that lie about on the table, of each color.
 LOOSE = 7
 
 
@@ -205,12 +205,12 @@ def glossy_metal(name: str, color: Color) -> bpy.types.Material:
 
 
 def photograph() -> np.ndarray:
-    """The astronaut's head, red, green and blue 0..1, with stronger edges and colours, as cloth and buttons weaken them."""
+    """The astronaut's head, red, green and blue 0..1, with stronger edges and colors, as cloth and buttons weaken them."""
     with Image.open(PHOTOGRAPH) as image:
         sharp = image.convert("RGB").crop((14, 4, 134, 124)).filter(ImageFilter.UnsharpMask(5, 110, 0))
     pixels = np.asarray(sharp, float) / 255.0
-    grey = pixels.mean(axis=2, keepdims=True)
-    return np.clip(1.25 * (grey - 0.05) + 2.0 * (pixels - grey), 0.0, 1.0)
+    gray = pixels.mean(axis=2, keepdims=True)
+    return np.clip(1.25 * (gray - 0.05) + 2.0 * (pixels - gray), 0.0, 1.0)
 
 
 def build(device: str = "auto", quick: bool = False) -> Built:
@@ -220,7 +220,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
     table, things = _add_table(scene)
     grow = 4.0 if quick else 1.0
     paints = {ink: button_material(f"Button {ink}", color, 1.0) for ink, color in BUTTONS.items()}
-    # Modelled 1 m large, and made as large as their footprints ask for.
+    # Modeled 1 m large, and made as large as their footprints ask for.
     library = {
         ink: variants(f"Button {ink}", [(button(1.0, k), None) for k in range(3)], paint)
         for ink, paint in paints.items()
@@ -285,7 +285,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
 
 
 def test_final(built: Built) -> dict[str, float]:
-    """Check the portrait: exact counts, no button over another, all of them in the hoop, and one recognises the photograph.
+    """Check the portrait: exact counts, no button over another, all of them in the hoop, and one recognizes the photograph.
 
     Raises:
         AssertionError: Something is not as it should be; the message says what.
@@ -318,7 +318,7 @@ def test_final(built: Built) -> dict[str, float]:
     middle = (np.arange(cells) + 0.5) / cells * 2.0 - 1.0
     inside = np.hypot(middle, middle[:, None]) < 1.0 - 1.5 / cells
     likeness = float(np.corrcoef(printed[inside], asked[inside])[0, 1])
-    assert likeness > 0.7, f"nobody recognises the photograph: correlation {likeness:.2f}"
+    assert likeness > 0.7, f"nobody recognizes the photograph: correlation {likeness:.2f}"
     return {"placed": total, "overlaps": overlaps, "likeness": likeness}
 
 

@@ -36,7 +36,7 @@ def collection(name: str, parent: bpy.types.Collection, hidden: bool = False) ->
 
 
 def save_textures(textures: dict[str, np.ndarray], folder: Path) -> dict[str, bpy.types.Image]:
-    """Write textures 0..1 as 8-bit PNG files of their names, and load them, as data and not as colour."""
+    """Write textures 0..1 as 8-bit PNG files of their names, and load them, as data and not as color."""
     loaded = {}
     for name, texture in textures.items():
         path = folder / f"{name}.png"

@@ -31,7 +31,7 @@ def add_node(tree: bpy.types.NodeTree, kind: str, /, **values: object) -> bpy.ty
 
 
 def connect(tree: bpy.types.NodeTree, value: object, socket: bpy.types.NodeSocket) -> None:
-    """Feed ``socket`` by an output socket, a number or a colour."""
+    """Feed ``socket`` by an output socket, a number or a color."""
     if isinstance(value, bpy.types.NodeSocket):
         tree.links.new(value, socket)
     elif isinstance(value, tuple) and len(value) == 3 and socket.type == "RGBA":
@@ -43,7 +43,7 @@ def connect(tree: bpy.types.NodeTree, value: object, socket: bpy.types.NodeSocke
 def color_ramp(
     tree: bpy.types.NodeTree, factor: bpy.types.NodeSocket, stops: list[tuple[float, Color]]
 ) -> bpy.types.NodeSocket:
-    """Turn a number into a colour between ``stops``: positions 0..1 and colours."""
+    """Turn a number into a color between ``stops``: positions 0..1 and colors."""
     node = add_node(tree, "ShaderNodeValToRGB")
     tree.links.new(factor, node.inputs[0])
     elements = node.color_ramp.elements
@@ -66,7 +66,7 @@ def calculate(tree: bpy.types.NodeTree, operation: str, *inputs: object) -> bpy.
 def mix_colors(
     tree: bpy.types.NodeTree, factor: object, a: object, b: object, blend: str = "MIX"
 ) -> bpy.types.NodeSocket:
-    """Mix two colours; ``factor`` 0 is all ``a``."""
+    """Mix two colors; ``factor`` 0 is all ``a``."""
     node = add_node(tree, "ShaderNodeMix", data_type="RGBA", blend_type=blend)
     for socket, value in zip((node.inputs[0], node.inputs[6], node.inputs[7]), (factor, a, b), strict=True):
         connect(tree, value, socket)
@@ -76,7 +76,7 @@ def mix_colors(
 def noise(
     tree: bpy.types.NodeTree, wavelength: float, detail: float = 4.0, place: bpy.types.NodeSocket | None = None
 ) -> bpy.types.NodeSocket:
-    """Noise 0..1 of a wavelength [m], at ``place`` or else in metres of the world."""
+    """Noise 0..1 of a wavelength [m], at ``place`` or else in meters of the world."""
     if place is None:
         place = add_node(tree, "ShaderNodeNewGeometry").outputs["Position"]
     node = add_node(tree, "ShaderNodeTexNoise")

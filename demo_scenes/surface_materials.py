@@ -39,11 +39,11 @@ def mottled(
     bump: float = 0.0,
     fine: float = 0.12,
 ) -> bpy.types.Material:
-    """A rough material of several colours in patches.
+    """A rough material of several colors in patches.
 
     Args:
         name: Of the material.
-        stops: Colours over the noise, 0..1.
+        stops: Colors over the noise, 0..1.
         wavelength: Of the patches [m].
         roughness: Of the surface.
         bump: Height of its bumps [m].
@@ -60,7 +60,7 @@ def mottled(
 def glossy(
     name: str, color: Color, *, roughness: float = 0.25, coat: float = 0.6, under: float = 0.0
 ) -> bpy.types.Material:
-    """A smooth material of one colour; with light that wanders ``under`` its skin [m]."""
+    """A smooth material of one color; with light that wanders ``under`` its skin [m]."""
     material, tree = new_material(name)
     node = _finish(tree, color, roughness, coat)
     if under:
@@ -72,7 +72,7 @@ def glossy(
 def leafy(
     name: str, hues: list[tuple[float, Color]], *, roughness: float = 0.7, through: float = 0.3
 ) -> bpy.types.Material:
-    """What has a colour of its own in every instance, lighter in places of the world, and lets some light through."""
+    """What has a color of its own in every instance, lighter in places of the world, and lets some light through."""
     material, tree = new_material(name)
     hue = color_ramp(tree, per_instance(tree), hues)
     place = color_ramp(tree, noise(tree, 0.35), [(0.3, (0.55, 0.55, 0.55)), (0.7, (1.25, 1.25, 1.15))])
@@ -98,7 +98,7 @@ def set_light(
     glow: float,
     warm: Color = (1.0, 0.93, 0.82),
 ) -> None:
-    """Light a scene by a sun, by where its light comes from, and a sky of one colour that is brighter above."""
+    """Light a scene by a sun, by where its light comes from, and a sky of one color that is brighter above."""
     from mathutils import Vector
 
     lamp = bpy.data.lights.new("Sun", "SUN")

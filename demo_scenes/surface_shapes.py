@@ -1,4 +1,4 @@
-"""What the surface demos are made of, modelled by code: rocks and moss, a doughnut and its sprinkles, a hull and what grows on it.
+"""What the surface demos are made of, modeled by code: rocks and moss, a doughnut and its sprinkles, a hull and what grows on it.
 
 Shapes are vertices ``[n, 3]`` [m] and faces ``[m, 3 or 4]``; things that are placed stand on z = 0 and look up along z.
 """

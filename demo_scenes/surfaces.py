@@ -4,7 +4,7 @@
     python demo_scenes/surfaces.py rocks --output output
     python demo_scenes/surfaces.py boat --output output
 
-- ``doughnut``: sprinkles of five colours, each even alone and all even together, on the icing, down its sides and into the hole;
+- ``doughnut``: sprinkles of five colors, each even alone and all even together, on the icing, down its sides and into the hole;
   sugar pearls that grow fewer around another one.
 - ``rocks``: moss on the north sides of rocks, overhangs too, and lichen where the sun is; the rocks are a collection.
 - ``boat``: barnacles of all sizes and mussels below the water line of a boat, on hull, keel and both sides of the rudder.

@@ -5,7 +5,7 @@ here needs Blender.
 
 The model covers 30 km: a tree of 20 m would be a speck in it. So the land is shrunk by ``SHRINK`` in all three
 directions alike, which keeps every slope as it is in nature. Between the cells of the model (about 90 m apart, 15 m after
-shrinking) heights follow a cubic curve, and a little roughness of a few decimetres is added so that the ground is not
+shrinking) heights follow a cubic curve, and a little roughness of a few decimeters is added so that the ground is not
 as smooth as cloth.
 """
 
@@ -20,7 +20,7 @@ __all__ = ["Terrain", "density_textures", "load_backdrop", "load_terrain"]
 
 ELEVATION_FILE = Path(__file__).parent / "data" / "jacksboro_elevation.npz"
 SHRINK = 6.0
-METRES_PER_DEGREE = 111_320.0
+METERS_PER_DEGREE = 111_320.0
 # The cells of the model in which the wood grows: (first row, first column) and how many of each.
 CROP_START = (214, 90)
 CROP_SHAPE = (36, 54)
@@ -34,7 +34,7 @@ class Terrain:
 
     Attributes:
         height: Heights of the grid's points [m], shape ``[rows, columns]``, row 0 in the north.
-        size: Extent along x and y [m]; the rectangle is centred on the origin.
+        size: Extent along x and y [m]; the rectangle is centered on the origin.
     """
 
     height: np.ndarray
@@ -80,8 +80,8 @@ class Terrain:
 def _cell_size(data: np.lib.npyio.NpzFile) -> tuple[float, float]:
     """Extent of one cell of the model after shrinking, east and north [m]."""
     latitude = 0.5 * (float(data["south"]) + float(data["north"]))
-    metres = METRES_PER_DEGREE / SHRINK * float(data["cell"])
-    return metres * float(np.cos(np.radians(latitude))), metres
+    meters = METERS_PER_DEGREE / SHRINK * float(data["cell"])
+    return meters * float(np.cos(np.radians(latitude))), meters
 
 
 def _cubic_rows(image: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -184,9 +184,9 @@ def density_textures(
     slope = _blur(np.degrees(terrain.slope()), 3.0)
     rng = np.random.default_rng(7)
     # How much a place suits pines: altitude counts most, steepness next, and a little chance frays the border.
-    favour = altitude + 0.012 * (slope - 18.0) + 0.05 * _noise(altitude.shape, 30.0, rng)
-    pine = _rise(favour, 0.40, 0.62)
-    beech = _rise(-favour, -0.48, -0.28)
+    favor = altitude + 0.012 * (slope - 18.0) + 0.05 * _noise(altitude.shape, 30.0, rng)
+    pine = _rise(favor, 0.40, 0.62)
+    beech = _rise(-favor, -0.48, -0.28)
     # Clearings, wet meadows along the valley's floor, and bare rock on the steepest ground.
     clearing = _rise(_noise(altitude.shape, 60.0, rng), -1.25, -0.95)
     meadow = _rise(altitude + 0.02 * _noise(altitude.shape, 20.0, rng), 0.05, 0.11)

@@ -1,8 +1,8 @@
-"""What lies on a pizza, modelled by code: ham, mushrooms, salami, chillies and anchovies, in many variants.
+"""What lies on a pizza, modeled by code: ham, mushrooms, salami, chillies and anchovies, in many variants.
 
-Every piece lies on the ground z = 0 and is a little sunk into it, as into molten cheese; metres. A piece that is not long
+Every piece lies on the ground z = 0 and is a little sunk into it, as into molten cheese; meters. A piece that is not long
 has the middle of its outline's enclosing circle at the origin. Points carry numbers 0..1 by name, which materials turn
-into colours.
+into colors.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def enclosing_circle(point: np.ndarray) -> tuple[np.ndarray, float]:
     return middle, float(np.sqrt(((point - middle) ** 2).sum(axis=1).max()))
 
 
-def _centred(piece: Piece) -> Piece:
+def _centered(piece: Piece) -> Piece:
     middle, _ = enclosing_circle(piece.vertex[:, :2])
     return replace(piece, vertex=piece.vertex - np.append(middle, 0.0))
 
@@ -137,7 +137,7 @@ def salami(radius: float, seed: int) -> Piece:
     top = np.dstack([point, 0.0014 + height + thickness - 0.0020])
     vertex, face = _slab(top, thickness + 0.0004)
     rim = np.clip((share - 0.9) / 0.08, 0.0, 1.0).ravel()
-    return _centred(Piece(vertex, face, {"rim": np.tile(rim, 2)}))
+    return _centered(Piece(vertex, face, {"rim": np.tile(rim, 2)}))
 
 
 def ham(radius: float, seed: int) -> Piece:
@@ -186,7 +186,7 @@ def ham(radius: float, seed: int) -> Piece:
     top = np.dstack([point * scale, height * scale + 0.0006 + thickness])
     vertex, face = _slab(top, thickness + 0.0003)
     values = {"edge": np.tile(np.clip((share - 0.82) / 0.18, 0, 1).ravel(), 2), "fold": np.tile(fold.ravel(), 2)}
-    return _centred(Piece(vertex, face, values))
+    return _centered(Piece(vertex, face, values))
 
 
 # Right half of a champignon's outline, from the top of the cap to the middle of the stem's end; width of the cap 2.
@@ -244,7 +244,7 @@ def mushroom(radius: float, seed: int) -> Piece:
     top = np.dstack([point * scale, 0.0024 + bend + thickness - 0.0024])
     vertex, face = _slab(top, np.maximum(thickness, 0.0) + 0.0006)
     values = {"skin": skin, "gills": gills, "stem": stem, "edge": np.clip((share - 0.75) / 0.25, 0, 1)}
-    return _centred(Piece(vertex, face, {name: np.tile(value.ravel(), 2) for name, value in values.items()}))
+    return _centered(Piece(vertex, face, {name: np.tile(value.ravel(), 2) for name, value in values.items()}))
 
 
 def _tube(path: np.ndarray, radius: np.ndarray, sides: int, flat: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -304,7 +304,7 @@ def chilli(length: float, seed: int) -> Piece:
     count = len(vertex)
     vertex, face = np.concatenate([vertex, stem_vertex]), np.concatenate([face, stem_face + count])
     values = {"along": np.concatenate([np.repeat(inside[first:], 20), np.repeat(t[:last], 20)])}
-    return _centred(Piece(vertex, face, values, material))
+    return _centered(Piece(vertex, face, values, material))
 
 
 def anchovy(length: float, seed: int) -> Piece:
@@ -327,4 +327,4 @@ def anchovy(length: float, seed: int) -> Piece:
     flake = np.abs((slant + 0.3 * perlin(np.stack([slant * 0.4, across * 2], -1), seed + 2)) % 1.0 - 0.5)
     local = np.repeat(outline, sides) * upper
     vertex[:, 2] += local * (-0.10 * furrow + 0.13 * flake * (1.0 - across**2))
-    return _centred(Piece(vertex, face, {"across": 0.5 + 0.5 * across, "along": np.repeat(t, sides)}))
+    return _centered(Piece(vertex, face, {"across": 0.5 + 0.5 * across, "along": np.repeat(t, sides)}))

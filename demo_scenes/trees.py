@@ -1,7 +1,7 @@
-"""Trees modelled by code: spruce-like pines and autumn beeches, some shape variants of each.
+"""Trees modeled by code: spruce-like pines and autumn beeches, some shape variants of each.
 
-Every tree stands on the origin, z up, metres. Its trunk goes ``ROOT_DEPTH`` into the ground, so that it leaves no gap
-on the downhill side. A face carries ``tint``, a number 0..1 that its material turns into a shade of its colour, and
+Every tree stands on the origin, z up, meters. Its trunk goes ``ROOT_DEPTH`` into the ground, so that it leaves no gap
+on the downhill side. A face carries ``tint``, a number 0..1 that its material turns into a shade of its color, and
 a material index: 0 bark, 1 foliage.
 """
 
@@ -102,10 +102,10 @@ def pine(height: float, crown_radius: float, whorls: int, seed: int) -> TreeMesh
         reach = crown_radius * (0.9 * (1.0 - t) ** 0.85 + 0.14 * (1.0 - t) ** 0.25 + 0.03) * rng.uniform(0.82, 1.08)
         branches = 6 + round(6 * (1.0 - t))
         start = whorl * GOLDEN_ANGLE
-        centre = np.append(lean * (base / height) ** 2, base)
+        center = np.append(lean * (base / height) ** 2, base)
         for branch in range(branches):
             angle = start + 2 * np.pi * (branch + rng.uniform(-0.25, 0.25)) / branches
-            _pine_branch(build, centre, angle, reach * rng.uniform(0.72, 1.05), t, rng)
+            _pine_branch(build, center, angle, reach * rng.uniform(0.72, 1.05), t, rng)
     top = np.append(lean * 0.97, 0.965 * height)
     spire = np.array([[0.09, 0.0, -0.6], [-0.05, 0.08, -0.6], [-0.05, -0.08, -0.6], [0.0, 0.0, 0.02 * height]])
     build.add(top + spire, np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]]), 0.75, 1)
@@ -122,7 +122,7 @@ def _fit(tree: TreeMesh, height: float, crown_radius: float) -> TreeMesh:
 
 
 def _pine_branch(
-    build: _Builder, centre: np.ndarray, angle: float, reach: float, t: float, rng: np.random.Generator
+    build: _Builder, center: np.ndarray, angle: float, reach: float, t: float, rng: np.random.Generator
 ) -> None:
     """A drooping fan with a ridge along its middle and a ragged outline."""
     out = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -133,7 +133,7 @@ def _pine_branch(
     along = np.array([0.0, 0.34, 0.6, 0.82, 1.0])
     spread = np.array([0.25, 0.95, 0.72, 0.55, 0.0]) * rng.uniform(0.8, 1.2, 5)
     lift = np.array([0.16, 0.12, 0.04, -0.02, 0.0]) * reach
-    middle = centre + reach * along[:, None] * out + (lift - droop * along**1.25)[:, None] * up
+    middle = center + reach * along[:, None] * out + (lift - droop * along**1.25)[:, None] * up
     # Between two tufts the outline draws back: that is what makes it a branch and not a leaf.
     tuft = middle - 0.1 * reach * out - 0.11 * reach * up
     left = tuft + (spread * width)[:, None] * side
@@ -148,7 +148,7 @@ def _pine_branch(
         if i < 3:
             face += [(m + 1, lft + 1, nl), (m + 1, nr, rgt + 1)]
     face_index = np.array(face)
-    far = np.linalg.norm((vertex[face_index].mean(1) - centre)[:, :2], axis=1) / reach
+    far = np.linalg.norm((vertex[face_index].mean(1) - center)[:, :2], axis=1) / reach
     tint = np.clip(0.15 + 0.6 * far + rng.normal(0.0, 0.08) + rng.normal(0.0, 0.06, len(face)), 0.0, 1.0)
     build.add(vertex, face_index, tint, 1)
 
@@ -171,16 +171,16 @@ def beech(height: float, crown_radius: float, blobs: int, leaves: int, seed: int
     level = np.array([-ROOT_DEPTH, 0.0, 0.05 * height, fork, 0.72 * height])
     path = np.column_stack([*(bend[:, None] * np.maximum(level / height, 0.0)), level])
     build.tube(path, trunk_radius * np.array([1.6, 1.35, 1.0, 0.8, 0.2]), 8, 0.55)
-    centre, radius = [np.array([*bend, 0.66 * height])], [0.6 * crown_radius]
+    center, radius = [np.array([*bend, 0.66 * height])], [0.6 * crown_radius]
     for blob in range(blobs - 1):
         t = (blob + 0.5) / (blobs - 1)
         angle = blob * GOLDEN_ANGLE + rng.uniform(-0.4, 0.4)
         # An egg: boughs reach farthest a third of the way up, and close in towards the top.
         level_of = 0.33 + 0.53 * t + rng.uniform(-0.03, 0.03)
         reach = crown_radius * (0.52 + 0.35 * t - 0.72 * t * t) * rng.uniform(0.85, 1.15)
-        centre.append(np.array([reach * np.cos(angle), reach * np.sin(angle), level_of * height]))
+        center.append(np.array([reach * np.cos(angle), reach * np.sin(angle), level_of * height]))
         radius.append(crown_radius * (0.46 - 0.12 * t) * rng.uniform(0.8, 1.15))
-    middle, size = np.array(centre), np.array(radius)
+    middle, size = np.array(center), np.array(radius)
     for c in middle[1:]:
         knee = np.array([0.35 * c[0], 0.35 * c[1], 0.5 * (fork + c[2])])
         start = np.array([0.0, 0.0, min(fork, 0.8 * c[2])])

@@ -181,3 +181,21 @@ def test_modules_that_point_into_a_paper_name_it(path: Path):
         assert named, (
             f'{path.name}, line {line}: "{found[0]}" of which paper? Its module docstring must name authors and year'
         )
+
+
+# One spelling for all that is read, the one of Blender's own interface: what of each word is British.
+BRITISH = (
+    r"colou[r]|\bgre[y]|cent[r]e|cent[r]ing\b|metr[e]s?\b|neighbou[r]|licenc[e]|favou[r]|behaviou[r]|fibr[e]|"
+    r"(?:optim|minim|organ|normal|initial|vector|quant|recogn|summar)is(?:ed?|es|ing|ation)\b"
+)
+# What a library calls an argument, a public argument, and a mistake that a test makes.
+NOT_OURS = r"\bgre[y]scale=|\bpixels_per_metr[e]|colou[r] = |\[2\]\.colou[r]"
+
+
+@pytest.mark.parametrize(
+    "path", [*PAGES, ROOT / "CHANGELOG.md", *tracked("*.py")], ids=lambda path: path.relative_to(ROOT).as_posix()
+)
+def test_words_are_spelled_as_in_blender(path: Path):
+    text = re.sub(NOT_OURS, "", path.read_text(encoding="utf-8"))
+    found = [line.strip() for line in text.splitlines() if re.search(BRITISH, line, re.IGNORECASE)]
+    assert not found, f"{path.name} spells in two ways: {found[0]}"

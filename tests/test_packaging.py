@@ -44,7 +44,7 @@ def test_versions_agree():
     assert released[0] == version
 
 
-def test_the_citation_is_of_this_version_and_licence():
+def test_the_citation_is_of_this_version_and_license():
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.findall(r"^version: (.*)$", text, re.MULTILINE) == [PYPROJECT["project"]["version"]]
     assert re.findall(r"^license: (.*)$", text, re.MULTILINE) == [PYPROJECT["project"]["license"]]
@@ -52,7 +52,7 @@ def test_the_citation_is_of_this_version_and_licence():
     assert f"## [{PYPROJECT['project']['version']}] - {date}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
-def test_licences_agree():
+def test_licenses_agree():
     assert MANIFEST["license"] == [f"SPDX:{PYPROJECT['project']['license']}"]
     text = (ROOT / "LICENSE").read_text(encoding="utf-8")
     assert "GNU GENERAL PUBLIC LICENSE" in text and "Version 3, 29 June 2007" in text

@@ -116,7 +116,7 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
             assert arrays["position"][arrays["fixed"]].tolist() == fixed["position"]
             assert (~arrays["fixed"]).sum() == described["class"][0]["size"][0]["count"]
         else:
-            # An even grey of 55 of 255 takes black dots alone.
+            # An even gray of 55 of 255 takes black dots alone.
             assert len(arrays["position"]) == round(256 * 256 * 55 / 255)
 
 

@@ -84,14 +84,14 @@ def any_recipe(choose: Choices, folder: Path) -> str:
             return f"{name}.npy"
         from PIL import Image
 
-        grey = np.round(255 * values).astype(np.uint8)
-        picture = Image.fromarray(grey)
+        gray = np.round(255 * values).astype(np.uint8)
+        picture = Image.fromarray(gray)
         if kind == "deep":
-            picture = Image.fromarray(grey.astype(np.uint16) * 257)
+            picture = Image.fromarray(gray.astype(np.uint16) * 257)
         elif kind in ("color", "alpha"):
-            picture = Image.fromarray(np.stack([grey, grey[::-1], grey[:, ::-1]], axis=2))
+            picture = Image.fromarray(np.stack([gray, gray[::-1], gray[:, ::-1]], axis=2))
             if kind == "alpha":
-                picture.putalpha(Image.fromarray(grey.T.copy()).resize((columns, rows)))
+                picture.putalpha(Image.fromarray(gray.T.copy()).resize((columns, rows)))
         picture.save(folder / f"{name}.png")
         return sometimes(f"{name}.png", f"{name}.jpg", "absent.png", "recipe.toml")
 
@@ -187,6 +187,12 @@ def any_recipe(choose: Choices, folder: Path) -> str:
         if choose.pick([False, False, True]):
             made["clustering"] = sometimes(choose.pick([0.0, 0.3, 1.0]), -1, "much")
             made["clump_size"] = sometimes(choose.between(0.01, 10.0), -1.0, 1e-9)
+        if choose.pick([False] * 4 + [True]):
+            made["look_at"] = {
+                "point": sometimes([choose.between(-9.0, 9.0), choose.between(-9.0, 9.0), 0.0], [1.0], 3),
+                "spread": sometimes(choose.between(0.0, 3.0), -1.0, math.inf),
+                "front": sometimes(choose.pick(["x", "-x", "y", "-y"]), "z"),
+            }
         if choose.pick([False] * 4 + [True]):
             made["unsharp"] = {
                 "amount": sometimes(choose.between(0.1, 5), 1e300),
@@ -295,7 +301,7 @@ def _check_distances(placement: Any) -> None:
         way -= size * np.rint(way / size)
     distance = np.hypot(*way.T)
     if report.smallest_spacing is None:
-        assert distance.min() > 0.0, "two bodies lie on one another, and none are neighbours"
+        assert distance.min() > 0.0, "two bodies lie on one another, and none are neighbors"
     if not placement.width.any() and not problem.avoid_overlap:
         radius = np.sqrt(placement.area / math.pi)
         touching = radius[i] + radius[j]

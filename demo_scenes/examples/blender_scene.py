@@ -1,4 +1,4 @@
-"""What the Blender example is set in: coloured shapes, a sun, a camera, Cycles. Nothing of ESH Scatter is in here."""
+"""What the Blender example is set in: colored shapes, a sun, a camera, Cycles. Nothing of ESH Scatter is in here."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ __all__ = ["add", "render"]
 
 
 def add(shape: str, color: tuple[float, float, float], **arguments: object) -> bpy.types.Object:
-    """Add one of Blender's own shapes ("cone", "grid") in a colour."""
+    """Add one of Blender's own shapes ("cone", "grid") in a color."""
     getattr(bpy.ops.mesh, f"primitive_{shape}_add")(**arguments)
     material = bpy.data.materials.new(shape)
     material.use_nodes = True

@@ -13,7 +13,7 @@ def main(folder: Path) -> esh.Placement:
     height, width = darkness.shape
     sizes = [esh.Size("large", 6.0, share=0.5), esh.Size("small", 2.0, share=0.5)]
     ink = esh.BodyClass("ink", sizes, darkness, count="cover", unsharp=esh.Unsharp(amount=1.0, radius=2.0))
-    placement = esh.solve(esh.Problem(esh.Domain((width, height)), [ink]))  # a pixel is a square metre
+    placement = esh.solve(esh.Problem(esh.Domain((width, height)), [ink]))  # a pixel is a square meter
     esh.write_halftone_png(folder / "density_from_image.png", placement, pixels_per_metre=3.0)
     return placement
 

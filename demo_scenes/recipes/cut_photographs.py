@@ -13,12 +13,12 @@ from skimage import data
 
 
 def main() -> None:
-    """Write cat.png, grey, and astronaut.png, in colour."""
+    """Write cat.png, gray, and astronaut.png, in color."""
     here = Path(__file__).parent
     cat = Image.fromarray(data.chelsea()).convert("L").crop((20, 0, 420, 300))
-    # Strokes hold few shades of grey: as much contrast as there can be, and much paper.
+    # Strokes hold few shades of gray: as much contrast as there can be, and much paper.
     cat = ImageOps.autocontrast(cat.resize((240, 180), Image.Resampling.LANCZOS), cutoff=1)
-    cat.point([round(255 * (1 - (1 - grey / 255) ** 1.3)) for grey in range(256)]).save(here / "cat.png", optimize=True)
+    cat.point([round(255 * (1 - (1 - gray / 255) ** 1.3)) for gray in range(256)]).save(here / "cat.png", optimize=True)
     astronaut = Image.fromarray(data.astronaut()).crop((90, 0, 346, 256))
     astronaut.resize((144, 144), Image.Resampling.LANCZOS).save(here / "astronaut.png", optimize=True)
 

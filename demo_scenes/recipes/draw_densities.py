@@ -15,7 +15,7 @@ DOMAIN = (40.0, 30.0)
 
 
 def main() -> None:
-    """Write meadow-dry.png and meadow-banks.png, 16 bits of grey each."""
+    """Write meadow-dry.png and meadow-banks.png, 16 bits of gray each."""
     x = (np.arange(WIDTH) + 0.5) / WIDTH * DOMAIN[0]
     y = DOMAIN[1] - (np.arange(HEIGHT)[:, None] + 0.5) / HEIGHT * DOMAIN[1]
     brook = 14.0 + 4.5 * np.sin(x / 5.2) + 1.6 * np.sin(x / 2.3 + 1.0)
@@ -26,8 +26,8 @@ def main() -> None:
     banks = land * (np.exp(-(((distance - 1.2) / 2.2) ** 2)) + 0.04)
     dry = land * np.clip((distance - 2.5) / 6.0, 0.0, 1.0) ** 1.5
     for name, density in (("dry", dry), ("banks", banks)):
-        grey = np.round(65535 * density / density.max()).astype(np.uint16)
-        Image.fromarray(grey).save(Path(__file__).parent / f"meadow-{name}.png", optimize=True)
+        gray = np.round(65535 * density / density.max()).astype(np.uint16)
+        Image.fromarray(gray).save(Path(__file__).parent / f"meadow-{name}.png", optimize=True)
 
 
 if __name__ == "__main__":

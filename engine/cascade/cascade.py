@@ -4,7 +4,7 @@ The kernel K = -log r is a sum of Gaussians, one for every octave of their width
 s_l = 2^(l + 1/2), up to a constant and a ripple of 1e-3. Each is multiplied by how much two places see of each other, (1 + n·m) / 2 of
 their normals n and m, which is positive semidefinite as well: 1 on one sheet, 1/2 across a right angle, 0 through a thin wall.
 
-Octaves below l = 0 are summed over pairs of neighbours. Those from l = 0 on go from the charges to *nodes*, points of the surface that
+Octaves below l = 0 are summed over pairs of neighbors. Those from l = 0 on go from the charges to *nodes*, points of the surface that
 keep a distance, by weights that are exact for linear functions; from these to half as dense nodes for the next octave, and so on; and
 all the way back. There is no mesh whose quality would matter, and the work is in proportion to the number of charges (Hardy and
 others, Multilevel summation, 2015).
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from ..surface import kernels_facets
 from ..surface.facets import Facets
@@ -174,14 +174,14 @@ class Cascade:
                 n,
                 [homed, self._charge, self._group, self._weights],
                 [self._sorted],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
             launch(
                 kernels_cascade.deposit,
                 self.node_count,
                 [self._sorted, homed.start, self._weights, self.group_count],
                 [self._node_charge],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
         with self.launcher.phase("cascade"):
             self._cascade()
@@ -202,7 +202,7 @@ class Cascade:
                     self._target_nearby,
                 ],
                 [field],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
 
     def _cascade(self) -> None:
@@ -222,7 +222,7 @@ class Cascade:
                 len(result),
                 [lists.start, lists.entry, value, column, groups, add],
                 [result],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
 
         for fine, coarse in itertools.pairwise(levels):
@@ -286,7 +286,7 @@ class Cascade:
             middle = np.stack([np.bincount(nearest, place[:, axis], len(few)) / number for axis in range(3)], axis=1)
             representatives.position.assign(middle.astype(np.float32))
             sources = representatives
-        # Corners of neighbouring facets that lie in one place, and look to nearly the same side, have the same force.
+        # Corners of neighboring facets that lie in one place, and look to nearly the same side, have the same force.
         at, look, of_tile = position.numpy(), tiles.normal.numpy(), tile.numpy()
         first, which = _alike(at, look[of_tile], tiles.label.numpy()[of_tile])
         force = launcher.empty(len(share) * len(first), wp.vec3)
@@ -304,7 +304,7 @@ class Cascade:
                 table,
             ],
             [force],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         everywhere = force.numpy().reshape(len(share), len(first), 3)[:, which]
         return wp.array(everywhere.reshape(-1, 3), dtype=wp.vec3, device=device)
@@ -325,7 +325,7 @@ class Cascade:
                 count,
                 [homed, number, group, self._weights],
                 [in_order],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
             received = launcher.empty(self.node_count, float)
             launcher.launch(
@@ -333,7 +333,7 @@ class Cascade:
                 self.node_count,
                 [in_order, homed.start, self._weights, 1],
                 [received],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
             result[column] = received.numpy()
         return result
@@ -371,12 +371,12 @@ class Cascade:
         sort.sort(kernels_cascade.find_homes, [home])
         homed = _homed(fine, home, sort)
         row = launcher.empty(count, kernels_cascade.Row)
-        launcher.launch(kernels_cascade.fit_rows_in_place, count, [homed, weights], [row], grain=GRAIN_OF_NEIGHBOURS)
+        launcher.launch(kernels_cascade.fit_rows_in_place, count, [homed, weights], [row], grain=GRAIN_OF_NEIGHBORS)
         result = []
         for to_nodes, number in ((0, count), (1, coarse_count)):
             found = launcher.empty(number, wp.int32)
             launcher.launch(
-                kernels_cascade.count_shares, number, [to_nodes, homed, weights], [found], grain=GRAIN_OF_NEIGHBOURS
+                kernels_cascade.count_shares, number, [to_nodes, homed, weights], [found], grain=GRAIN_OF_NEIGHBORS
             )
             start, total = running_sum(launcher, found)
             entry, value = launcher.empty(max(total, 1), wp.int32), launcher.empty(max(total, 1), float)
@@ -385,7 +385,7 @@ class Cascade:
                 number,
                 [to_nodes, homed, row, weights, start],
                 [entry, value],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
             result += [Lists(start, entry), value]
         return tuple(result)

@@ -112,7 +112,7 @@ def node_weight(way: wp.vec3, one: wp.vec3, other: wp.vec3, inverse_reach: float
     return u * u * u * wp.max(side_factor(one, other), LEAST_FACTOR)
 
 
-# Native code because these loops are most of a step's time. A CPU takes eight neighbours at once, a GPU one.
+# Native code because these loops are most of a step's time. A CPU takes eight neighbors at once, a GPU one.
 LANES = 8
 _LANES = f"""
 #if defined(__CUDA_ARCH__)

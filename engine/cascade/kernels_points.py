@@ -1,4 +1,4 @@
-"""Kernels that find neighbours among points in space, by cells whose numbers are hashed into a table."""
+"""Kernels that find neighbors among points in space, by cells whose numbers are hashed into a table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points of a surface on a device: cells of them, subsets that keep a distance, and lists of neighbours."""
+"""Points of a surface on a device: cells of them, subsets that keep a distance, and lists of neighbors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_points
 
@@ -73,7 +73,7 @@ def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) ->
             grid.mask + 1,
             [phase, points, grid, radius],
             [kept],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
     return np.flatnonzero(kept.numpy())
 
@@ -102,7 +102,7 @@ def nearest_of(
         len(points.position),
         [points, others, grid_of(launcher, others.position, reach), reach, turn],
         [result],
-        grain=GRAIN_OF_NEIGHBOURS,
+        grain=GRAIN_OF_NEIGHBORS,
     )
     return result
 
@@ -118,10 +118,10 @@ def lists_of(
     count = launcher.empty(len(points.position), wp.int32)
     inputs = [points, others, grid_of(launcher, others.position, reach), reach, least_cosine]
     n = len(points.position)
-    launcher.launch(kernels_points.count_near, n, inputs, [count], grain=GRAIN_OF_NEIGHBOURS)
+    launcher.launch(kernels_points.count_near, n, inputs, [count], grain=GRAIN_OF_NEIGHBORS)
     start, total = running_sum(launcher, count)
     entry = launcher.empty(max(total, 1), wp.int32)
-    launcher.launch(kernels_points.list_near, n, [*inputs, start], [entry], grain=GRAIN_OF_NEIGHBOURS)
+    launcher.launch(kernels_points.list_near, n, [*inputs, start], [entry], grain=GRAIN_OF_NEIGHBORS)
     return Lists(start, entry)
 
 

@@ -155,7 +155,7 @@ def _add_solve(commands: argparse._SubParsersAction) -> None:
         help="draw the bodies as ink on paper: a .png or .svg file",
     )
     solve.add_argument(
-        "--scale", metavar="S", type=_positive, default=4.0, help="pixels per metre of a .png halftone (default: 4)"
+        "--scale", metavar="S", type=_positive, default=4.0, help="pixels per meter of a .png halftone (default: 4)"
     )
     solve.add_argument("--seed", metavar="N", type=_whole(0), help="use this seed instead of the recipe's")
     solve.add_argument(
@@ -176,8 +176,8 @@ def _add_separate(commands: argparse._SubParsersAction) -> None:
     models = one_of(f"{name} (default)" if name == DEFAULT_MODEL else name for name in INK_MODELS)
     separate = commands.add_parser(
         "separate",
-        help="split a colour image into inks",
-        description="Split a colour image into inks. Writes one image for each ink, and a recipe that prints them.",
+        help="split a color image into inks",
+        description="Split a color image into inks. Writes one image for each ink, and a recipe that prints them.",
     )
     separate.add_argument(
         "image", metavar="IMAGE", type=Path, help="a PNG, JPEG or EXR file; transparent places count as white"

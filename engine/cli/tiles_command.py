@@ -43,7 +43,7 @@ def add_tiles(commands: Any, whole: Any) -> None:
     parser.add_argument("-o", "--output", metavar="FOLDER", type=Path, required=True, help="where the tiles go")
     parser.add_argument(
         "--tile",
-        metavar="METRES",
+        metavar="METERS",
         type=_length,
         help="length of a tile (default: a hundred spacings of the bodies, more where a class is rare)",
     )
@@ -111,7 +111,7 @@ def _length(text: str) -> float:
     with contextlib.suppress(ValueError):
         if 0.0 < float(text) < math.inf:
             return float(text)
-    raise argparse.ArgumentTypeError(f"must be a length in metres above 0; got {text!r}")
+    raise argparse.ArgumentTypeError(f"must be a length in meters above 0; got {text!r}")
 
 
 def _steps(text: str) -> tuple[int, int, int]:

@@ -28,14 +28,14 @@ from .kernel_cache import ensure_kernel_cache
 from .profile import Profile
 from .threads import Operation, Program, ThreadTeam
 
-__all__ = ["GRAIN", "GRAIN_OF_NEIGHBOURS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
+__all__ = ["GRAIN", "GRAIN_OF_NEIGHBORS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
 # Elements that take a CPU thread some 10 microseconds, many times as long as it takes to hand them out: by themselves, and in kernels
-# that go through an element's neighbours.
+# that go through an element's neighbors.
 GRAIN = 1024
-GRAIN_OF_NEIGHBOURS = 96
+GRAIN_OF_NEIGHBORS = 96
 # From so many bytes on NumPy asks the system for large pages, of which fewer are to be looked up: a seventh less time for 1,000,000
 # bodies. Warp does not.
 LARGE_ARRAY = 1 << 22

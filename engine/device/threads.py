@@ -121,10 +121,10 @@ class ThreadTeam:
         self._shared.cursor = 0xFFFFFFFF
         self._shared.lock = lock
         self._shared.wakes = lock + kernels_threads.BYTES_OF_A_CONDITION
-        functions, initialise = _system_functions()
+        functions, initialize = _system_functions()
         for name, function in functions.items():
             setattr(self._shared, name, function)
-        initialise(lock, [self._condition(thread) for thread in range(self.count)])
+        initialize(lock, [self._condition(thread) for thread in range(self.count)])
         # Threads may look at a program's table for a moment after its end (not at what it points to), so that none is freed before
         # they are gone; those of programs that are released are used again, by their length.
         self._tables: list[ctypes.Array[Operation]] = []
@@ -371,11 +371,11 @@ def _system_functions() -> tuple[dict[str, int | None], Callable[[int, Sequence[
             "wake": "pthread_cond_signal",
         }
 
-    def initialise(lock: int, conditions: Sequence[int]) -> None:
+    def initialize(lock: int, conditions: Sequence[int]) -> None:
         # On Windows zeros are what they start as.
         if sys.platform != "win32":
             library.pthread_mutex_init(ctypes.c_void_p(lock), None)
             for condition in conditions:
                 library.pthread_cond_init(ctypes.c_void_p(condition), None)
 
-    return {field: ctypes.cast(library[name], ctypes.c_void_p).value for field, name in names.items()}, initialise
+    return {field: ctypes.cast(library[name], ctypes.c_void_p).value for field, name in names.items()}, initialize

@@ -1,4 +1,4 @@
-"""A placement as ink on paper: discs and strokes in the colours of their classes, mixed subtractively.
+"""A placement as ink on paper: discs and strokes in the colors of their classes, mixed subtractively.
 
 The paper (Schmaltz, Gwosdek and Weickert 2012) shows such pictures in its figures 10 to 17.
 """
@@ -22,7 +22,7 @@ from .periodic_copies import copies_of_bodies, copies_within
 
 __all__ = ["ink_coverage", "line_axis", "render_halftone", "write_halftone_png", "write_halftone_svg"]
 
-# Samples along each axis of a pixel. A sample is ink where its centre lies in a body.
+# Samples along each axis of a pixel. A sample is ink where its center lies in a body.
 SUPERSAMPLING = 4
 MOST_SUPERSAMPLING = 64
 MOST_PIXELS = 200_000_000
@@ -44,7 +44,7 @@ def render_halftone(
 ) -> np.ndarray:
     """Draw every body as ink on white paper.
 
-    The colour of a spot is the product of the colours of the inks that lie there; ink upon the same ink counts once.
+    The color of a spot is the product of the colors of the inks that lie there; ink upon the same ink counts once.
 
     Args:
         placement: What to draw: dots as discs of their area, lines as strokes of their width with round ends.
@@ -57,7 +57,7 @@ def render_halftone(
         Mean over the samples of every pixel, 0..1, shape ``[height, width, 3]``, float32, row 0 at the top.
 
     Raises:
-        EshError: A picture of more than 200 million pixels, a scale or a supersampling without meaning, colours beyond 0..1 or
+        EshError: A picture of more than 200 million pixels, a scale or a supersampling without meaning, colors beyond 0..1 or
             fewer than classes.
     """
     shape = _picture_shape(placement, pixels_per_metre, supersampling)
@@ -100,7 +100,7 @@ def write_halftone_png(
 def write_halftone_svg(
     path: str | Path | BinaryIO, placement: Placement, *, colors: Sequence[Color] | None = None
 ) -> None:
-    """Write a placement as an SVG, one group per class, in metres; raises EshError where it cannot be written.
+    """Write a placement as an SVG, one group per class, in meters; raises EshError where it cannot be written.
 
     In a periodic domain, bodies that reach over an edge are there once more on the other side.
     """
@@ -167,7 +167,7 @@ def _bands(
     supersampling: int,
     chosen: np.ndarray | None,
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Yield rows of pixels and their colours 0..1, shape ``[rows, columns, 3]``."""
+    """Yield rows of pixels and their colors 0..1, shape ``[rows, columns, 3]``."""
     colors = _checked_colors(colors, len(placement.problem.classes))
     inks = [_strokes(placement, c, chosen) for c in range(len(colors))]
     for rows in _row_bands(shape, supersampling):
@@ -355,7 +355,7 @@ def _checked_colors(colors: Sequence[Color] | None, count: int) -> list[Color]:
     except validation.FOREIGN_ERRORS:
         raise EshError(f"`colors` must be a list of red, green and blue, each 0..1; got {show(colors)}") from None
     if len(listed) < count:
-        raise EshError(f"`colors` must hold one colour per class, {count}; got {len(listed)}")
+        raise EshError(f"`colors` must hold one color per class, {count}; got {len(listed)}")
     for color in listed:
         if len(color) != 3 or not all(0.0 <= value <= 1.0 for value in color):
             raise EshError(f"`colors` must be red, green and blue, each 0..1; got {show(color)}")

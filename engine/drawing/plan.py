@@ -1,4 +1,4 @@
-"""The plan of a placement as a picture: every body's outline, a disc or a capsule, coloured by class, with a legend.
+"""The plan of a placement as a picture: every body's outline, a disc or a capsule, colored by class, with a legend.
 
 Drawn with Pillow at three times the size and averaged down: sharp down to bodies below a pixel, and 100,000 of them
 take a few seconds.
@@ -31,7 +31,7 @@ __all__ = ["PALETTE", "draw_plan"]
 
 Color = tuple[int, int, int]
 
-# Told apart by lightness as well as by hue, so that neither print nor colour blindness merges two neighbours.
+# Told apart by lightness as well as by hue, so that neither print nor color blindness merges two neighbors.
 PALETTE: tuple[Color, ...] = (
     (38, 92, 74),
     (226, 150, 52),
@@ -62,7 +62,7 @@ ENTRY_GAP = 84
 # Radius and half the length of the axis of what stands for lines there, and how it is turned.
 SWATCH_LINE = (3.5, 11.0)
 SWATCH_ANGLE = math.radians(25.0)
-# Latin, Greek, Cyrillic and much more, in 750 kB; its licence lies beside it.
+# Latin, Greek, Cyrillic and much more, in 750 kB; its license lies beside it.
 FONT = Path(__file__).parent / "fonts" / "DejaVuSans.ttf"
 # Sizes of one class that the legend lists; the rest is counted together.
 MOST_SIZES_LISTED = 8
@@ -80,13 +80,13 @@ def draw_plan(
     Args:
         placement: What to draw.
         path: File name, or a file open for writing bytes.
-        colors: One colour per class: names or hex codes as Pillow knows them, or three numbers 0..1; a palette of ten
+        colors: One color per class: names or hex codes as Pillow knows them, or three numbers 0..1; a palette of ten
             when None. Smaller sizes of a class are drawn lighter.
         background: Picture under the bodies, stretched over the domain: shape ``[height, width]`` or
             ``[height, width, 3]``, values 0..1, row 0 its top; shown faintly.
 
     Raises:
-        EshError: Fewer colours than classes, a colour that is none, a background of another shape, or a file that cannot
+        EshError: Fewer colors than classes, a color that is none, a background of another shape, or a file that cannot
             be written.
     """
     problem = placement.problem
@@ -199,7 +199,7 @@ def _draw_capsule(draw: Any, points: np.ndarray, radius: float, color: Color | i
             draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=color)
 
 
-# What stands on one line of the legend, laid out from left to right: colour, radius of the swatch, half the length of
+# What stands on one line of the legend, laid out from left to right: color, radius of the swatch, half the length of
 # its axis (0: a disc), text.
 _Entry = tuple[Color, float, float, str]
 _Line = list[_Entry]
@@ -208,7 +208,7 @@ _Line = list[_Entry]
 def _legend_lines(
     placement: Placement, scale: float, class_color: list[Color], size_color: list[list[Color]], width: int
 ) -> list[tuple[str, Color, _Line]]:
-    """Return one line per class, or more where its sizes do not fit into ``width``: its name, colour and sizes."""
+    """Return one line per class, or more where its sizes do not fit into ``width``: its name, color and sizes."""
     lines: list[tuple[str, Color, _Line]] = []
     for c, body_class in enumerate(placement.problem.classes):
         in_class = placement.class_index == c
@@ -316,7 +316,7 @@ def _class_colors(colors: Sequence[Any] | None, class_count: int) -> list[Color]
     if colors is None:
         return [PALETTE[index % len(PALETTE)] for index in range(class_count)]
     if len(colors) < class_count:
-        raise EshError(f"`colors` must hold one colour per class, {class_count}; got {len(colors)}")
+        raise EshError(f"`colors` must hold one color per class, {class_count}; got {len(colors)}")
     return [_color(color) for color in colors[:class_count]]
 
 
@@ -330,11 +330,11 @@ def _color(color: Any) -> Color:
         red, green, blue = (round(255 * min(max(float(value), 0.0), 1.0)) for value in tuple(color)[:3])
         return red, green, blue
     except (TypeError, ValueError):
-        raise EshError(f"a colour is a name, a hex code or three numbers 0..1; got {color!r}") from None
+        raise EshError(f"a color is a name, a hex code or three numbers 0..1; got {color!r}") from None
 
 
 def _shades(color: Color, areas: list[float]) -> list[Color]:
-    """Return the colour of each size: the class's own for the largest, up to a third lighter for the smallest."""
+    """Return the color of each size: the class's own for the largest, up to a third lighter for the smallest."""
     ranks = np.argsort(np.argsort(-np.array(areas), kind="stable"), kind="stable")
     return [_mix(color, (255, 255, 255), 0.34 * rank / max(len(areas) - 1, 1)) for rank in ranks.tolist()]
 

@@ -45,14 +45,14 @@ __all__ = [
 ]
 
 # Width of the blur between two charges over their spacing, as it usually is; and where the density is everywhere the same, so that
-# there is less tone to lose: wider ones have the nearest neighbours of all closer together than points have.
+# there is less tone to lose: wider ones have the nearest neighbors of all closer together than points have.
 BLUR_OVER_SPACING, BLUR_OF_UNIFORM = 0.5, 0.48
 # What is blurred more widely than the spacing of a lattice has no lattice of least energy. So the blur decides how regular a pattern
 # is: at a regularity of 0 it is as wide as it can be without pairs of charges that collapse.
 USUAL_REGULARITY = 0.6
 WIDEST_OVER_SPACING, WIDEST_OF_UNIFORM = 0.75, 0.8
 # What is blurred hardly keeps close pairs apart. So every charge has a *core*, too: a repulsion of this strength, (1 - q / end)² / r
-# where q = r² / (2 variance), that ends a spacing away. Neighbours that stand evenly hardly feel it, so that it does not bias tone;
+# where q = r² / (2 variance), that ends a spacing away. Neighbors that stand evenly hardly feel it, so that it does not bias tone;
 # farther reaching ones do on images, by 3 dB at a reach of 1.15, and shorter ones leave smallest distances as they are. What is
 # blurred less than usual needs less of it, and what is blurred more, so as not to be a lattice, must not be held to one by it.
 CORE, CORE_REACH, CORE_REACH_OF_UNIFORM, CORE_REACH_OF_WIDEST = 0.5, 1.0, 1.15, 0.6
@@ -63,11 +63,11 @@ LARGEST_Q = 12.0
 # classes are as uneven as they would be without a blur.
 SHARPER_BETWEEN = 1.75
 # The variance falls with this power of the number density, between bounds: at 1 it would follow the spacing entirely. Thin regions
-# would then look smoother and less even; and bodies that are few have few neighbours to be even with.
+# would then look smoother and less even; and bodies that are few have few neighbors to be even with.
 EXPONENT = 0.75
 LOWEST, WIDEST = 0.5, 2.0
 # A charge's variance is in proportion to it, since it fills so much space, between this share and the usual: one that is far smaller
-# than its neighbours keeps a blur, and one that is larger is no worse for being sharp.
+# than its neighbors keeps a blur, and one that is larger is no worse for being sharp.
 LEAST_OF_SMALL = 0.125
 # The density is smoothed by so many spacings first: the blur must not change within its own width.
 SMOOTHING = 1.0
@@ -101,7 +101,7 @@ class Blur:
         layout: The mesh that the targets are on.
         deposited: Share of every image's integral at every node; see :func:`~esh.engine.space.target_deposit.deposit_images`.
         number: Charges that follow every image.
-        spacing: Typical distance of neighbouring charges where they are dense.
+        spacing: Typical distance of neighboring charges where they are dense.
         width: Blur between two charges at that spacing.
         widest: Largest blur that the near part reaches.
         uniform: Whether the density is everywhere the same.

@@ -1,7 +1,7 @@
 """The electrostatic field of charges and target densities, by particle-particle particle-mesh (P3M).
 
 The paper (Schmaltz, Gwosdek and Weickert 2012) sums over all pairs, in its equations 1 and 2. Here the kernel K = -log r is split
-into a smooth far part, convolved on a mesh, and a near part of finite reach, summed over neighbours (Hockney and Eastwood, Computer
+into a smooth far part, convolved on a mesh, and a near part of finite reach, summed over neighbors (Hockney and Eastwood, Computer
 Simulation Using Particles, 1981, chapter 8); see :mod:`.splitting`. Charges and targets are blurred alike; see :mod:`.blur`.
 
 Units: the solver's length unit makes the mean number density 1, and its charge unit is the mean charge.
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.space import Space
@@ -54,7 +54,7 @@ class Field:
         space: Where the charges are.
         interaction: M, shape ``[group_count, group_count]``.
         targets: One per group.
-        spacing: Typical distance of neighbouring bodies where they are dense; sets the mesh.
+        spacing: Typical distance of neighboring bodies where they are dense; sets the mesh.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
         regularity: 0 to 1, see :mod:`.blur`.
@@ -204,10 +204,12 @@ class Field:
         with self.launcher.phase("FFT"):
             self._solve_far_field()
         with self.launcher.phase("near field, interpolation"):
+            at_once = 1 if self.launcher.device.is_cuda else kernels_field.LANES
             self.launcher.launch(
                 kernels_field.evaluate_field,
-                self.charge_count,
+                -(-self.charge_count // at_once),
                 [
+                    at_once,
                     self._sorted,
                     self._blurred,
                     self.cells,
@@ -217,7 +219,7 @@ class Field:
                     self._corrected,
                 ],
                 [field],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS // at_once,
             )
 
     def _sort(self, position: wp.array) -> None:
@@ -260,7 +262,7 @@ class Field:
                 count,
                 [first_band, bands, self.cells, *inputs],
                 [self._node_charge],
-                grain=max(1, GRAIN_OF_NEIGHBOURS * bands // self.charge_count),
+                grain=max(1, GRAIN_OF_NEIGHBORS * bands // self.charge_count),
             )
 
     def _solve_far_field(self) -> None:

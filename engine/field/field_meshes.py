@@ -24,7 +24,7 @@ CUTOFF_OVER_BLUR = 3.5
 # Mesh spacing over the spacing of the bodies, for one group of uniform density: there the far and the near part cost about the same.
 MESH_OVER_SPACING = 0.72
 SMALLEST_MESH = 48
-# Periods over the cut-off at least: neighbours on both sides must not meet behind. A long and narrow domain takes a long mesh.
+# Periods over the cut-off at least: neighbors on both sides must not meet behind. A long and narrow domain takes a long mesh.
 PERIOD_OVER_CUTOFF = 3.0
 # The narrowest blur over the spacing of the targets' mesh that carries it without aliases. No target is blurred by less than a share
 # of the bodies' spacing, which they cannot resolve.
@@ -48,12 +48,12 @@ def charge_mesh(
 ) -> MeshLayout:
     """Lay the mesh where its cost, which falls with the square of its spacing, meets that of the near part, which rises.
 
-    The far part costs a transform per group and node, the near part a term per pair of neighbours. Where bodies crowd on
+    The far part costs a transform per group and node, the near part a term per pair of neighbors. Where bodies crowd on
     a small part of the domain, nodes are spent on the empty rest; the crowding is 1 for a uniform density.
 
     Args:
         space: What it lies over.
-        spacing: Typical distance of neighbouring bodies where they are dense.
+        spacing: Typical distance of neighboring bodies where they are dense.
         charge_count: Number of charges.
         group_count: Number of groups.
         on_gpu: Whether a GPU transforms it.

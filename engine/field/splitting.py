@@ -3,7 +3,7 @@
 A charge is spread by a density psi that vanishes beyond the cut-off; the far part is K * psi. By Gauss's law in the plane the near
 part's force between two unit charges is N / r, where N is the share of psi that lies farther out than r: exactly zero beyond the
 cut-off. Psi is the Kaiser-Bessel window, whose transform falls faster than that of any other of its reach, short of the prolate
-functions themselves (Kaiser and Schafer, 1980): a Gaussian of the same accuracy would need nearly twice as many neighbours.
+functions themselves (Kaiser and Schafer, 1980): a Gaussian of the same accuracy would need nearly twice as many neighbors.
 
 With v = 1 - (r / cut-off)², N = w I1(beta w) / I1(beta) where w² = v: a polynomial of v, but for rounding.
 """

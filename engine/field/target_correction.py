@@ -36,7 +36,7 @@ class TargetCorrection:
             family, and of all others, whose variances are divided by ``sharper``.
         sharper: See :mod:`.blur`.
         number: Charges that follow each image.
-        spacing: Typical distance of neighbouring bodies where they are dense.
+        spacing: Typical distance of neighboring bodies where they are dense.
         uniform: Whether the density is everywhere the same.
         charge: All charges.
         blur_over_spacing: Width of the blur between two charges at that spacing, over it.

@@ -33,7 +33,7 @@ AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
 
 # Corners of the outline that stands in for a round body.
 CORNERS = 16
-# Classes take these colours in turn (Okabe and Ito's, which colour-blind people can tell apart).
+# Classes take these colors in turn (Okabe and Ito's, which color-blind people can tell apart).
 PALETTE = (
     *((0.0, 0.62, 0.45), (0.9, 0.62, 0.0), (0.34, 0.71, 0.91), (0.84, 0.37, 0.0)),
     *((0.0, 0.45, 0.7), (0.8, 0.47, 0.65), (0.94, 0.89, 0.26), (0.5, 0.5, 0.5)),

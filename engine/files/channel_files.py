@@ -22,10 +22,10 @@ def channel_writers(image: str | Path, model: str, folder: str | Path, *, area: 
     """Return what writes the ink channels of an image and the recipe of its halftone, for :func:`write_files`.
 
     Args:
-        image: A colour image, see :func:`~esh.engine.files.image_files.read_color`.
+        image: A color image, see :func:`~esh.engine.files.image_files.read_color`.
         model: A name in :data:`~esh.engine.problem.color_separation.MODELS`.
-        folder: Where the files belong: ``C.png``, ... (16 bits of grey, white = much ink) and ``recipe.toml``. A pixel of
-            the image is a square metre of its domain.
+        folder: Where the files belong: ``C.png``, ... (16 bits of gray, white = much ink) and ``recipe.toml``. A pixel of
+            the image is a square meter of its domain.
         area: Area of a dot [m²].
 
     Raises:
@@ -49,7 +49,7 @@ def channel_writers(image: str | Path, model: str, folder: str | Path, *, area: 
     name = Path(image).name
     comments = [
         f"# {name if name.isprintable() else ascii(name)} in the inks of {model}, each beside this file; "
-        "a pixel of it is a square metre.",
+        "a pixel of it is a square meter.",
         *(f"# {ink} is not printed: half a dot would be enough for it." for ink in inks if ink not in printed),
     ]
     recipe = recipe_text(problem, lambda _, __, ink: f"{ink}.png", colors=[inks[ink].rgb for ink in printed])

@@ -1,10 +1,10 @@
 """Density images from files: what white means, and how much of it a pixel holds.
 
 Every reader ends in one float32 array of shape ``[height, width]``, row 0 the image's top, white (1) = many. Values are
-taken as they are stored (a density is data, not a colour to be looked at); colour counts by its luminance (Rec. 709).
+taken as they are stored (a density is data, not a color to be looked at); color counts by its luminance (Rec. 709).
 Transparent places hold nothing, whether the image is inverted or not.
 
-PNG and JPEG are read with Pillow; colours of 16 bits, of which it keeps eight, with pypng, all Python: up to half a second per
+PNG and JPEG are read with Pillow; colors of 16 bits, of which it keeps eight, with pypng, all Python: up to half a second per
 megapixel and channel. EXR is read with the OpenEXR project's own Python module: 2 MB, NumPy its only dependency, wheels for
 Linux, Windows and macOS, kept by the people who keep the format.
 """
@@ -82,14 +82,14 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
 
 
 def read_color(path: str | Path, *, reduced: bool = False) -> np.ndarray:
-    """Read an image as colours, as stored, transparent places white.
+    """Read an image as colors, as stored, transparent places white.
 
     Args:
         path: As for :func:`read_density`.
         reduced: Whether blocks of pixels may be averaged where there are more than a solver can use.
 
     Returns:
-        Shape ``[height, width, 3]``, float32, 0..1, row 0 the top; grey images have three equal channels.
+        Shape ``[height, width, 3]``, float32, 0..1, row 0 the top; gray images have three equal channels.
 
     Raises:
         InputFileError: A missing, unreadable or truncated file; values beyond 0..1 or not finite.
@@ -284,8 +284,8 @@ def _what_pillow_does_not_know(path: Path) -> str:
 def _shallow(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
     """Split a picture of up to 8 bits per channel."""
     transparent = image.has_transparency_data
-    grey = image.mode in ("1", "L", "LA")
-    image = image.convert(("LA" if transparent else "L") if grey else ("RGBA" if transparent else "RGB"))
+    gray = image.mode in ("1", "L", "LA")
+    image = image.convert(("LA" if transparent else "L") if gray else ("RGBA" if transparent else "RGB"))
     return _split(np.asarray(image, dtype=np.float32) / np.float32(255))
 
 
@@ -293,9 +293,9 @@ def _split(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     """Return values and alpha of an array of shape ``[height, width]`` or ``[height, width, 1..4]``."""
     if channels.ndim == 2:
         return channels, None
-    colours = channels.shape[2]
-    alpha = channels[..., -1] if colours in (2, 4) else None
-    return (channels[..., :3] if colours >= 3 else channels[..., 0]), alpha
+    colors = channels.shape[2]
+    alpha = channels[..., -1] if colors in (2, 4) else None
+    return (channels[..., :3] if colors >= 3 else channels[..., 0]), alpha
 
 
 def _bit_depth(path: Path) -> int:
@@ -305,21 +305,21 @@ def _bit_depth(path: Path) -> int:
 
 
 def _deep_png(path: Path, image: Image.Image) -> _Stored:
-    """Read a PNG of 16 bits per channel as such: Pillow holds so many in greyscale only, and drops half of every colour's."""
+    """Read a PNG of 16 bits per channel as such: Pillow holds so many in gray only, and drops half of every color's."""
     # All of it, whatever it holds: what is damaged is found here.
     image.load()
     width, height = image.size
     orientation = image.getexif().get(EXIF_ORIENTATION, 1)
     if image.mode.startswith("I"):
-        grey = np.asarray(image, dtype=np.uint16)[..., None]
+        gray = np.asarray(image, dtype=np.uint16)[..., None]
         see_through = image.info.get("transparency")
         image.close()
 
-        def grey_strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        def gray_strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
             for top in range(0, height, rows):
-                yield _deep(grey[top : top + rows], see_through)
+                yield _deep(gray[top : top + rows], see_through)
 
-        return _Stored(height, width, grey_strips, orientation)
+        return _Stored(height, width, gray_strips, orientation)
     image.close()
     try:
         import png
@@ -344,7 +344,7 @@ def _deep_png(path: Path, image: Image.Image) -> _Stored:
 
 
 def _deep(channels: np.ndarray, see_through: object) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return values and alpha of 16-bit channels; ``see_through`` is the one colour of a picture without alpha that is, or None."""
+    """Return values and alpha of 16-bit channels; ``see_through`` is the one color of a picture without alpha that is, or None."""
     value, alpha = _split(channels.astype(np.float32) / np.float32(65535))
     if alpha is None and see_through is not None:
         alpha = (channels != np.asarray(see_through)).any(axis=2).astype(np.float32)
@@ -355,7 +355,7 @@ def _deep(channels: np.ndarray, see_through: object) -> tuple[np.ndarray, np.nda
 
 
 def _read_exr(path: Path) -> _Stored:
-    """Return values and alpha of the first part; colour is freed from the alpha it was multiplied by."""
+    """Return values and alpha of the first part; color is freed from the alpha it was multiplied by."""
     try:
         import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
@@ -390,17 +390,17 @@ def _read_exr(path: Path) -> _Stored:
             whole[top - shown_y : bottom - shown_y, left - shown_x : right - shown_x] = part
         return whole
 
-    colours = [name for name in channels if name != "A"]
-    if {"R", "G", "B"} <= set(colours):
+    colors = [name for name in channels if name != "A"]
+    if {"R", "G", "B"} <= set(colors):
         value = np.stack([pixels(name) for name in "RGB"], axis=2)
-    elif "Y" in colours:
+    elif "Y" in colors:
         value = pixels("Y")
-    elif len(colours) == 1:
-        value = pixels(colours[0])
+    elif len(colors) == 1:
+        value = pixels(colors[0])
     else:
         names = ", ".join(sorted(channels)) or "none"
         raise InputFileError(f"{path} must have the channels R, G and B, or Y, or only one; got {names}")
-    alpha = pixels("A") if "A" in channels and colours else None
+    alpha = pixels("A") if "A" in channels and colors else None
 
     def strips(rows: int) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
         for top in range(0, len(value), rows):

@@ -13,14 +13,14 @@ from ..problem.surface import SurfaceMesh
 __all__ = ["ACCEPTED", "read_meshes"]
 
 ACCEPTED = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
-# What colours of vertices are called where the file has no name for them.
+# What colors of vertices are called where the file has no name for them.
 COLOR = "color"
 
 
 def read_meshes(path: str | Path) -> list[SurfaceMesh]:
     """Read the meshes of a file, where its scene puts them.
 
-    Attributes are those of the vertices: of a PLY file each further property by its name, colours as ``color``, 0..1. A UV map is
+    Attributes are those of the vertices: of a PLY file each further property by its name, colors as ``color``, 0..1. A UV map is
     kept where there is one.
 
     Raises:

@@ -27,7 +27,7 @@ def load_placement(path: str | Path) -> Bodies:
     Args:
         path: A file with one of the endings of :func:`~esh.write_placement`. Of others' files, every USD point instancer and every
             glTF node with instances is read, and tables need the columns x and y; what a file does not say is upright, of its
-            own size, of one class, and has the area NaN. Units and axes become metres and z up.
+            own size, of one class, and has the area NaN. Units and axes become meters and z up.
 
     Raises:
         InputFileError: A file that cannot be read.

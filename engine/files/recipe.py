@@ -5,7 +5,7 @@
     avoid_overlap = false          # default; true: footprints push each other apart
     regularity = 0.6               # default; 1: nearly a lattice, 0: organic
     [domain]
-    size = [40.0, 30.0]            # metres, x and y
+    size = [40.0, 30.0]            # meters, x and y
     boundary = "open"              # default; or "mirror", or "periodic"
     inset = false                  # default; true: footprints lie inside as a whole
     [balance]
@@ -19,7 +19,8 @@
     invert = false                 # default
     density_correction = false     # default; true: densities are covered shares, and dark ones come out dark
     unsharp = { amount = 1.0, radius = 2.0 }   # default: none
-    clustering = 0.0               # default; 1: nearly all stand in clumps; clump_size = 4.0, in metres
+    clustering = 0.0               # default; 1: nearly all stand in clumps; clump_size = 4.0, in meters
+    look_at = { point = [30.0, 0.0, 0.0], spread = 0.0, front = "-y" }   # default: none
     color = [0.0, 0.6, 0.3]        # of a halftone's ink: red, green and blue 0..1; default: black
     count = 300                    # of all sizes, which then have shares; or "cover"; default: every size has a count
     [[class.size]]
@@ -31,14 +32,14 @@
                                    # { capsule = [length, width] }, or a list of such; default: a disc of the area
     turn = "free"                  # default, of a footprint: as it fits; or "random", or radians
     scale_jitter = 0.0             # default: bodies are scaled by a factor within 1 ± this
-    room = 1.0                     # default: factor on the footprint for keeping apart; or gap = 0.1, in metres
+    room = 1.0                     # default: factor on the footprint for keeping apart; or gap = 0.1, in meters
     [class.size.line]              # only for long bodies
-    length = 2.0                   # metres; or an image beside the recipe, black = length_range[0], white = length_range[1]
+    length = 2.0                   # meters; or an image beside the recipe, black = length_range[0], white = length_range[1]
     direction = "density"          # default; "none", radians, or an image beside the recipe
-    direction_kind = "angle"       # default, of an image: grey 0..1 is half a turn; or "vector": red and green are x and y
+    direction_kind = "angle"       # default, of an image: gray 0..1 is half a turn; or "vector": red and green are x and y
     # width, charges, middle_charge, turn_weights, stretch_weights, straightness, tensor_scales: see Line in engine/problem/line.py
 
-Instead of classes, a colour image may give them: one class per ink (see :mod:`~esh.engine.problem.color_separation`).
+Instead of classes, a color image may give them: one class per ink (see :mod:`~esh.engine.problem.color_separation`).
 
     [image]
     file = "photo.png"
@@ -51,7 +52,7 @@ Instead of a rectangle, a surface:
     mesh = "rock.obj"              # OBJ, PLY, STL, GLB; or a list of files: meshes that touch are one surface
     [[class]]
     density = { attribute = "moss" }   # of the vertices; or { image = "moss.png" }, through the UV map; or
-                                       # { image = "moss.png", mapping = "triplanar", size = 2.0 }, metres
+                                       # { image = "moss.png", mapping = "triplanar", size = 2.0 }, meters
 
 What is there already, and what bodies keep off, both any number of times:
 
@@ -61,12 +62,12 @@ What is there already, and what bodies keep off, both any number of times:
     [[fixed]]
     class = "pine"                 # default: the first
     size = "large"                 # default: the first of the class
-    position = [[3.0, 4.0], [8.0, 2.5]]   # metres
+    position = [[3.0, 4.0], [8.0, 2.5]]   # meters
     angle = 0.0                    # default; a number, or one for each; so are length, area and id
     [[obstacle]]
-    polygon = [[0, 0], [4, 0], [4, 3]]    # corners in metres; or disc = [x, y, radius]; or an image beside the recipe, white =
+    polygon = [[0, 0], [4, 0], [4, 3]]    # corners in meters; or disc = [x, y, radius]; or an image beside the recipe, white =
     image = "lake.png"                    # obstacle (invert = true: black)
-    margin = 0.5                   # metres; default 0
+    margin = 0.5                   # meters; default 0
 
 Messages name keys by their place, counted from 1: ``class[2].size[1].count`` is the count of the first size of the
 second class.
@@ -171,9 +172,9 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
 
 
 def recipe_colors(path: str | Path | ParsedRecipe, problem: Problem) -> list[tuple[float, float, float]] | None:
-    """Return the colours that a halftone of a recipe is printed in, one per class; None where it names none.
+    """Return the colors that a halftone of a recipe is printed in, one per class; None where it names none.
 
-    Those of an [image] are its inks'; classes without a colour are black beside those that have one.
+    Those of an [image] are its inks'; classes without a color are black beside those that have one.
 
     Args:
         path: A recipe that has been read without complaint, or what :func:`parse_recipe` made of it.

@@ -76,5 +76,5 @@ def _outline(table: dict[str, Any], key: str) -> Footprint:
 
 def _two(value: object, kind: str) -> tuple[Any, Any]:
     if not isinstance(value, list) or len(value) != 2:
-        raise ProblemError(f"`{kind}` must be two lengths in metres, length and width; got {show(value)}")
+        raise ProblemError(f"`{kind}` must be two lengths in meters, length and width; got {show(value)}")
     return value[0], value[1]

@@ -264,14 +264,14 @@ def _check_length(value: object, key: str) -> str | float:
     if isinstance(value, str):
         if Path(value).suffix:
             return value
-        raise ProblemError(f"{key} must be a number in metres above 0, or the name of an image; got {show(value)}")
+        raise ProblemError(f"{key} must be a number in meters above 0, or the name of an image; got {show(value)}")
     return validation.check_length(value, key)
 
 
 def _check_length_range(value: object, key: str) -> tuple[float, float]:
     entries = value if isinstance(value, list) else []
     if len(entries) != 2:
-        raise ProblemError(f"{key} must be two lengths in metres, of black and of white; got {show(value)}")
+        raise ProblemError(f"{key} must be two lengths in meters, of black and of white; got {show(value)}")
     low, high = (validation.check_length(entry, key) for entry in entries)
     return low, high
 

@@ -106,7 +106,7 @@ def read_parquet(path: Path) -> Bodies:
 
 
 def write_geojson(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
-    """Write a point with properties for every body, in the domain's metres; meant for small placements."""
+    """Write a point with properties for every body, in the domain's meters; meant for small placements."""
     columns = bodies.columns()
     flat = not bodies.position[:, 2].any()
     place = bodies.position[:, :2] if flat else bodies.position

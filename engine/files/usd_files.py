@@ -29,7 +29,7 @@ def _pxr(module: str) -> Any:
 
 
 def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc") -> None:
-    """Write a stage in metres, z up, with one point instancer.
+    """Write a stage in meters, z up, with one point instancer.
 
     Args:
         file: Where to.
@@ -61,7 +61,7 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
     instancer.CreatePrototypesRel().SetTargets(targets)
     position = bodies.position.astype(np.float32)
     # USD keeps the imaginary part first. Halves are what every program reads; floats, where it knows them, turn long objects
-    # to the millimetre.
+    # to the millimeter.
     rotation = np.ascontiguousarray(bodies.rotation[:, [1, 2, 3, 0]])
     instancer.CreateProtoIndicesAttr(vt.IntArray.FromNumpy(bodies.prototype_index))
     instancer.CreatePositionsAttr(vt.Vec3fArray.FromNumpy(position))
@@ -104,7 +104,7 @@ def write_usda(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
 
 
 def read_usd(path: Path) -> Bodies:
-    """Read the point instancers of a stage, ours or any other, in metres and z up."""
+    """Read the point instancers of a stage, ours or any other, in meters and z up."""
     usd, geom, tf = (_pxr(name) for name in ("Usd", "UsdGeom", "Tf"))
     try:
         stage = usd.Stage.Open(str(path))
@@ -125,11 +125,11 @@ def read_usd(path: Path) -> Bodies:
             names = read_names(str(written.Get()))
     shared = [key for key in parts[0] if all(key in part for part in parts)]
     columns = {key: np.concatenate([part[key] for part in parts]) for key in shared}
-    metre = float(geom.GetStageMetersPerUnit(stage))
+    meter = float(geom.GetStageMetersPerUnit(stage))
     up = (
         np.eye(3) if geom.GetStageUpAxis(stage) == geom.Tokens.z else np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
     )
-    position = metre * np.stack([columns[axis] for axis in "xyz"], axis=1) @ up.T
+    position = meter * np.stack([columns[axis] for axis in "xyz"], axis=1) @ up.T
     columns |= dict(zip("xyz", position.T, strict=True))
     if up[1, 1] == 0.0:
         y, z = columns["rotation_y"], columns["rotation_z"]

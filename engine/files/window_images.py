@@ -165,7 +165,7 @@ def read_world_file(path: Path, shape: tuple[int, int]) -> Georeference | None:
             raise InputFileError(f"{name} must hold six numbers, as world files do") from None
         if turned_x or turned_y or not (width > 0.0 > height):
             raise InputFileError(f"{name} must not turn or mirror the image")
-        # A world file names the centre of the pixel at the top left.
+        # A world file names the center of the pixel at the top left.
         return Georeference(x - 0.5 * width, y - 0.5 * height + height * shape[0], (width, -height))
     return None
 

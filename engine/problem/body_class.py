@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .look_at import LookAt
 from .settings import Settings, described, setting, settle
 from .size import Size
 from .surface_density import SurfaceDensity, check_density
@@ -90,6 +91,15 @@ class PlacingSettings(Settings):
             low=0.0,
             high=validation.LARGEST_LENGTH,
             soft_high=2.0,
+        ),
+    )
+    look_at: LookAt | None = field(
+        default=None,
+        metadata=setting(
+            "Turn objects so that they look at a point or an object",
+            more="Long bodies lie along their direction instead",
+            label="Look At",
+            of=LookAt,
         ),
     )
 

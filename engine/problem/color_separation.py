@@ -1,8 +1,8 @@
-"""Inks: separating a colour image into channels, and the halftoning problem that they pose.
+"""Inks: separating a color image into channels, and the halftoning problem that they pose.
 
 The method is section 5 of the paper (Schmaltz, Gwosdek and Weickert 2012), with its figures 7 and 13.
 
-Colours mix subtractively: an ink is described by how much of cyan, magenta and yellow it holds, so red is (0, 1, 1).
+Colors mix subtractively: an ink is described by how much of cyan, magenta and yellow it holds, so red is (0, 1, 1).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Ink:
 
     @property
     def rgb(self) -> tuple[float, float, float]:
-        """Colour of the ink on white paper."""
+        """Color of the ink on white paper."""
         cyan, magenta, yellow = self.cmy
         return 1.0 - cyan, 1.0 - magenta, 1.0 - yellow
 
@@ -65,7 +65,7 @@ class InkModel:
 
     Args:
         name: E.g. ``"CMYK"``.
-        inks: At least one; cyan, magenta and yellow themselves must be among them, so that every colour can be made.
+        inks: At least one; cyan, magenta and yellow themselves must be among them, so that every color can be made.
         non_overlap: Symmetric, shape ``[inks, inks]``, 1 on the diagonal.
     """
 
@@ -115,11 +115,11 @@ MODELS: dict[str, InkModel] = {name: _model(name, *letters_and_pairs) for name, 
 def separate(image: np.ndarray, model: str | InkModel = DEFAULT_MODEL) -> np.ndarray:
     """Split an image into ink channels by achromatic composition (section 5).
 
-    Inks that hold several colours are taken out first, from black downwards: each gets the minimum of the channels that it
-    holds, which then lose it. So the channels of all inks add up to 1 - image, for every colour.
+    Inks that hold several colors are taken out first, from black downwards: each gets the minimum of the channels that it
+    holds, which then lose it. So the channels of all inks add up to 1 - image, for every color.
 
     Args:
-        image: ``[height, width]`` grey, ``[height, width, 3]`` or with alpha (laid on white); 8- or 16-bit whole numbers, or
+        image: ``[height, width]`` gray, ``[height, width, 3]`` or with alpha (laid on white); 8- or 16-bit whole numbers, or
             numbers 0..1.
         model: A name in :data:`MODELS`, or a model.
 
@@ -163,7 +163,7 @@ def halftone_problem(
         model: See there.
         area: Area of a dot [m²].
         sizes: Sizes with shares, used instead of ``area``.
-        domain: Where; None makes a pixel of the image a square metre.
+        domain: Where; None makes a pixel of the image a square meter.
         class_separation: The alpha of Schmaltz, Gwosdek and Weickert 2012.
         size_emphasis: Its C.
         rare_emphasis: How much more evenly inks of few dots are spread among themselves; 0 is the paper's.
@@ -221,7 +221,7 @@ def _printable(sizes: Sequence[Size], covered: float) -> list[Size]:
 
 
 def ink_colors(problem: Problem, model: str | InkModel) -> list[tuple[float, float, float]]:
-    """Colours of the classes of a :func:`halftone_problem`, red, green and blue 0..1."""
+    """Colors of the classes of a :func:`halftone_problem`, red, green and blue 0..1."""
     color = {ink.name: ink.rgb for ink in _find_model(model).inks}
     return [color[body_class.name] for body_class in problem.classes]
 
@@ -235,7 +235,7 @@ def _find_model(model: str | InkModel) -> InkModel:
 
 
 def _rgb(image: np.ndarray) -> np.ndarray:
-    """Colours 0..1, shape ``[height, width, 3]``, on white where the image is transparent."""
+    """Colors 0..1, shape ``[height, width, 3]``, on white where the image is transparent."""
     try:
         given = np.asarray(image)
     except FOREIGN_ERRORS:  # rows of unequal length

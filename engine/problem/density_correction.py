@@ -1,4 +1,4 @@
-"""Grey-value correction: denser dots where discs cannot tile the plane, so that dark areas come out dark.
+"""Gray-value correction: denser dots where discs cannot tile the plane, so that dark areas come out dark.
 
 It is section 3 of the paper (Schmaltz, Gwosdek and Weickert 2012).
 """
@@ -15,23 +15,23 @@ __all__ = ["correct_density", "tone_map"]
 
 # Covered share of touching discs in a honeycomb: up to here they cover what they add up to.
 LARGEST_WITHOUT_OVERLAP = math.pi / (2.0 * math.sqrt(3.0))
-# Bisection halves an interval of pi / 6 until neighbouring floats remain.
+# Bisection halves an interval of pi / 6 until neighboring floats remain.
 BISECTIONS = 64
 
 
-def tone_map(grey: np.ndarray) -> np.ndarray:
+def tone_map(gray: np.ndarray) -> np.ndarray:
     """The paper's T(x), equations 4 to 6.
 
     Args:
-        grey: Grey values x, 0 (black) to 1 (white), any shape.
+        gray: Gray values x, 0 (black) to 1 (white), any shape.
 
     Returns:
         T(x), float64: x itself above 1 - pi / (2 sqrt 3), down to 1 - 2 pi / (3 sqrt 3) < 0 for black; to 1e-9 or better.
     """
-    grey = np.asarray(grey, dtype=np.float64)
-    dark = grey < 1.0 - LARGEST_WITHOUT_OVERLAP
-    result = grey.copy()
-    wanted = np.maximum(grey[dark], 0.0)
+    gray = np.asarray(gray, dtype=np.float64)
+    dark = gray < 1.0 - LARGEST_WITHOUT_OVERLAP
+    result = gray.copy()
+    wanted = np.maximum(gray[dark], 0.0)
     low, high = np.zeros(wanted.shape), np.full(wanted.shape, math.pi / 6.0)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)

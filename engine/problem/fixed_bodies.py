@@ -44,7 +44,7 @@ def _check_positions(value: object, key: str) -> np.ndarray:
         position = None
     if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):
         raise ProblemError(
-            f"{key} must be a list of positions, each x and y in metres, and z on a surface; got {show(value)}"
+            f"{key} must be a list of positions, each x and y in meters, and z on a surface; got {show(value)}"
         )
     return _finite(position, key)
 
@@ -393,7 +393,7 @@ def _positions(
     for part in parts:
         if part.position.shape[1] != width:
             where = "on a surface x, y and z" if width == 3 else "in a rectangle x and y"
-            raise ProblemError(f"`fixed.position` must be {where} in metres; got {part.position.shape[1]} coordinates")
+            raise ProblemError(f"`fixed.position` must be {where} in meters; got {part.position.shape[1]} coordinates")
     position = np.concatenate([part.position for part in parts])
     mesh = np.concatenate([np.asarray(part.mesh) for part in parts])
     triangle = np.concatenate([np.asarray(part.triangle) for part in parts])
@@ -425,7 +425,7 @@ def _as_bodies(part: object) -> FixedBodies:
         position = np.empty(0)
     if position.shape not in ((2,), (3,)):
         raise ProblemError(
-            f"`fixed.position` must be two lengths in metres, x and y, or three on a surface; got {show(part.position)}"
+            f"`fixed.position` must be two lengths in meters, x and y, or three on a surface; got {show(part.position)}"
         )
     return FixedBodies(
         position[None, :],

@@ -26,7 +26,7 @@ ARC = 64
 DIRECTIONS = 16
 # Turns of a long body about its axis: its frame lies along it, or the other way round.
 ALONG_THE_AXIS = 1e-6
-# Largest rise of the ground over a metre.
+# Largest rise of the ground over a meter.
 STEEPEST = 100.0
 # Beyond this an angle [rad] has no digits left that say where it points.
 LARGEST_ANGLE = 1e9
@@ -83,7 +83,7 @@ class Footprint(Settings):
             )
         if not (self.width >= validation.SMALLEST_LENGTH and self.circumradius <= validation.LARGEST_LENGTH):
             raise ProblemError(
-                f"a footprint must be between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} metres wide; "
+                f"a footprint must be between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} meters wide; "
                 f"got one of {self.width:.3g} by {2.0 * self.circumradius:.3g}"
             )
 
@@ -172,7 +172,7 @@ class Footprint(Settings):
 
     @property
     def middle(self) -> np.ndarray:
-        """Middle of the core [m], shape ``[2]``: of a polygon its centre of mass."""
+        """Middle of the core [m], shape ``[2]``: of a polygon its center of mass."""
         if len(self.corners) < 3:
             return self.corners.mean(axis=0)
         corners = self.corners - self.corners[0]
@@ -290,7 +290,7 @@ def _check_turn(value: object, key: str) -> str | float | np.ndarray:
 
 
 def _check_slope(value: object, key: str) -> np.ndarray:
-    accepted = f"an image of slopes, shape [rows, columns, 2], of at most {STEEPEST:g} metres a metre"
+    accepted = f"an image of slopes, shape [rows, columns, 2], of at most {STEEPEST:g} meters per meter"
     try:
         slope = None if isinstance(value, (str, bytes)) else np.array(value)
     except FOREIGN_ERRORS:
@@ -370,7 +370,7 @@ class Footprints(Settings):
     slope: np.ndarray | None = field(
         default=None,
         metadata=setting(
-            "How far the ground rises for each metre along x and y, where bodies lean with it",
+            "How far the ground rises for each meter along x and y, where bodies lean with it",
             more="Their outlines lie in planes of this slope, and are foreshortened in the domain. An image stretched over it, "
             "shape ``[rows, columns, 2]``, row 0 at the largest y; None: they are horizontal. Discs and the round of other outlines "
             "stay as large as they are",
@@ -536,7 +536,7 @@ def _numbers(value: object, key: str, accepted: str) -> np.ndarray:
 
 def _points(value: object, key: str) -> np.ndarray:
     """Return new points, float64, shape ``[k, 2]``."""
-    accepted = "points [x, y] in metres, at least one"
+    accepted = "points [x, y] in meters, at least one"
     try:
         points = None if isinstance(value, (str, bytes)) else np.array(value)
     except FOREIGN_ERRORS:
@@ -545,7 +545,7 @@ def _points(value: object, key: str) -> np.ndarray:
         raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
     points = points.astype(np.float64)
     if not (np.abs(points) <= validation.LARGEST_LENGTH).all():
-        raise ProblemError(f"{key} must be finite, and within {validation.LARGEST_LENGTH:g} metres of the origin")
+        raise ProblemError(f"{key} must be finite, and within {validation.LARGEST_LENGTH:g} meters of the origin")
     return points
 
 
@@ -554,7 +554,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
-    """Corners of the convex hull of points ``[n, 2]``, counter-clockwise; none of them on the line between its neighbours."""
+    """Corners of the convex hull of points ``[n, 2]``, counter-clockwise; none of them on the line between its neighbors."""
     points = np.unique(_outer(points), axis=0)
     if len(points) < 3:
         return points

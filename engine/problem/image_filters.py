@@ -8,7 +8,7 @@ import numpy as np
 
 __all__ = ["LUMINANCE", "gaussian_blur", "luminance", "unsharp_mask"]
 
-# Red, green and blue of Rec. 709, the primaries of sRGB and of Blender's default colour space.
+# Red, green and blue of Rec. 709, the primaries of sRGB and of Blender's default color space.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 # Standard deviations after which the Gaussian is cut, where it is summed directly.
@@ -23,7 +23,7 @@ LARGEST_EXPONENT = 37.0
 
 
 def luminance(color: np.ndarray) -> np.ndarray:
-    """Weighted sum of red, green and blue, shape ``[...]``, of colours of shape ``[..., 3 or more]``."""
+    """Weighted sum of red, green and blue, shape ``[...]``, of colors of shape ``[..., 3 or more]``."""
     return color[..., :3] @ LUMINANCE.astype(np.float32)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __all__ = ["DEFAULT_MODEL", "INK_MODELS"]
 
-# The letters of a model's inks, and which pairs may overlap: those whose union has the colour of no other ink.
+# The letters of a model's inks, and which pairs may overlap: those whose union has the color of no other ink.
 INK_MODELS: dict[str, tuple[str, tuple[str, ...]]] = {
     "CMY": ("CMY", ("CM", "CY", "MY")),
     "CMYK": ("CMYK", ("CM", "CY", "MY")),

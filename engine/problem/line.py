@@ -65,7 +65,7 @@ class Line(Settings):
         metadata=setting(
             "Thickness",
             unit="m",
-            more="None makes it the area over the mean length reached, so that the average grey is kept",
+            more="None makes it the area over the mean length reached, so that the average gray is kept",
             check=validation.check_length,
         ),
     )
@@ -146,7 +146,7 @@ class Line(Settings):
     def thickness(self, area: np.ndarray, mean_length: float) -> np.ndarray:
         """Thickness [m] of capsules around axes of a mean length, shape ``[n]``.
 
-        Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average grey is that of the
+        Where a line has none of its own, it is that of capsules whose mean area is the footprint: the average gray is that of the
         image.
         """
         if self.width is not None:

@@ -37,24 +37,24 @@ def _check_polygon(value: object, key: str) -> np.ndarray:
     except validation.FOREIGN_ERRORS:
         corners = np.empty(0)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
-        raise ProblemError(f"{key} must be three or more corners, each x and y in metres; got {show(value)}")
+        raise ProblemError(f"{key} must be three or more corners, each x and y in meters; got {show(value)}")
     return corners
 
 
 def _check_disc(value: object, key: str) -> tuple[float, ...]:
-    return _centre_and_radius(value, key, "x, y")
+    return _center_and_radius(value, key, "x, y")
 
 
 def _check_ball(value: object, key: str) -> tuple[float, ...]:
-    return _centre_and_radius(value, key, "x, y, z")
+    return _center_and_radius(value, key, "x, y, z")
 
 
-def _centre_and_radius(value: object, key: str, centre: str) -> tuple[float, ...]:
-    """Return the coordinates of a centre, named as messages name them, and a radius above 0."""
+def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...]:
+    """Return the coordinates of a center, named as messages name them, and a radius above 0."""
     entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
     numbers = tuple(entry for entry in entries if entry is not None and math.isfinite(entry))
-    if not len(entries) == len(numbers) == centre.count(",") + 2 or not numbers[-1] > 0.0:
-        raise ProblemError(f"{key} must be {centre} and a radius above 0, in metres; got {show(value)}")
+    if not len(entries) == len(numbers) == center.count(",") + 2 or not numbers[-1] > 0.0:
+        raise ProblemError(f"{key} must be {center} and a radius above 0, in meters; got {show(value)}")
     return numbers
 
 
@@ -89,7 +89,7 @@ class Obstacle(Settings):
         ),
     )
     disc: Sequence[float] | None = field(
-        default=None, metadata=setting("Centre along x and y, and radius", unit="m", check=_check_disc)
+        default=None, metadata=setting("Center along x and y, and radius", unit="m", check=_check_disc)
     )
     image: np.ndarray | None = field(
         default=None,
@@ -102,7 +102,7 @@ class Obstacle(Settings):
     margin: float = field(
         default=0.0,
         metadata=setting(
-            "How far bodies keep off its edge: their centres, and their whole footprints where overlap is avoided",
+            "How far bodies keep off its edge: their centers, and their whole footprints where overlap is avoided",
             unit="m",
             low=0.0,
             check=validation.check_at_least_zero,
@@ -111,7 +111,7 @@ class Obstacle(Settings):
     ball: Sequence[float] | None = field(
         default=None,
         metadata=setting(
-            "Centre along x, y and z, and radius; what of a surface lies within it is an obstacle",
+            "Center along x, y and z, and radius; what of a surface lies within it is an obstacle",
             unit="m",
             check=_check_ball,
         ),
@@ -149,7 +149,7 @@ def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, 
 
 
 def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
-    """How far every pixel's centre is from the nearest obstacle with its margin [m].
+    """How far every pixel's center is from the nearest obstacle with its margin [m].
 
     Args:
         obstacles: The obstacles.
@@ -175,7 +175,7 @@ def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, i
 
 
 def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, periodic: bool) -> np.ndarray:
-    """Distance of every pixel's centre from that of the nearest one in ``mask``, exact up to ``reach``, which is the most.
+    """Distance of every pixel's center from that of the nearest one in ``mask``, exact up to ``reach``, which is the most.
 
     Args:
         mask: Shape ``[height, width]``, bool.
@@ -224,7 +224,7 @@ def _shifts(domain: Domain) -> Iterator[tuple[float, float]]:
 def _window(
     low: np.ndarray, high: np.ndarray, domain: Domain, shape: tuple[int, int]
 ) -> tuple[slice, slice, np.ndarray, np.ndarray]:
-    """Pixels that a box comes upon: rows and columns, x of the columns' centres and y of the rows'."""
+    """Pixels that a box comes upon: rows and columns, x of the columns' centers and y of the rows'."""
     height, width = shape
     pixel_x, pixel_y = domain.size[0] / width, domain.size[1] / height
     left, right = np.clip([math.floor(low[0] / pixel_x), math.ceil(high[0] / pixel_x)], 0, width)
@@ -243,9 +243,9 @@ def _cut_shape(
     most = reach + obstacle.margin
     if obstacle.disc is not None:
         x, y, radius = obstacle.disc
-        centre = np.array([x, y]) + shift
-        rows, columns, xs, ys = _window(centre - radius - most, centre + radius + most, domain, shape)
-        away = np.hypot(xs - centre[0], (ys - centre[1])[:, None]) - radius - obstacle.margin
+        center = np.array([x, y]) + shift
+        rows, columns, xs, ys = _window(center - radius - most, center + radius + most, domain, shape)
+        away = np.hypot(xs - center[0], (ys - center[1])[:, None]) - radius - obstacle.margin
         np.minimum(result[rows, columns], away, out=result[rows, columns], casting="same_kind")
         return
     corners = np.asarray(obstacle.polygon) + shift
@@ -273,7 +273,7 @@ def _cut_shape(
 
 
 def _from_image(image: np.ndarray, domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
-    """Distance of every pixel's centre from the edge of an image's obstacles, below 0 within them."""
+    """Distance of every pixel's center from the edge of an image's obstacles, below 0 within them."""
     row = ((np.arange(shape[0]) + 0.5) * image.shape[0] / shape[0]).astype(np.int64)
     column = ((np.arange(shape[1]) + 0.5) * image.shape[1] / shape[1]).astype(np.int64)
     mask = image[row[:, None], column]

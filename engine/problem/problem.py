@@ -1,6 +1,6 @@
 """The problem: which bodies, how many, how large, following which density, in which domain.
 
-Conventions used in the whole engine: metres, square metres and radians; x to the right, y up; the domain is the
+Conventions used in the whole engine: meters, square meters and radians; x to the right, y up; the domain is the
 rectangle ``[0, size[0]] x [0, size[1]]``. A density image has shape ``[height, width]``, row 0 is its top (largest y),
 and it is stretched over the whole domain whatever its resolution or aspect.
 

@@ -40,7 +40,7 @@ class Report:
         seconds: Wall-clock time [s].
         device: Device the run was made on, e.g. ``"cpu"`` or ``"cuda:0"``.
         coverage_error: Coverage error of all bodies together, k = 1.
-        smallest_spacing: Smallest distance between two bodies' centres, over the hexagonal spacing of as many bodies
+        smallest_spacing: Smallest distance between two bodies' centers, over the hexagonal spacing of as many bodies
             of the same mean density at that place; 1 is a perfect lattice. None with fewer than two bodies.
         overlaps: Number of pairs of bodies whose outlines (discs of their area where they were given none) overlap by more than 1e-3
             of the narrower one's width; at least so many, where a body overlaps more than 200 others. Pairs of fixed bodies do not
@@ -52,8 +52,8 @@ class Report:
         deepest_place: The middle between them [m].
         overlapping: Bodies that overlap others, those that lie deepest in another first; at most 10,000.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
-        closest: Smallest distance between two bodies' centres [m], in the plane of the domain; None with fewer than two bodies.
-        usual: Median of every body's distance to its nearest neighbour [m].
+        closest: Smallest distance between two bodies' centers [m], in the plane of the domain; None with fewer than two bodies.
+        usual: Median of every body's distance to its nearest neighbor [m].
     """
 
     steps: int

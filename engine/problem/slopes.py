@@ -1,6 +1,6 @@
 """Outlines that lie in slopes, seen from above: what of them is foreshortened.
 
-A slope is how far the ground rises for each metre along x and y. A plane of slope s leans by the angle atan |s|; seen from above, what
+A slope is how far the ground rises for each meter along x and y. A plane of slope s leans by the angle atan |s|; seen from above, what
 lies in it is shorter by the cosine of that along s, and as long as it is across. A body leans from upright by the shortest way.
 """
 

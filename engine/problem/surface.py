@@ -1,7 +1,7 @@
 """Surfaces that bodies are placed on: triangles of one mesh or of several, and what they say at their points.
 
 Nothing here knows how bodies are placed. Meshes need not be clean: triangles without an area are left out, triangles that look
-the other way than their neighbours are turned round, and neither holes nor edges of many triangles matter.
+the other way than their neighbors are turned round, and neither holes nor edges of many triangles matter.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Surface:
         position: Vertices of all meshes [m], shape ``[v, 3]``, float64.
         triangle: Indices of vertices, shape ``[t, 3]``, int64; those of a mesh follow those of the mesh before.
         source: Triangle of the meshes, counted through all of them, that each is, shape ``[t]``: those without an area are left out.
-        normal: Of length 1, shape ``[t, 3]``; neighbours look to the same side.
+        normal: Of length 1, shape ``[t, 3]``; neighbors look to the same side.
         triangle_area: In m², shape ``[t]``.
         part: Which of the parts that share no vertices each is in, shape ``[t]``.
         turned: Whether a triangle was turned round, so that its second and third corners have changed places, shape ``[t]``.
@@ -144,7 +144,7 @@ class Surface:
         extent = float((used.max(axis=(0, 1)) - used.min(axis=(0, 1))).max())
         if not validation.SMALLEST_LENGTH <= extent <= validation.LARGEST_LENGTH:
             raise ProblemError(
-                f"{EXTENT_KEY} must lie between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} metres; "
+                f"{EXTENT_KEY} must lie between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} meters; "
                 f"got {extent:g}"
             )
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])

@@ -22,7 +22,7 @@ SurfaceDensity = Callable[[PointsOnSurface], np.ndarray]
 @described
 @dataclass(frozen=True)
 class SurfaceAttribute(Settings):
-    """A density on a surface: an attribute of its meshes, by vertex or by triangle; colours by their luminance."""
+    """A density on a surface: an attribute of its meshes, by vertex or by triangle; colors by their luminance."""
 
     name: str = field(metadata=setting("Name of the attribute", text=True))
 
@@ -110,7 +110,7 @@ def density_at(density: SurfaceDensity | None, points: PointsOnSurface, key: str
 
 
 def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """An image that repeats, between the centres of its pixels."""
+    """An image that repeats, between the centers of its pixels."""
     height, width = image.shape
     x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
     left, top = np.floor(x), np.floor(y)

@@ -29,7 +29,7 @@ DISTRIBUTIONS: tuple[str, ...] = ("linear", "uniform")
 SMALLEST_LENGTH = 1e-9
 LARGEST_LENGTH = 1e12
 MOST_ELONGATED = 10_000
-# A periodic mesh is as fine as neighbours across the shorter side need, and holds so many nodes along the longer one.
+# A periodic mesh is as fine as neighbors across the shorter side need, and holds so many nodes along the longer one.
 MOST_ELONGATED_PERIODIC = 3_000
 # What combinations of values may do. Charges are added in units of 2^-32 of the mean one; forces and their sums are float32.
 MOST_AREA_RATIO = 1e8
@@ -60,11 +60,11 @@ def check_domain_size(value: object, key: str = "`domain.size`") -> tuple[float,
         tuple(value) if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0) else ()
     )
     if len(entries) != 2:
-        raise ProblemError(f"{key} must be two lengths in metres, x and y; got {show(value)}")
-    width, height = (_positive(entry, key, " in metres") for entry in entries)
+        raise ProblemError(f"{key} must be two lengths in meters, x and y; got {show(value)}")
+    width, height = (_positive(entry, key, " in meters") for entry in entries)
     if not all(SMALLEST_LENGTH <= length <= LARGEST_LENGTH for length in (width, height)):
         raise ProblemError(
-            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres; got {show(value)}"
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} meters; got {show(value)}"
         )
     if max(width, height) > MOST_ELONGATED * min(width, height):
         raise ProblemError(f"{key} must not be more than {MOST_ELONGATED:,} times longer than wide; got {show(value)}")
@@ -250,10 +250,10 @@ def check_at_least_zero(value: object, key: str) -> float:
 
 def check_length(value: object, key: str) -> float:
     """Return a length [m] above 0."""
-    length = _positive(value, key, " in metres")
+    length = _positive(value, key, " in meters")
     if not SMALLEST_LENGTH <= length <= LARGEST_LENGTH:
         raise ProblemError(
-            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres; got {show(value)}"
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} meters; got {show(value)}"
         )
     return length
 
@@ -262,13 +262,13 @@ def check_line_length(value: object, key: str) -> float | np.ndarray:
     """Return a preferred length [m], or an image of them, float32, shape ``[height, width]``."""
     if is_real(value):
         return check_length(value, key)
-    image = _image(value, key, "a length in metres, or an image of them", (2,))
+    image = _image(value, key, "a length in meters, or an image of them", (2,))
     smallest, largest = float(image.min()), float(image.max())
     if smallest <= 0.0:
         raise ProblemError(f"{key} must be above 0 everywhere; its smallest value is {smallest:g}")
     if smallest < 0.999 * SMALLEST_LENGTH or largest > LARGEST_LENGTH:
         raise ProblemError(
-            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} metres everywhere; got {smallest:g} to {largest:g}"
+            f"{key} must lie between {SMALLEST_LENGTH:g} and {LARGEST_LENGTH:g} meters everywhere; got {smallest:g} to {largest:g}"
         )
     return image
 

@@ -71,7 +71,7 @@ class HeatMesh:
         rows, columns, weights = _cotangents(corner, self._pattern, face)
         diagonal = np.bincount(rows, weights, n)
         bound = diagonal + np.bincount(rows, np.abs(weights), n)
-        # A vertex that slivers tie fast to its neighbours is as slow as the finest detail that matters.
+        # A vertex that slivers tie fast to its neighbors is as slow as the finest detail that matters.
         fastest = 4.0 / (FINEST * self.spacing) ** 2
         mass = np.maximum(mass, bound / fastest)
         self._root, self._mass = np.sqrt(mass), mass

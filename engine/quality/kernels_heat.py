@@ -1,4 +1,4 @@
-"""Kernels that measure placements on surfaces: heat that spreads over a mesh, distances of neighbours."""
+"""Kernels that measure placements on surfaces: heat that spreads over a mesh, distances of neighbors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kernels that find every body's nearest neighbour."""
+"""Kernels that find every body's nearest neighbor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..space.kernels_space import Space, difference, number_across, numbers_besi
 
 wp.set_module_options({"enable_backward": False})
 
-# What a body without a neighbour in sight has as its distance, and what has no spacing as its share of one.
+# What a body without a neighbor in sight has as its distance, and what has no spacing as its share of one.
 NOBODY = wp.constant(1.0e6)
 
 
@@ -65,7 +65,7 @@ def find_nearest(
     nearest: wp.array(dtype=float),
     share: wp.array(dtype=float),
 ):
-    """How far each body's nearest neighbour is, and that over the spacing that is asked for where it is; 1e6 where none is in sight.
+    """How far each body's nearest neighbor is, and that over the spacing that is asked for where it is; 1e6 where none is in sight.
 
     Where nothing is asked for there is no spacing, either: a share of 1e6.
     """

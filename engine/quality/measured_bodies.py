@@ -22,7 +22,7 @@ class MeasuredBodies:
     Attributes:
         launcher: Where they are.
         domain: The domain.
-        unit: Metres per unit.
+        unit: Meters per unit.
         pose: Position, angle [rad] and length of every body, ``wp.vec4``, shape ``[n]``.
     """
 

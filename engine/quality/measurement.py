@@ -29,7 +29,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
 
     Args:
         placement: What was placed; a report that it has is not looked at.
-        launcher: Where to count neighbours.
+        launcher: Where to count neighbors.
 
     Returns:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
 from ..problem.placement import Placement
@@ -127,7 +127,7 @@ def find_overlaps(
             MOST_OVERLAPS_PER_BODY,
         ],
         [found, deepest, partner],
-        grain=GRAIN_OF_NEIGHBOURS,
+        grain=GRAIN_OF_NEIGHBORS,
     )
     count = int(found.numpy().sum(dtype=np.int64)) // 2
     if count == 0:

@@ -1,4 +1,4 @@
-"""How far the nearest neighbours of a placement are apart."""
+"""How far the nearest neighbors of a placement are apart."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.domain import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort, position_of
@@ -17,21 +17,21 @@ from .measured_bodies import MeasuredBodies, measured_bodies
 
 __all__ = ["Spacing", "measure_spacing", "smallest_spacing"]
 
-# A hexagonal lattice of number density 1 has this distance of neighbours.
+# A hexagonal lattice of number density 1 has this distance of neighbors.
 HEXAGONAL_SPACING = math.sqrt(2.0 / math.sqrt(3.0))
-# A body without a neighbour in sight is told by a distance of more spacings; then cells grow by a factor until there is one.
+# A body without a neighbor in sight is told by a distance of more spacings; then cells grow by a factor until there is one.
 MOST_SPACINGS = 1e3
 WIDER = 4.0
 
 
 class Spacing(NamedTuple):
-    """How far nearest neighbours are apart. A neighbour beyond the reach of the search counts as none.
+    """How far nearest neighbors are apart. A neighbor beyond the reach of the search counts as none.
 
     Attributes:
         smallest: Smallest distance over the hexagonal spacing of the local number density; 1 for a perfect hexagonal lattice. Bodies
             where the density is 0, as fixed ones may be, have none; None where that is so for all.
         closest: Smallest distance [m].
-        usual: Median of all bodies' distances to their nearest neighbours [m].
+        usual: Median of all bodies' distances to their nearest neighbors [m].
     """
 
     smallest: float | None
@@ -51,7 +51,7 @@ def smallest_spacing(
         launcher: Where to count.
 
     Returns:
-        1 for a perfect hexagonal lattice; None for fewer than two bodies, or where no two are neighbours.
+        1 for a perfect hexagonal lattice; None for fewer than two bodies, or where no two are neighbors.
     """
     bodies = measured_bodies(launcher, domain, position)
     density = wp.array(number_density * bodies.unit**2, dtype=float, device=launcher.device)
@@ -60,10 +60,10 @@ def smallest_spacing(
 
 
 def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing | None:
-    """Measure how far nearest neighbours are apart, of bodies on a device, with a number density per square unit.
+    """Measure how far nearest neighbors are apart, of bodies on a device, with a number density per square unit.
 
     Returns:
-        None for fewer than two bodies, or where no two are neighbours.
+        None for fewer than two bodies, or where no two are neighbors.
     """
     if bodies.count < 2:
         return None
@@ -73,7 +73,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     some = number_density.numpy()[:: max(1, n // 10_000)]
     asked = some[some > 0.0]
     reach = 1.5 / math.sqrt(float(np.median(asked)) if len(asked) else 1.0)
-    # Cells no smaller than the reach, and not many more than bodies; a neighbour beyond the reach may be missed. In a long and narrow
+    # Cells no smaller than the reach, and not many more than bodies; a neighbor beyond the reach may be missed. In a long and narrow
     # domain all of them may lie beyond it.
     side = max(reach, 0.5)
     nearest, share = launcher.empty(n, float), launcher.empty(n, float)
@@ -90,7 +90,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
             n,
             [bodies.pose, number_density, cells.order, cells.cell_start, grid],
             [nearest, share],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         distance, own = nearest.numpy(), share.numpy()
         # Of bodies that ask for no spacing the mean one of all counts.

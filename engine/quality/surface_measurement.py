@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import footprints_of
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
@@ -19,9 +19,9 @@ from .spacing import HEXAGONAL_SPACING
 
 __all__ = ["measure_on_surface"]
 
-# Distances of neighbours are looked for this far, in spacings of a typical density.
-NEIGHBOURS = 2.0
-# Cells along every axis of the table that neighbours are looked up in.
+# Distances of neighbors are looked for this far, in spacings of a typical density.
+NEIGHBORS = 2.0
+# Cells along every axis of the table that neighbors are looked up in.
 CELLS = 128
 
 
@@ -31,9 +31,9 @@ class SurfaceFigures(NamedTuple):
     Attributes:
         errors: Coverage error of every class.
         whole: Of all bodies together.
-        smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbours.
-        closest: Smallest distance of neighbours [m].
-        usual: Median distance to the nearest neighbour [m].
+        smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbors.
+        closest: Smallest distance of neighbors [m].
+        usual: Median distance to the nearest neighbor [m].
         overlaps: Pairs of footprints that overlap.
         covered: Sum of the footprints over the area where bodies may be.
     """
@@ -86,7 +86,7 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
         number += c.body_count * c.density_on(points) / (surface.area * c.density_on(sample).mean())
     unit = 1.0 / math.sqrt(float(np.median(number)))
     position, normal = _on_device(placement, unit, launcher)
-    reach = NEIGHBOURS
+    reach = NEIGHBORS
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=launcher.device)
     grid.build(position, reach)
     distance = launcher.empty(n, float)
@@ -95,15 +95,15 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
         n,
         [grid.id, position, normal, reach],
         [distance],
-        grain=GRAIN_OF_NEIGHBOURS,
+        grain=GRAIN_OF_NEIGHBORS,
     )
     near = distance.numpy().astype(np.float64)
     found = near < reach
     if not found.any():
         return None
-    metres = near[found] * unit
-    smallest = float((metres * np.sqrt(number[found])).min()) / HEXAGONAL_SPACING
-    return smallest, float(metres.min()), float(np.median(metres))
+    meters = near[found] * unit
+    smallest = float((meters * np.sqrt(number[found])).min()) / HEXAGONAL_SPACING
+    return smallest, float(meters.min()), float(np.median(meters))
 
 
 def _overlaps(placement: Placement, launcher: Launcher) -> int:
@@ -134,7 +134,7 @@ def _overlaps(placement: Placement, launcher: Launcher) -> int:
             1.0 - TOLERANCE,
         ],
         [count],
-        grain=GRAIN_OF_NEIGHBOURS,
+        grain=GRAIN_OF_NEIGHBORS,
     )
     return int(count.numpy().sum(dtype=np.int64)) // 2
 

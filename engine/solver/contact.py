@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_kind import disc_radius, radius_of
 from ..space import kernels_images
-from ..space.neighbourhood import Neighbourhood
+from ..space.neighborhood import Neighborhood
 from . import kernels_contact, kernels_descent
 from .body_flags import BodyFlags
 from .guidance import Guidance, needs_guidance
@@ -70,7 +70,7 @@ class Contact:
         # Lines whose length the forces change may be longer for a while.
         half = 0.5 * kernels_descent.LONGEST_LINE * longest
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, area)
-        self._near = Neighbourhood(
+        self._near = Neighborhood(
             launcher,
             model.space,
             self._radii(longest) / model.unit,
@@ -136,7 +136,7 @@ class Contact:
             -(-near.body_count // at_once),
             [pose, near.for_kernels, SLACK, DAMPING, near.body_count, at_once, int(self.discs)],
             [self._pushed],
-            grain=max(1, GRAIN_OF_NEIGHBOURS // at_once),
+            grain=max(1, GRAIN_OF_NEIGHBORS // at_once),
         )
         self.launcher.launch(
             kernels_contact.accept_push,

@@ -2,7 +2,7 @@
 
 The bodies descend the energy 1/2 sum M[g, h] <rho_g - u_g, K (rho_h - u_h)>. Where the density is low the energy is flat, so
 what the forces ask for is measured in the inverse of the local curvature, 2 pi sum_h M[g, h] u_h; and what the last step changed
-of it tells of the slow modes (memoryless BFGS; of the optimisers tried the one that needs the fewest evaluations of the forces,
+of it tells of the slow modes (memoryless BFGS; of the optimizers tried the one that needs the fewest evaluations of the forces,
 half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 """
 
@@ -13,7 +13,7 @@ import math
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBOURS, Launcher, Until
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher, Until
 from ..field.field import FieldTarget
 from ..field.mirrored_field import COPIES
 from ..space.support import images_for_kernels
@@ -28,7 +28,7 @@ from .state import State
 
 __all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below"]
 
-# No body moves further in a step than this share of the local spacing: two neighbours that approach just meet. Measured: with 0.25 and
+# No body moves further in a step than this share of the local spacing: two neighbors that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
 STEP_LIMIT = 0.5
 
@@ -195,7 +195,7 @@ class Descent:
                 self.model.body_count,
                 [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
                 [self._motion, self.state.bend, self._sums],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
                 per_thread=True,
             )
 
@@ -228,7 +228,7 @@ class Descent:
                 self.model.body_count,
                 [self.direction, self.bodies, self.rules.lines, *where],
                 [self._motion, self.state.pose, self.state.bend],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
 
     def place_charges(self) -> None:

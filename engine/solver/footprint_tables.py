@@ -13,7 +13,7 @@ __all__ = ["FootprintTables", "footprint_tables", "numbered", "ranked"]
 
 @dataclass(frozen=True, eq=False)
 class FootprintTables:
-    """Outlines as contact takes them; lengths in metres, arrays of shape ``[n]`` unless said otherwise.
+    """Outlines as contact takes them; lengths in meters, arrays of shape ``[n]`` unless said otherwise.
 
     Attributes:
         corners: Corners of every shape, one after the other, with the outward normals of their edges, shape ``[m, 4]``.

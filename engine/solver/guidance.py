@@ -1,7 +1,7 @@
 """Guidance: forces that keep bodies even while their outlines are parted.
 
 Long bodies gather in sheaves, or where their turns let them, and leave gaps beside these. The forces that place bodies act between
-neighbours, so they would take the sheaves apart; these here see charges and densities that are blurred over a spacing.
+neighbors, so they would take the sheaves apart; these here see charges and densities that are blurred over a spacing.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Where the bodies start: importance sampling along a Hilbert curve, even from the first step on and exact in number.
 
 Cells visited along a Hilbert curve carry their share of a group's density; bodies stand at even steps of the running sum.
-Neighbours on the curve are neighbours in the plane, so no region gets more than its share, unlike independent draws. A pyramid
+Neighbors on the curve are neighbors in the plane, so no region gets more than its share, unlike independent draws. A pyramid
 of sums leads every body from the whole square to its cell, quarter by quarter, so that all of them go at once.
 """
 
@@ -12,7 +12,7 @@ import math
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, resolve_device
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, resolve_device
 from ..problem.problem import Problem
 from ..space.kernels_images import Images
 from ..space.support import images_for_kernels
@@ -61,7 +61,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
             [*of_bodies, order, pyramids[shared], images, domain, seed],
             [pose],
             first=first,
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         first += body_class.body_count
     if model.fixed.any():

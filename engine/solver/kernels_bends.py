@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_neighbourhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
+from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import difference
 from .kernels_descent import Bodies
 from .kernels_outlines import Outlines, wall_contact
@@ -37,7 +37,7 @@ def find_bends(
 def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest: wp.array(dtype=float)):
     """What there was before, or less: what body j and its images leave to body i of the ground between the two."""
     outlines = crowd.outlines
-    space = crowd.neighbours.grid.space
+    space = crowd.neighbors.grid.space
     room = before
     own = widest[i]
     other = widest[j]
@@ -64,9 +64,9 @@ def room_among(
     """What there was before, or less: what bodies that lie in one run of cells leave to body i."""
     room = before
     for start in range(members[0], members[1], LANES):
-        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
+        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbors)
         while found != 0:
-            j = crowd.neighbours.bodies.body[start + lowest_bit(found)]
+            j = crowd.neighbors.bodies.body[start + lowest_bit(found)]
             found = found & (found - 1)
             if j != i:
                 room = room_beside(room, i, at, j, crowd, widest)
@@ -80,7 +80,7 @@ def room_inside(before: float, i: int, at: wp.vec2, crowd: Crowd):
     outlines = crowd.outlines
     for side in range(4):
         depth, _n, _lever = wall_contact(
-            i, outlines.first_corner[i], side, at, outlines, crowd.neighbours.grid.space.size
+            i, outlines.first_corner[i], side, at, outlines, crowd.neighbors.grid.space.size
         )
         room = wp.min(room, wp.max(-depth, 0.0))
     return room
@@ -103,11 +103,11 @@ def find_room(
         reach = crowd.outlines.reach[i] + own
         if crowd.inset != 0:
             left = room_inside(left, i, at, crowd)
-        grid = crowd.neighbours.grid
+        grid = crowd.neighbors.grid
         for m in range(grid.level_count):
-            around = cells_around(at, reach + grid.reach[m], m, crowd.neighbours)
+            around = cells_around(at, reach + grid.reach[m], m, crowd.neighbors)
             for run in range(run_count(around)):
-                members = bodies_of_run(run, around, crowd.neighbours)
+                members = bodies_of_run(run, around, crowd.neighbors)
                 left = room_among(left, i, at, reach, members, crowd, widest)
     room[i] = left
 

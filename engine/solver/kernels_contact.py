@@ -5,12 +5,12 @@ from __future__ import annotations
 import warp as wp
 
 from ..space.kernels_images import Images
-from ..space.kernels_neighbourhood import (
+from ..space.kernels_neighborhood import (
     LANES,
     SAFELY,
     ContactGrid,
     Footprints,
-    Neighbours,
+    Neighbors,
     Sorted,
     bodies_of_run,
     cells_around,
@@ -127,22 +127,22 @@ def add_pushes_of_run(
     own: Capsule,
     members: wp.vec2i,
     pose: wp.array(dtype=wp.vec4),
-    neighbours: Neighbours,
+    neighbors: Neighbors,
     slack: float,
 ):
     """What pushes body ``i`` so far (shift, turn, and how many do), and what the bodies of a run of cells add to it."""
     result = wp.vec4(total[0], total[1], total[2], total[3])
-    near = neighbours.bodies
-    footprints = neighbours.footprints
+    near = neighbors.bodies
+    footprints = neighbors.footprints
     for start in range(members[0], members[1], LANES):
-        found = next_near(at, own.half + own.radius, (1.0 + slack) * SAFELY, start, members[1], neighbours)
+        found = next_near(at, own.half + own.radius, (1.0 + slack) * SAFELY, start, members[1], neighbors)
         while found != 0:
             s = start + lowest_bit(found)
             found = found & (found - 1)
             j = near.body[s]
             if j != i:
                 other = pose[j]
-                between = difference(at, wp.vec2(other[0], other[1]), neighbours.grid.space)
+                between = difference(at, wp.vec2(other[0], other[1]), neighbors.grid.space)
                 wanted = (own.radius + footprints.radius[j]) * (1.0 + slack)
                 if wp.length(between) < own.half + 0.5 * other[3] + wanted:
                     second = capsule(near.half_axis[s], 0.5 * other[3], footprints.radius[j], footprints.mass[j])
@@ -247,7 +247,7 @@ def push_discs(
 def push_apart(
     first: int,
     pose: wp.array(dtype=wp.vec4),
-    neighbours: Neighbours,
+    neighbors: Neighbors,
     slack: float,
     damping: float,
     body_count: int,
@@ -261,23 +261,23 @@ def push_apart(
     ``slack`` is how much farther than touching, as a share of the radii, bodies are pushed. An element is ``at_once`` bodies: where
     all are ``discs``, in the order of their cells.
     """
-    near = neighbours.bodies
-    footprints = neighbours.footprints
+    near = neighbors.bodies
+    footprints = neighbors.footprints
     block = (first + wp.tid()) * at_once
     if discs != 0:
         end = wp.min(block + at_once, body_count)
-        push_discs(block, end, near, footprints, neighbours.cell_start, neighbours.grid, slack, damping, push_of_body)
+        push_discs(block, end, near, footprints, neighbors.cell_start, neighbors.grid, slack, damping, push_of_body)
         return
     for i in range(block, wp.min(block + at_once, body_count)):
         at = wp.vec2(pose[i][0], pose[i][1])
         own = capsule(near.half_axis[near.place[i]], 0.5 * pose[i][3], footprints.radius[i], footprints.mass[i])
         total = wp.vec4(0.0, 0.0, 0.0, 0.0)
-        for m in range(neighbours.grid.level_count):
-            within = (own.half + own.radius + neighbours.grid.reach[m]) * (1.0 + slack)
-            around = cells_around(at, within, m, neighbours)
+        for m in range(neighbors.grid.level_count):
+            within = (own.half + own.radius + neighbors.grid.reach[m]) * (1.0 + slack)
+            around = cells_around(at, within, m, neighbors)
             for run in range(run_count(around)):
-                members = bodies_of_run(run, around, neighbours)
-                total = add_pushes_of_run(total, i, at, own, members, pose, neighbours, slack)
+                members = bodies_of_run(run, around, neighbors)
+                total = add_pushes_of_run(total, i, at, own, members, pose, neighbors, slack)
         scale = scale_of_pushes(total[3], damping)
         push_of_body[i] = wp.vec4(total[0] * scale, total[1] * scale, total[2] * scale, total[3])
 
@@ -290,7 +290,7 @@ def accept_push(
     bend: wp.array(dtype=float),
     images: Images,
     # outputs
-    neighbours: Neighbours,
+    neighbors: Neighbors,
     pose: wp.array(dtype=wp.vec4),
     displacement: wp.array(dtype=wp.vec4),
 ):
@@ -299,7 +299,7 @@ def accept_push(
     push = push_of_body[i]
     if push[3] == 0.0 or (bodies.flags[i] & PINNED) != 0:
         return
-    space = neighbours.grid.space
+    space = neighbors.grid.space
     old = pose[i]
     new = old
     k = bodies.support[i]
@@ -325,4 +325,4 @@ def accept_push(
     way = difference(wp.vec2(old[0], old[1]), wp.vec2(new[0], new[1]), space)
     displacement[i] = displacement[i] + wp.vec4(way[0], way[1], new[2] - old[2], new[3] - old[3])
     pose[i] = new
-    set_sorted(neighbours.bodies.place[i], new, neighbours.footprints.radius[i], neighbours.bodies)
+    set_sorted(neighbors.bodies.place[i], new, neighbors.footprints.radius[i], neighbors.bodies)

@@ -106,15 +106,15 @@ class Motion:
 
 @wp.struct
 class Axis:
-    """A line: its charges, centre, unit vectors along and across, and length.
+    """A line: its charges, center, unit vectors along and across, and length.
 
-    And what its forces are weighed by: index of its group's first step length, node nearest to the centre, and the share of the moves
+    And what its forces are weighed by: index of its group's first step length, node nearest to the center, and the share of the moves
     that is weighed against its preferences.
     """
 
     begin: int
     end: int
-    centre: wp.vec2
+    center: wp.vec2
     along: wp.vec2
     across: wp.vec2
     length: float
@@ -147,7 +147,7 @@ def charge_at(pose: wp.vec4, axial: float, bend: float):
 def nearest_vector(
     position: wp.vec2, vectors: wp.array(dtype=wp.vec2), start: int, height: int, width: int, domain: wp.vec2
 ):
-    """Image of vectors, interpolated bilinearly between the centres of its pixels."""
+    """Image of vectors, interpolated bilinearly between the centers of its pixels."""
     u = wp.clamp(position[0] / domain[0] * float(width) - 0.5, 0.0, float(width - 1))
     v = wp.clamp((1.0 - position[1] / domain[1]) * float(height) - 0.5, 0.0, float(height - 1))
     left = wp.clamp(int(u), 0, width - 1)
@@ -282,12 +282,12 @@ def axis_of(i: int, pose: wp.vec4, bodies: Bodies, steps: Steps):
     axis = Axis()
     axis.begin = bodies.first_charge[i]
     axis.end = bodies.first_charge[i + 1]
-    axis.centre = wp.vec2(pose[0], pose[1])
+    axis.center = wp.vec2(pose[0], pose[1])
     axis.along = wp.vec2(wp.cos(pose[2]), wp.sin(pose[2]))
     axis.across = wp.vec2(-axis.along[1], axis.along[0])
     axis.length = pose[3]
     axis.first_step = first_step(bodies.group[i], steps)
-    axis.node = nearest_node(axis.centre, steps.mesh)
+    axis.node = nearest_node(axis.center, steps.mesh)
     # Lines much longer than their spacing lie side by side, nearer than the mean density tells, and so the energy is steeper.
     axis.share = WEIGHING_SHARE / (1.0 + SIDE_BY_SIDE * 0.5 * axis.length / steps.limit[axis.node])
     return axis
@@ -318,18 +318,18 @@ def fit_rigid_move(axis: Axis, charges: Charges, bodies: Bodies, steps: Steps):
 
 
 @wp.func
-def preferred_length_at(centre: wp.vec2, kind: int, lines: Lines, space: Space):
-    """The length that a kind of line prefers at ``centre``."""
+def preferred_length_at(center: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The length that a kind of line prefers at ``center``."""
     return lines.length[
-        pixel_at(centre, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
+        pixel_at(center, lines.length_start[kind], lines.length_height[kind], lines.length_width[kind], space.size)
     ]
 
 
 @wp.func
-def preferred_direction_at(centre: wp.vec2, kind: int, lines: Lines, space: Space):
-    """The direction that a kind of line prefers at ``centre``: (cos 2a, sin 2a) times its weight."""
+def preferred_direction_at(center: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The direction that a kind of line prefers at ``center``: (cos 2a, sin 2a) times its weight."""
     return nearest_vector(
-        centre,
+        center,
         lines.direction,
         lines.direction_start[kind],
         lines.direction_height[kind],
@@ -351,7 +351,7 @@ def weigh_turn(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, l
     """The turn that the forces and the preferred direction ask for together."""
     lever = wp.max(0.5 * axis.length, SHORTEST_LEVER * preferred_length)
     turn = lines.turn_by_force[kind] * fit.torque / (fit.inertia * lever)
-    preferred = preferred_direction_at(axis.centre, kind, lines, space)
+    preferred = preferred_direction_at(axis.center, kind, lines, space)
     weight = wp.length(preferred)
     if weight > 0.0:
         turn += lines.turn_by_preference[kind] * weight * angle_between(axis.along, preferred)
@@ -418,7 +418,7 @@ def propose_lines(
     axis = axis_of(i, pose[i], bodies, steps)
     limit = steps.limit[axis.node]
     fit = fit_rigid_move(axis, charges, bodies, steps)
-    preferred_length = preferred_length_at(axis.centre, kind, lines, space)
+    preferred_length = preferred_length_at(axis.center, kind, lines, space)
     shift = limited(fit.shift, limit)
     turn = weigh_turn(kind, axis, fit, preferred_length, lines, space)
     stretch = weigh_stretch(kind, axis, fit, preferred_length, lines)
@@ -472,11 +472,11 @@ def move_lines(
     k = bodies.support[i]
     begin = bodies.first_charge[i]
     end = bodies.first_charge[i + 1]
-    centre = wp.vec2(old[0], old[1])
+    center = wp.vec2(old[0], old[1])
     d = move_of(i, direction, motion)
-    shift = limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(centre, steps.mesh)])
+    shift = limited(wp.vec2(d[0], d[1]), steps.limit[nearest_node(center, steps.mesh)])
     turn = wp.clamp(d[2], -LARGEST_TURN, LARGEST_TURN)
-    preferred_length = preferred_length_at(centre, kind, lines, space)
+    preferred_length = preferred_length_at(center, kind, lines, space)
     length = wp.clamp(old[3] + d[3], SHORTEST_LINE * preferred_length, LONGEST_LINE * preferred_length)
     wanted = wp.vec4(old[0] + shift[0], old[1] + shift[1], old[2] + turn, length)
     line = confine_line(old, wanted, begin, end, bodies, bend, k, images, space)
@@ -485,9 +485,9 @@ def move_lines(
             # The old pose with a new bend: straight, a line always fits where it stood.
             for j in range(begin, end):
                 bend[j] = 0.0
-    new_centre = confine(wp.vec2(line[0], line[1]), space)
-    moved = difference(centre, new_centre, space)
-    pose[i] = wp.vec4(new_centre[0], new_centre[1], line[2], line[3])
+    new_center = confine(wp.vec2(line[0], line[1]), space)
+    moved = difference(center, new_center, space)
+    pose[i] = wp.vec4(new_center[0], new_center[1], line[2], line[3])
     motion.displacement[i] = wp.vec4(moved[0], moved[1], line[2] - old[2], line[3] - old[3])
 
 

@@ -40,7 +40,7 @@ LARGEST_SHARE = wp.constant(2.0)
 SMALLEST_COSINE = wp.constant(1.0e-3)
 # Charges that repel one another compress lines. The preferred length is raised until the mean length reached is the one asked for, by
 # this share of what is missing at each step (slower than lines follow it, or it would swing), once they are this far grown. Lines far
-# shorter than the way to their neighbours, as those of a rare class are, are stretched by their own charges; the stronger the pull
+# shorter than the way to their neighbors, as those of a rare class are, are stretched by their own charges; the stronger the pull
 # that this takes, which may be one to less than no length, the faster they follow.
 LENGTH_GAIN = wp.constant(0.05)
 LARGEST_FACTOR = wp.constant(3.0)

@@ -29,7 +29,7 @@ class Ground:
     """The surface for the descent.
 
     Facets; the home node of every tile; on which tiles bodies of a class may be, class after class; and for every node how far bodies
-    may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, centre and radius,
+    may move in a step and, group after group, the inverse of the energy's curvature. Balls that bodies keep out of, center and radius,
     and by how much more every body does.
     """
 

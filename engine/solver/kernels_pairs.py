@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_neighbourhood import (
+from ..space.kernels_neighborhood import (
     LANES,
     SAFELY,
-    Neighbours,
+    Neighbors,
     bodies_of_run,
     cells_around,
     lowest_bit,
@@ -46,14 +46,14 @@ class Pairs:
 
 @wp.struct
 class Crowd:
-    """Bodies whose outlines are parted: where they are, in spatial order, their outlines, and what finds neighbours.
+    """Bodies whose outlines are parted: where they are, in spatial order, their outlines, and what finds neighbors.
 
     How many periods away, along x and y, images of a body can still be near; and whether they are to stay inside the edges.
     """
 
     place: wp.array(dtype=wp.vec4)
     outlines: Outlines
-    neighbours: Neighbours
+    neighbors: Neighbors
     images: wp.vec2i
     inset: wp.int32
 
@@ -69,7 +69,7 @@ def begin_list(
     """Bring bodies back into a periodic domain, and note where they are when pairs are listed."""
     i = first + wp.tid()
     own = crowd.place[i]
-    p = confine(wp.vec2(own[0], own[1]), crowd.neighbours.grid.space)
+    p = confine(wp.vec2(own[0], own[1]), crowd.neighbors.grid.space)
     crowd.place[i] = wp.vec4(p[0], p[1], own[2], 0.0)
     built[i] = crowd.place[i]
     if i == 0:
@@ -98,7 +98,7 @@ def pairs_with(before: int, room: int, i: int, j: int, crowd: Crowd, fill: int, 
     """How many pairs body i has with those before and with the images of body j that are near; with notes where they are filled in."""
     count = before
     outlines = crowd.outlines
-    space = crowd.neighbours.grid.space
+    space = crowd.neighbors.grid.space
     own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
     other = wp.vec2(crowd.place[j][0], crowd.place[j][1])
     short = difference(own, other, space)
@@ -131,11 +131,11 @@ def pairs_of_run(
     own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
     reach = outlines.reach[i] + outlines.skin[i]
     for start in range(members[0], members[1], LANES):
-        found = next_near(own, reach, SAFELY, start, members[1], crowd.neighbours)
+        found = next_near(own, reach, SAFELY, start, members[1], crowd.neighbors)
         while found != 0:
             s = start + lowest_bit(found)
             found = found & (found - 1)
-            j = crowd.neighbours.bodies.body[s]
+            j = crowd.neighbors.bodies.body[s]
             if (smaller or j > i) and count < room and outlines.lightness[i] + outlines.lightness[j] > 0.0:
                 count = pairs_with(count, room, i, j, crowd, fill, pairs)
     return count
@@ -155,18 +155,18 @@ def find_pairs(
     Of two bodies of a level the one with the smaller number has the pair, else the smaller one of the two.
     """
     i = first + wp.tid()
-    neighbours = crowd.neighbours
+    neighbors = crowd.neighbors
     at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
-    own_level = neighbours.footprints.level[i]
+    own_level = neighbors.footprints.level[i]
     reach = crowd.outlines.reach[i] + crowd.outlines.skin[i]
     count = int(0)
     room = most
     if fill != 0:
         room = pairs.start[i + 1] - pairs.start[i]
     for m in range(own_level + 1):
-        around = cells_around(at, reach + neighbours.grid.reach[m], m, neighbours)
+        around = cells_around(at, reach + neighbors.grid.reach[m], m, neighbors)
         for run in range(run_count(around)):
-            members = bodies_of_run(run, around, neighbours)
+            members = bodies_of_run(run, around, neighbors)
             if count < room:
                 count = pairs_of_run(count, room, i, m < own_level, members, crowd, fill, pairs)
     pairs.count[i] = count

@@ -52,7 +52,7 @@ def find_pushes(
         j = pairs.second[p]
         note = pairs.note[p]
         other = crowd.place[j]
-        image = image_of(note, crowd.neighbours.grid.space.size)
+        image = image_of(note, crowd.neighbors.grid.space.size)
         d = wp.vec2(other[0] - own[0] + image[0], other[1] - own[1] + image[1])
         narrower = wp.min(width, outlines.width[j])
         slack = slack_share * narrower
@@ -240,7 +240,7 @@ def move_apart(
     """Move every body as its contacts, its momentum and the pull to where it came from ask for."""
     i = first + wp.tid()
     outlines = crowd.outlines
-    space = crowd.neighbours.grid.space
+    space = crowd.neighbors.grid.space
     lightness = outlines.lightness[i]
     if lightness == 0.0:
         return
@@ -301,7 +301,7 @@ def measure_overlaps(
         squares += depth * depth
     if crowd.inset != 0:
         outlines = crowd.outlines
-        size = crowd.neighbours.grid.space.size
+        size = crowd.neighbors.grid.space.size
         p = wp.vec2(crowd.place[i][0], crowd.place[i][1])
         for side in range(4):
             depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, p, outlines, size)

@@ -143,13 +143,13 @@ def place_bodies(
             if in_support(position, k, images, domain):
                 inside = 1
     if inside == 0:
-        # The vector leads from one pixel's centre to another's.
+        # The vector leads from one pixel's center to another's.
         pixel = density_pixel(position, k, images, domain)
         height = images.height[k]
         width = images.width[k]
         index = pixel - images.start[k]
         size = wp.cw_div(domain, wp.vec2(float(width), float(height)))
-        centre = wp.cw_mul(size, wp.vec2(float(index % width) + 0.5, float(height - 1 - index / width) + 0.5))
+        center = wp.cw_mul(size, wp.vec2(float(index % width) + 0.5, float(height - 1 - index / width) + 0.5))
         within = wp.vec2(wp.randf(state) - 0.5, wp.randf(state) - 0.5)
-        position = centre + images.to_support[pixel] + 0.98 * wp.cw_mul(size, within)
+        position = center + images.to_support[pixel] + 0.98 * wp.cw_mul(size, within)
     pose[i] = wp.vec4(position[0], position[1], 0.0, 0.0)

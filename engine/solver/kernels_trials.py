@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_neighbourhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
+from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import confine, difference
 from .kernels_outlines import Outlines, apart, turned_corner, wall_contact
 from .kernels_pairs import Crowd
@@ -38,7 +38,7 @@ def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: C
     """What there was before, and the squared overlaps that body i would have at a place with body j and its images."""
     total = before
     outlines = crowd.outlines
-    space = crowd.neighbours.grid.space
+    space = crowd.neighbors.grid.space
     short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j]
     for y in range(-crowd.images[1], crowd.images[1] + 1):
@@ -60,11 +60,11 @@ def cost_with_run(
     total = before
     reach = crowd.outlines.reach[i]
     for start in range(members[0], members[1], LANES):
-        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbours)
+        found = next_near(at, reach, SAFELY, start, members[1], crowd.neighbors)
         while found != 0 and total < most:
             s = start + lowest_bit(found)
             found = found & (found - 1)
-            j = crowd.neighbours.bodies.body[s]
+            j = crowd.neighbors.bodies.body[s]
             if j != i and j != without:
                 total = cost_with(total, i, corners, at, j, crowd)
     return total
@@ -77,15 +77,15 @@ def cost_of_place(i: int, corners: int, without: int, at: wp.vec2, most: float, 
     ``corners`` is the first of its corners: as it is turned, or as it might be.
     """
     total = float(0.0)
-    neighbours = crowd.neighbours
+    neighbors = crowd.neighbors
     reach = crowd.outlines.reach[i]
     if crowd.inset != 0:
-        total = cost_of_walls(i, corners, at, crowd.outlines, neighbours.grid.space.size)
-    for m in range(neighbours.grid.level_count):
-        around = cells_around(at, reach + neighbours.grid.reach[m], m, neighbours)
+        total = cost_of_walls(i, corners, at, crowd.outlines, neighbors.grid.space.size)
+    for m in range(neighbors.grid.level_count):
+        around = cells_around(at, reach + neighbors.grid.reach[m], m, neighbors)
         for run in range(run_count(around)):
             if total < most:
-                members = bodies_of_run(run, around, neighbours)
+                members = bodies_of_run(run, around, neighbors)
                 total = cost_with_run(total, i, corners, without, at, most, members, crowd)
     return total
 
@@ -93,7 +93,7 @@ def cost_of_place(i: int, corners: int, without: int, at: wp.vec2, most: float, 
 @wp.func
 def left_by_swap(i: int, j: int, most: float, crowd: Crowd):
     """Squared overlaps of two bodies that have traded places; ``most`` or more where they are more."""
-    space = crowd.neighbours.grid.space
+    space = crowd.neighbors.grid.space
     own = confine(wp.vec2(crowd.place[i][0], crowd.place[i][1]), space)
     there = confine(wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
     after = cost_of_place(i, crowd.outlines.first_corner[i], j, there, most, crowd)
@@ -131,7 +131,7 @@ def propose_swaps(
             j = bins.member[wp.randi(state, begin, end)]
             there = wp.vec2(crowd.place[j][0], crowd.place[j][1])
             apart_by = outlines.reach[i] + outlines.reach[j]
-            d = difference(own, there, crowd.neighbours.grid.space)
+            d = difference(own, there, crowd.neighbors.grid.space)
             if j != i and wp.length_sq(d) > 4.0 * apart_by * apart_by:
                 before = cost[i] + cost[j]
                 # As much may be left at most.
@@ -208,11 +208,11 @@ def gains_most(i: int, at: wp.vec2, members: wp.vec2i, gain: wp.array(dtype=floa
     """Whether none of the bodies of a run of cells that may touch body i gains more than it does, or as much with a smaller number."""
     best = bool(True)
     for start in range(members[0], members[1], LANES):
-        found = next_near(at, crowd.outlines.reach[i], SAFELY, start, members[1], crowd.neighbours)
+        found = next_near(at, crowd.outlines.reach[i], SAFELY, start, members[1], crowd.neighbors)
         while found != 0 and best:
             s = start + lowest_bit(found)
             found = found & (found - 1)
-            j = crowd.neighbours.bodies.body[s]
+            j = crowd.neighbors.bodies.body[s]
             if gain[j] > gain[i] or (gain[j] == gain[i] and j < i):
                 best = False
     return best
@@ -229,16 +229,16 @@ def accept_turns(
 ):
     """Turn those that gain more than all others within reach: of two that may touch only one turns at a time."""
     i = first + wp.tid()
-    neighbours = crowd.neighbours
+    neighbors = crowd.neighbors
     own = crowd.place[i]
     reach = crowd.outlines.reach[i]
     at = wp.vec2(own[0], own[1])
     best = gain[i] > 0.0
-    for m in range(neighbours.grid.level_count):
-        around = cells_around(at, reach + neighbours.grid.reach[m], m, neighbours)
+    for m in range(neighbors.grid.level_count):
+        around = cells_around(at, reach + neighbors.grid.reach[m], m, neighbors)
         for run in range(run_count(around)):
             if best:
-                best = gains_most(i, at, bodies_of_run(run, around, neighbours), gain, crowd)
+                best = gains_most(i, at, bodies_of_run(run, around, neighbors), gain, crowd)
     turned[i] = int(best)
     if best:
         crowd.place[i] = wp.vec4(own[0], own[1], angle[i], own[3])

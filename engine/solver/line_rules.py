@@ -80,13 +80,13 @@ class LineRules:
         rng = np.random.default_rng([model.problem.seed, 3])
         for kind in range(self.kind_count):
             own = np.flatnonzero(model.body.kind == kind)
-            metres = position[own].astype(np.float64) * model.unit
+            meters = position[own].astype(np.float64) * model.unit
             angle = rng.uniform(0.0, math.pi, len(own))
-            preferred = _at(self._directions[kind], metres, size)
+            preferred = _at(self._directions[kind], meters, size)
             led = (preferred**2).sum(axis=1) > 0.0
             angle[led] = 0.5 * np.arctan2(preferred[led, 1], preferred[led, 0])
             result[own, 0] = angle
-            result[own, 1] = share * _at(self._lengths[kind], metres, size) / model.unit
+            result[own, 1] = share * _at(self._lengths[kind], meters, size) / model.unit
         return result
 
     def fixed_angle_and_length(self) -> np.ndarray:

@@ -75,7 +75,7 @@ class Model:
     Args:
         problem: What is to be placed.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; None where nothing is special about any.
-        unit: Metres per unit of length; None for that in which charges have a mean number density of 1.
+        unit: Meters per unit of length; None for that in which charges have a mean number density of 1.
         groups: Groups of the bodies, where they are some of a larger problem's; None for those of this one.
 
     Attributes:
@@ -88,7 +88,7 @@ class Model:
         kinds: The kinds of lines among them.
         fixed: Whether each body is a fixed one of the problem, shape ``[n]``, bool.
         supports: Images that are above zero where bodies may be.
-        unit: Metres per unit of length of the solver; charges have a mean number density of about 1 in it, on a surface the mean over
+        unit: Meters per unit of length of the solver; charges have a mean number density of about 1 in it, on a surface the mean over
             all bodies of the density that each sees.
         size: Extent of the rectangle in units; 0 on a surface.
     """

@@ -15,11 +15,11 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, Recording
 from ..problem.cover import cover_of
 from ..space import kernels_images
 from ..space.cell_sort import CellSort
-from ..space.neighbourhood import Neighbourhood
+from ..space.neighborhood import Neighborhood
 from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
 from .body_flags import BodyFlags
 from .footprint_tables import FootprintTables, footprint_tables, numbered
@@ -151,7 +151,7 @@ class Separation:
         angle = np.where(self._is_line, given[:, 2], start_turn)
         offset = np.where(self._is_line, start_turn, 0.0)
         reach, skin = tables.reach / unit, SKIN * np.sqrt(tables.area) / unit
-        self._near = Neighbourhood(launcher, model.space, reach + skin, np.zeros(n), np.ones(n))
+        self._near = Neighborhood(launcher, model.space, reach + skin, np.zeros(n), np.ones(n))
         order = spatial_order(launcher, pose, model.space.size)
         self._order = order
         self._near.footprints.radius.assign((reach + skin)[order].astype(np.float32))
@@ -178,7 +178,7 @@ class Separation:
         self._prepare_bins(tables, is_round, pinned)
         self._make_arrays(given, angle)
         self._crowd = kernels_pairs.Crowd()
-        self._crowd.place, self._crowd.outlines, self._crowd.neighbours = (
+        self._crowd.place, self._crowd.outlines, self._crowd.neighbors = (
             self._place,
             self._outlines,
             self._near.for_kernels,
@@ -315,14 +315,14 @@ class Separation:
         launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
         # Bodies as they lie in space; those that are bent are looked for as far as they reach.
         reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
-        near = Neighbourhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
         # Cells know only places inside of a periodic domain.
         launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
         near.sort(self._place)
         crowd = kernels_pairs.Crowd()
-        crowd.place, crowd.outlines, crowd.neighbours = self._place, self._outlines, near.for_kernels
+        crowd.place, crowd.outlines, crowd.neighbors = self._place, self._outlines, near.for_kernels
         crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
-        launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBOURS)
+        launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
         launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:
@@ -425,7 +425,7 @@ class Separation:
         self._turn_corners()
         near.sort(self._place)
         search = [self._crowd, max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n))]
-        launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBORS)
         start = np.zeros(n + 1, np.int64)
         np.cumsum(pairs.count.numpy(), out=start[1:])
         slots = max(int(start[-1]), 1)
@@ -438,7 +438,7 @@ class Separation:
             pairs.second_start, pairs.second_slot = self._seconds.cell_start, self._seconds.order
             self._forget()
         pairs.start.assign(start.astype(np.int32))
-        launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBOURS)
+        launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBORS)
         self._seconds.sort(kernels_pairs.second_keys, [pairs.start, pairs, n])
         if self._one_round is None:
             self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
@@ -462,7 +462,7 @@ class Separation:
             self._count,
             [self._crowd, self._settings],
             [self._pairs],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
 
     def _launch_move(self) -> None:
@@ -471,7 +471,7 @@ class Separation:
             self._count,
             [self._pairs, self._bodies, self._bend, self._images, self._settings],
             [self._crowd, self._moves],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
             per_thread=True,
         )
 
@@ -498,7 +498,7 @@ class Separation:
             self._count,
             [self._crowd, self._pairs, TOLERANCE],
             [self._deep, self._touching, self._cost],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         deep, touching = (int(array.numpy().sum(dtype=np.int64)) for array in (self._deep, self._touching))
         return deep, touching, float(self._cost.numpy().sum(dtype=np.float64))
@@ -558,7 +558,7 @@ class Separation:
         self._near.sort(self._place)
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
-            launcher.launch(kernels_trials.find_costs, n, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBOURS)
+            launcher.launch(kernels_trials.find_costs, n, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)
             launcher.launch(
                 kernels_trials.propose_turns,
                 n,
@@ -578,7 +578,7 @@ class Separation:
                 n,
                 [angle, gain],
                 [self._crowd, turned],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
             self._turn_corners()
             if int(turned.numpy().sum()) < LEAST_SWAPS * n:

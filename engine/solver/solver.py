@@ -19,7 +19,7 @@ from ..problem.surface import Surface
 from .carried_over import CarriedOver
 from .descent import Descent
 from .edit import carry_lines, carry_over
-from .final_placement import placement_of, position_in_metres
+from .final_placement import facing_turns, placement_of, position_in_meters
 from .memory import check_memory
 from .model import Model
 from .spread import spread
@@ -46,6 +46,10 @@ EDIT_STEPS = 5
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
 STEPS_UNWATCHED = 10
+# Outlines that look at a point may look past it by this much [rad], 2 degrees, before they are turned and parted again, so many times
+# at most: in crowds one body or the other is always moved far, and trading places is what makes room.
+LOOKS_AWAY = 0.035
+MOST_FACINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +199,7 @@ class Solver:
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         old = before_edit.state
         pose = old.pose.numpy().astype(np.float64)
-        position = position_in_metres(before, old)
+        position = position_in_meters(before, old)
         carried = carry_over(before, position, model, self._next_identity, self._spread)
         model.carry(before, carried)
         start = np.full((model.body_count, 4), np.nan)
@@ -346,14 +350,38 @@ class Solver:
                 return True
             with self.launcher.phase("contact"):
                 return self.descent.separate(go_on)
+        self._face(0.0)
         contact = self.descent.contact
         if contact is None or not self.model.problem.avoid_overlap:
             return True
         state = self.descent.state
         with self.launcher.phase("contact"):
             parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
+            for _ in range(MOST_FACINGS):
+                # Who was parted looks from elsewhere now.
+                if not self._face(LOOKS_AWAY) or (go_on is not None and not go_on()):
+                    break
+                parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=True, guided=False)
             self.descent.place_charges()
         return parted
+
+    def _face(self, past: float) -> bool:
+        """Turn outlines that look past the point of their class by more than this [rad]; tell whether there were any.
+
+        They keep these turns while they are parted.
+        """
+        model, descent = self.model, self.descent
+        assert isinstance(descent, Descent)
+        looking = np.array([c.look_at is not None for c in model.problem.classes])[model.body.class_index]
+        looking &= model.footprints.is_outline & (model.body.kind < 0) & ~model.fixed
+        if not looking.any():
+            return False
+        turn = descent.state.turn.numpy().copy()
+        wanted = facing_turns(model, position_in_meters(model, descent.state))
+        away = looking & (np.abs(np.mod(wanted - turn + math.pi, 2.0 * math.pi) - math.pi) > past)
+        turn[away] = wanted[away]
+        descent.state.turn.assign(turn)
+        return bool(away.any())
 
     def placement(self) -> Placement:
         """The bodies where they are now; its report is empty.
@@ -391,7 +419,7 @@ class Solver:
     def _position(self) -> np.ndarray:
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
-        return position_in_metres(self.model, self.descent.state)
+        return position_in_meters(self.model, self.descent.state)
 
 
 def _charges_per_body(model: Model) -> np.ndarray:

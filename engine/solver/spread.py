@@ -13,7 +13,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
 from .descent import Descent
-from .final_placement import position_in_metres
+from .final_placement import position_in_meters
 from .model import Model
 
 __all__ = ["spread"]
@@ -47,7 +47,7 @@ def spread(
     descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
     if model.body_count > 1:
         descent.step.play(STEPS)
-    position = position_in_metres(model, descent.state)
+    position = position_in_meters(model, descent.state)
     launcher.release(descent.step)
     for place, i in enumerate(asked):
         result[i] = position[model.body.class_index == place]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Recording
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, Recording
 from ..problem.body_kind import radius_of
 from ..space.cell_sort import CellSort
 from . import kernels_descent, kernels_on_surface, kernels_surface_contact
@@ -145,7 +145,7 @@ class SurfaceContact:
             n,
             [self._poses, self._position, self._slots, self._footprints, ground, SLACK, DAMPING],
             [self._pushes],
-            grain=GRAIN_OF_NEIGHBOURS,
+            grain=GRAIN_OF_NEIGHBORS,
         )
         self._launcher.launch(
             kernels_surface_contact.accept_push,

@@ -15,7 +15,7 @@ import warp as wp
 
 from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
-from ..device.launcher import GRAIN_OF_NEIGHBOURS, Launcher, Until
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, Until
 from ..errors import ProblemError
 from ..problem.surface import Surface
 from ..surface import kernels_facets
@@ -168,7 +168,7 @@ class SurfaceDescent:
                 n,
                 [self._poses, self.bodies, self.ground],
                 [self.charges],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
 
     def _propose(self) -> None:
@@ -209,7 +209,7 @@ class SurfaceDescent:
                 n,
                 [self.direction, self.bodies, self.ground],
                 [self._motion, self._poses, self.charges],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
         if self.rules.kind_count:
             self.launcher.launch(
@@ -217,7 +217,7 @@ class SurfaceDescent:
                 n,
                 [self.direction, self.bodies, self.rules.lines, self.ground],
                 [self._motion, self._poses],
-                grain=GRAIN_OF_NEIGHBOURS,
+                grain=GRAIN_OF_NEIGHBORS,
             )
             if self.contact is None:
                 self.place_charges()

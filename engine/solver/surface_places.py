@@ -138,7 +138,7 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
 
 
 def balls_of(model: Model, facets: Facets) -> np.ndarray:
-    """Return the balls that bodies keep out of, in units: centre and radius, shape ``[m, 4]``."""
+    """Return the balls that bodies keep out of, in units: center and radius, shape ``[m, 4]``."""
     found = [(*one.ball[:3], one.ball[3] + one.margin) for one in model.problem.obstacles if one.ball is not None]
     balls = np.array(found, dtype=np.float64).reshape(-1, 4)
     balls[:, :3] -= facets.middle

@@ -1,4 +1,4 @@
-"""Sorting what lies in cells, so that neighbours lie next to each other in memory."""
+"""Sorting what lies in cells, so that neighbors lie next to each other in memory."""
 
 from __future__ import annotations
 

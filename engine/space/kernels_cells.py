@@ -1,4 +1,4 @@
-"""Kernels that sort charges and bodies into cells, so that neighbours lie next to each other in memory (see :mod:`.cell_sort`)."""
+"""Kernels that sort charges and bodies into cells, so that neighbors lie next to each other in memory (see :mod:`.cell_sort`)."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ wp.set_module_options({"enable_backward": False})
 class Images:
     """Density images of all classes in one array, row 0 at the top: where each starts, its height and width.
 
-    A class's *support* is where its density is above zero. ``to_support`` leads from an empty pixel's centre to that of the nearest
+    A class's *support* is where its density is above zero. ``to_support`` leads from an empty pixel's center to that of the nearest
     in the support.
     """
 

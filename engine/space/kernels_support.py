@@ -28,9 +28,9 @@ def find_nearer_support(
         nearer[i] = i
         return
     least = float(1.0e30)
-    for neighbour in range(9):
-        r = row + (neighbour / 3 - 1) * jump
-        c = column + (neighbour % 3 - 1) * jump
+    for neighbor in range(9):
+        r = row + (neighbor / 3 - 1) * jump
+        c = column + (neighbor % 3 - 1) * jump
         candidate = int(-1)
         if r >= 0 and r < height and c >= 0 and c < width:
             candidate = nearest[r * width + c]
@@ -54,7 +54,7 @@ def find_vectors(
     # outputs
     vector: wp.array(dtype=wp.vec2),
 ):
-    """Vector from every pixel's centre to that of the nearest in the support: x to the right, y up."""
+    """Vector from every pixel's center to that of the nearest in the support: x to the right, y up."""
     i = first + wp.tid()
     row = i / width
     to = nearest[i] / width

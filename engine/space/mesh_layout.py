@@ -68,7 +68,7 @@ class MeshLayout:
 
         W² / (sum of W² over all aliases)², W = sinc⁴ per axis being the transform of the cubic B-spline (Hockney and
         Eastwood, equation 8-22, where the kernel itself has no aliases): a factor for every wave number along y, shape
-        ``[padded rows // 2 + 1]``, and along x. Divided by the number of elements, so that a pair of transforms is normalised.
+        ``[padded rows // 2 + 1]``, and along x. Divided by the number of elements, so that a pair of transforms is normalized.
         """
         return _window(self.padded[0]), _window(self.padded[1])
 

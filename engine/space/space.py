@@ -27,7 +27,7 @@ class Space:
 
     @classmethod
     def of(cls, domain: Domain, unit: float = 1.0) -> Space:
-        """The space of a domain, in a unit of so many metres. One with mirrors ends at them; only the field sees what lies behind."""
+        """The space of a domain, in a unit of so many meters. One with mirrors ends at them; only the field sees what lies behind."""
         return cls((domain.size[0] / unit, domain.size[1] / unit), domain.periodic)
 
     @property

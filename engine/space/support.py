@@ -48,7 +48,7 @@ def images_for_kernels(
 
 
 def vectors_to_support(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> wp.array:
-    """Return the vector from every pixel's centre to that of the nearest in the support, ``wp.vec2``, shape ``[height * width]``.
+    """Return the vector from every pixel's center to that of the nearest in the support, ``wp.vec2``, shape ``[height * width]``.
 
     By jump flooding (Rong and Tan, Jump Flooding in GPU, 2006): x to the right, y up; 0 in the support. Now and then a pixel is
     told of one that is not quite the nearest.

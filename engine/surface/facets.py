@@ -27,13 +27,13 @@ class Facets:
 
     Args:
         surface: The surface.
-        unit: Metres per unit.
+        unit: Meters per unit.
         label: Number for every triangle of the surface; those of one number come one after the other.
         open_side: Whether the surface ends at the side opposite of each corner of its triangles, shape ``[t, 3]``.
 
     Attributes:
         middle: Of the surface [m], shape ``[3]``.
-        unit: Metres per unit.
+        unit: Meters per unit.
         corner: Corners of every facet, shape ``[f, 3, 3]``, float64.
         triangle: Triangle of the surface that each is part of, shape ``[f]``.
         weight: Where its corners lie in that triangle, shape ``[f, 3, 3]``: weights of the triangle's corners for each.
@@ -76,7 +76,7 @@ class Facets:
 
     @property
     def corner_count(self) -> int:
-        """Number of corners of tiles; those of neighbouring facets are not shared."""
+        """Number of corners of tiles; those of neighboring facets are not shared."""
         return int(self.first_corner[-1])
 
     @property

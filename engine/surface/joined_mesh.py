@@ -99,7 +99,7 @@ def _stacked(values: Sequence[np.ndarray | None], count: Sequence[int]) -> np.nd
 
 
 def _joined_attribute(meshes: Sequence[TriangleMesh], name: str) -> tuple[str, np.ndarray]:
-    """Return an attribute on the face corners of all meshes, whatever it is stored on; numbers where some are no colours."""
+    """Return an attribute on the face corners of all meshes, whatever it is stored on; numbers where some are no colors."""
     found = [mesh.attribute.get(name) for mesh in meshes]
     known = [entry for entry in found if entry is not None]
     if not any(len(values) for _, values in known):

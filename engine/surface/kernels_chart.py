@@ -97,7 +97,7 @@ def find_nearest(
     hit = wp.mesh_query_point_no_sign(mesh, wp.vec3(query[i] - middle), reach)
     near_triangle[i] = mesh_triangle[hit.face]
     corner = triangle[near_triangle[i]]
-    # They must add up to 1 in float64: far from the world's origin, what float32 rounds off is millimetres.
+    # They must add up to 1 in float64: far from the world's origin, what float32 rounds off is millimeters.
     first_weight, second_weight = wp.float64(hit.u), wp.float64(hit.v)
     weight = wp.vec3d(first_weight, second_weight, wp.float64(1.0) - first_weight - second_weight)
     near_weight[i] = wp.vec3(weight)

@@ -32,7 +32,7 @@ def joined_parts(launcher: Launcher, surface: Surface, unit: float) -> tuple[np.
     Args:
         launcher: Where to run.
         surface: The surface.
-        unit: Metres per unit.
+        unit: Meters per unit.
 
     Returns:
         Label of every triangle, shape ``[t]``: parts of different labels do not see each other; and whether the surface ends at

@@ -85,7 +85,7 @@ class SurfacePoints:
         return self._blend(mesh.vertex_group[name][mesh.triangle[self.triangle]])
 
     def attribute(self, name: str, key: str) -> np.ndarray:
-        """Return the values of an attribute, colours by their luminance, shape ``[n]``."""
+        """Return the values of an attribute, colors by their luminance, shape ``[n]``."""
         mesh = self.view.mesh
         if name in mesh.unusable_attribute:
             raise ProblemError(f'{key}: attribute "{name}" of {mesh.name} {mesh.unusable_attribute[name]}')

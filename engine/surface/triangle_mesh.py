@@ -24,7 +24,7 @@ class TriangleMesh:
         uv_map: Name -> coordinates of the face corners, shape ``[c, 2]``.
         active_uv_map: Name of the active one; empty when there is none.
         vertex_group: Name -> weights, shape ``[v]``.
-        attribute: Name -> (domain, values of shape ``[n]`` or colours of shape ``[n, 4]``).
+        attribute: Name -> (domain, values of shape ``[n]`` or colors of shape ``[n, 4]``).
         unusable_attribute: Name -> why it is no density.
         first_vertex: Of every mesh that was joined, its first vertex, shape ``[m]``.
         first_face: And its first face.

@@ -78,7 +78,7 @@ class WholeSurface:
         return SampledDensity(np.asarray(values, np.float32), self._cuts, self._first)
 
     def pieces(self) -> np.ndarray:
-        """Return the small triangles between neighbours of :attr:`points`, shape ``[k, 3]``: they cover the surface."""
+        """Return the small triangles between neighbors of :attr:`points`, shape ``[k, 3]``: they cover the surface."""
         found = []
         for cuts in np.unique(self._cuts).tolist():
             own = np.flatnonzero(self._cuts == cuts)

@@ -43,7 +43,7 @@ class CoarseGrid:
         return self.size[0] / self.shape[1], self.size[1] / self.shape[0]
 
     def deposit(self, position: np.ndarray, group: np.ndarray, groups: int) -> Patch:
-        """Count bodies between the centres of cells, linearly.
+        """Count bodies between the centers of cells, linearly.
 
         Args:
             position: [m], shape ``[n, 2]``.

@@ -137,6 +137,8 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     if len(problem.fixed.id):
         raise ProblemError("`fixed` bodies must not be there for tiles; place them as `obstacle` discs")
     for c in problem.classes:
+        if c.look_at is not None:
+            raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
         if c.clustering > 0.0:
             raise ProblemError(f'`clustering` of class "{c.name}" must be 0 for tiles; got {c.clustering:g}')
         for size in c.sizes:

@@ -23,7 +23,7 @@ from ..problem.problem import Problem
 from ..problem.size import Size, with_count
 from ..solver.body_flags import BodyFlags
 from ..solver.descent import Descent
-from ..solver.final_placement import position_in_metres
+from ..solver.final_placement import position_in_meters
 from ..solver.initial_placement import first_pose
 from ..solver.line_rules import FIRST_LENGTH, LineRules
 from ..solver.model import Model
@@ -107,7 +107,7 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
     try:
         for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
             descent.step.play()
-        return identity, position_in_metres(model, descent.state)
+        return identity, position_in_meters(model, descent.state)
     finally:
         launcher.release(descent.step)
 
@@ -207,7 +207,7 @@ def relax(
         if part and descent.contact is not None:
             descent.contact.separate(state.pose, state.turn, state.bend)
         moved = state.pose.numpy().astype(np.float64)
-        position = _settled(plan, box, model, position_in_metres(model, state), ~pinned)
+        position = _settled(plan, box, model, position_in_meters(model, state), ~pinned)
     finally:
         launcher.release(descent.step)
     free = ~pinned
@@ -263,7 +263,7 @@ def _pixels(plan: Plan, box: Box) -> tuple[int, int]:
 
 
 def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstacle]:
-    """Obstacles that reach into a box or its neighbourhood, as seen from its corner."""
+    """Obstacles that reach into a box or its neighborhood, as seen from its corner."""
     reach = max(MARGIN * plan.fine, 2.0 * math.sqrt(float(plan.groups.mean_area.max())))
     result = []
     for obstacle in plan.problem.obstacles:
@@ -326,7 +326,7 @@ def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: 
     balance = Balance(size_emphasis=1.0)
 
     apart = plan.problem.avoid_overlap
-    # Where obstacles leave a size no room in this window with its footprints, their centres keep off them, or nothing does.
+    # Where obstacles leave a size no room in this window with its footprints, their centers keep off them, or nothing does.
     ways = [(apart, obstacles), (False, obstacles), (False, [])] if obstacles else [(apart, obstacles)]
     for keep_apart, kept_off in ways:
         try:

@@ -35,11 +35,11 @@ class Amount(Settings):
 
     per_area: float | None = field(
         default=None,
-        metadata=setting("Number for each square metre of surface", unit="1/m²", check=_check_amount),
+        metadata=setting("Number for each square meter of surface", unit="1/m²", check=_check_amount),
     )
     distance: float | None = field(
         default=None,
-        metadata=setting("Distance between neighbours in an even placement", unit="m", check=_check_amount),
+        metadata=setting("Distance between neighbors in an even placement", unit="m", check=_check_amount),
     )
     cover: float | None = field(
         default=None,

@@ -13,6 +13,7 @@ from ...engine.problem.body_class import BodyClass, ClassSettings, PlacingSettin
 from ...engine.problem.direction_field import density_directions
 from ...engine.problem.footprint import Footprints
 from ...engine.problem.line import Line
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.packing import packable_share, scale_to_fit
 from ...engine.problem.prepared_class import PreparedClass, PreparedDensity, count_sizes, prepare_density
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
@@ -139,8 +140,15 @@ class ClassesFromAbove:
             tuple(sizes),
             density,
             one.surface.notes,
-            **values_of(c, PlacingSettings),
+            **{**values_of(c, PlacingSettings), "look_at": self._looking(c)},
         )
+
+    def _looking(self, c: ScatterClass) -> LookAt | None:
+        """Return where a class looks, in the chart's rectangle."""
+        if c.look_at is None:
+            return None
+        x, y, z = c.look_at.point
+        return replace(c.look_at, point=(x - float(self._chart.origin[0]), y - float(self._chart.origin[1]), z))
 
     def _with_outlines(self, where: tuple[int, int], size: Size) -> Size:
         """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand.

@@ -1,4 +1,4 @@
-"""Classes from a colour image: one per ink, with its channel as density texture and a coloured disc to place."""
+"""Classes from a color image: one per ink, with its channel as density texture and a colored disc to place."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def add_ink_classes(
 
     Args:
         scatter: Settings that get the classes.
-        image: Colours, as stored.
+        image: Colors, as stored.
         model: A name in :data:`~esh.engine.problem.color_separation.MODELS`.
         dots: How many dots a black image would take, which says how large a dot is.
         chart: The surface of the target, seen from above, over which the image is stretched.
@@ -81,7 +81,7 @@ def _ink_area(channel: np.ndarray, chart: Chart) -> float:
 
 
 def _channel_image(name: str, channel: np.ndarray) -> bpy.types.Image:
-    """Return a packed image that holds a channel as grey."""
+    """Return a packed image that holds a channel as gray."""
     height, width = channel.shape
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
     pixels = np.ones((height, width, 4), np.float32)
@@ -93,7 +93,7 @@ def _channel_image(name: str, channel: np.ndarray) -> bpy.types.Image:
 
 
 def _disc(name: str, ink: Ink, area: float) -> bpy.types.Object:
-    """Return a disc of this area in the ink's colour, which is in no scene: only its instances show."""
+    """Return a disc of this area in the ink's color, which is in no scene: only its instances show."""
     angle = np.arange(CORNERS) * (2.0 * math.pi / CORNERS)
     # As large as the disc that the polygon stands for.
     radius = math.sqrt(area / (0.5 * CORNERS * math.sin(2.0 * math.pi / CORNERS)))

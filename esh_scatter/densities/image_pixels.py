@@ -88,12 +88,12 @@ def _channel_of(pixels: np.ndarray, channel: str, decoded: bool) -> np.ndarray:
         # As sRGB has it.
         colors = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4).astype(np.float32)
     if channels < 3:
-        grey = colors[..., 0]
+        gray = colors[..., 0]
     elif channel in _CHANNELS:
-        grey = colors[..., _CHANNELS.index(channel)]
+        gray = colors[..., _CHANNELS.index(channel)]
     else:
-        grey = luminance(colors)
-    return np.ascontiguousarray(grey * alpha)
+        gray = luminance(colors)
+    return np.ascontiguousarray(gray * alpha)
 
 
 def read_image(image: bpy.types.Image, key: str, whole: bool) -> StoredImage:

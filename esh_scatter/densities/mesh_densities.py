@@ -43,7 +43,7 @@ class VertexGroupDensity(DensitySource):
 @described
 @dataclass(frozen=True)
 class AttributeDensity(DensitySource):
-    """An attribute of the target's mesh, on points, faces or face corners: a number, a truth value or a colour."""
+    """An attribute of the target's mesh, on points, faces or face corners: a number, a truth value or a color."""
 
     name: str = field(metadata=setting("Name of the attribute", check=as_given))
     invert: bool = field(default=False, metadata=setting("Let white mean none and black mean many"))
@@ -54,7 +54,7 @@ class AttributeDensity(DensitySource):
         return f'attribute "{self.name}"'
 
     def values(self, reader: DensityReader, key: str) -> np.ndarray:
-        """Return the attribute's values, colours by their luminance."""
+        """Return the attribute's values, colors by their luminance."""
         return inverted(reader.points.attribute(self.name, key), self.invert)
 
     def content(self, reader: DensityReader) -> Hashable | None:

@@ -46,7 +46,7 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Say in the menu's tooltip why it is grey."""
+        """Say in the menu's tooltip why it is gray."""
         item = context.active_object
         if item is None or not item.get(RESULT_TAG) or item.type != "MESH":
             cls.poll_message_set("Select the result of a scatter first")

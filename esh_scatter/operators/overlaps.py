@@ -15,7 +15,7 @@ from .edit import Edit, settings_editable
 
 __all__ = ["CLASSES"]
 
-# How far the view goes from the worst place, in lengths of the usual distance between neighbours, or of the depth where that is more.
+# How far the view goes from the worst place, in lengths of the usual distance between neighbors, or of the depth where that is more.
 DISTANCE_OF_VIEW = 8.0
 
 

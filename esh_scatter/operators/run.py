@@ -201,7 +201,7 @@ class ESH_OT_scatter(_Run):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Say in the button's tooltip why it is grey."""
+        """Say in the button's tooltip why it is gray."""
         if not settings_editable(cls, context):
             return False
         scatter = active_scatter(context)

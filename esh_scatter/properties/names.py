@@ -19,7 +19,7 @@ def unused_name(name: str, taken: set[str]) -> str:
 
 
 def keep_name_unused(item: PropertyGroup, _context: object) -> None:
-    """Give ``item`` a name that no neighbour in its list has; an empty name becomes its kind's."""
+    """Give ``item`` a name that no neighbor in its list has; an empty name becomes its kind's."""
     path, _, index = item.path_from_id().rpartition("[")
     siblings = item.id_data.path_resolve(path)
     position = int(index.rstrip("]"))

@@ -12,12 +12,14 @@ from typing import Any
 
 import bpy
 
+from ...engine.problem.look_at import LookAt
+from ...engine.problem.settings import settings_of
 from ..result import pins
 from ..targets import checksums
 from ..targets.target import members_of
-from .influence import WITHOUT_INFLUENCE
+from .influence import LOOKS, WITHOUT_INFLUENCE
 
-__all__ = ["changes", "completed", "record", "same"]
+__all__ = ["changes", "completed", "looks_of", "only_looks_differ", "record", "same"]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
@@ -47,7 +49,8 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         "scatter": _telling(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
         "classes": {
             str(c.uid): {
-                "values": _telling(_values(c, names, str(c.uid), more), c.bl_rna),
+                "values": _telling(_values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}), c.bl_rna),
+                **_where_it_looks(c),
                 "layers": [
                     _layer(layer, target, names, f"{c.uid}.layer {number}")
                     for number, layer in enumerate(layer for layer in c.layers if layer.use)
@@ -66,6 +69,39 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     }
 
 
+def looks_of(body_class: Any) -> list[float] | None:
+    """Return where the object is that a class looks at; None where it looks at none."""
+    look = body_class.look_at() if body_class.look_at_object is not None else None
+    return None if look is None else [round(x, 4) for x in look.point]
+
+
+def only_looks_differ(before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Tell whether two records differ in nothing but in where objects are that classes look at."""
+
+    def without(record: dict[str, Any]) -> dict[str, Any]:
+        classes = {
+            uid: {k: v for k, v in one.items() if k != "looks"} for uid, one in record.get("classes", {}).items()
+        }
+        return {**record, "classes": classes}
+
+    return before != now and without(before) == without(now)
+
+
+def _where_it_looks(body_class: Any) -> dict[str, Any]:
+    """Return where the object is that a class looks at; the result shows it at once only where somebody sees it move."""
+    looks = looks_of(body_class)
+    return {} if looks is None else {"looks": looks}
+
+
+def _turned_to(body_class: Any) -> dict[str, Any]:
+    """Return where a class looks if that has an influence on who overlaps whom."""
+    look = None if body_class.is_round else body_class.look_at()
+    if look is None:
+        return {}
+    values = {f"look_at_{name}": getattr(look, name) for name in settings_of(LookAt)}
+    return {"use_look_at": True, **values, "look_at_point": [round(x, 4) for x in look.point]}
+
+
 def _state_of(scatter: Any) -> list[Any]:
     """Return what the targets look like and where they stand; of a single object without a further list."""
     found = [[checksums.of_shape(item), checksums.pose_of(item)] for item in scatter.targets]
@@ -80,6 +116,7 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
     of_layers, of_sizes = (of_classes.properties[name].fixed_type for name in ("layers", "sizes"))
     classes = {
         uid: {
+            **one,
             "values": _telling(one["values"], of_classes),
             "layers": [_telling_layer(layer, of_layers) for layer in one.get("layers", [])],
             "sizes": [_telling(size, of_sizes) for size in one["sizes"]],
@@ -114,9 +151,11 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
             name = now["names"].get(f"{uid}.{key}", "")
             return name if before["names"].get(f"{uid}.{key}") == name else ""
 
-        idle = group.unused.union(() if scatter.avoid_overlap else OF_OUTLINES)
-        for what in _differing(old[uid]["values"], one["values"], group, told, idle):
+        for what in _differing(old[uid]["values"], one["values"], group, told, _idle(group, scatter.avoid_overlap)):
             found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
+        if old[uid].get("looks") != one.get("looks"):
+            moved = group.look_at_object if one.get("looks") else None
+            found.append(f"place of {moved.name}" if moved else f"what {group.name} looks at")
         found += _differing_layers(old[uid]["layers"], one["layers"], group, told)
         if len(old[uid]["sizes"]) != len(one["sizes"]):
             found.append(f"sizes of {group.name}")
@@ -137,6 +176,17 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
         f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
+
+
+def _idle(body_class: Any, apart: bool) -> set[str]:
+    """Return what of a class has no influence as its other settings are, and as outlines are kept apart or not."""
+    idle = set(body_class.unused)
+    if not apart:
+        idle |= {*OF_OUTLINES, *LOOKS}
+    if body_class.is_round:
+        idle |= {*LOOKS}
+    # Then the switch says it.
+    return idle if body_class.use_look_at else idle | ({*LOOKS} - {"use_look_at"})
 
 
 def _differing_layers(

@@ -18,7 +18,7 @@ from ...engine.surface.whole_surface import WholeSurface
 from ..classes.on_whole_surface import headings
 from ..classes.scatter_class import ScatterClass, color_of, standing_of
 from ..classes.sources import SizeShape, variants_of
-from ..classes.standing import Ground, draw, stand
+from ..classes.standing import Ground, draw, stand, turns_towards
 from ..targets.targets import stuck_attributes
 from .following import follow_attributes
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
@@ -81,6 +81,7 @@ def result_points(
         np.zeros((count, 2), np.float32),
         np.zeros(count, np.float32),
         np.full(count, isinstance(chart, WholeSurface)),
+        np.zeros(count, bool),
     )
     source = np.empty(count, np.int32)
     for number, shape in enumerate(shapes):
@@ -110,7 +111,8 @@ def result_points(
             # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
             # that were drawn for this body.
             factor, turn = draw(standing, identity, ground.long[own], settings.seed)
-            if own_outlines:
+            looks = classes[int(placement.class_index[own[0]])].look_at is not None and shape.line is None
+            if own_outlines and not looks:
                 ground.heading[own] -= turn.astype(np.float32)
             ground.fit[own] = placement.scale[own] / factor
         elif isinstance(shape.area, tuple) and outlines:
@@ -120,6 +122,21 @@ def result_points(
             ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
             ground.heading[own] -= ground.axis[own]
             ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
+        if shape.line is None and len(own):
+            look = classes[int(placement.class_index[own[0]])].look_at
+            if look is not None:
+                assert standing is not None
+                ground.looks[own] = True
+                # Outlines were parted as they are turned, and what is pinned has the turn that it has.
+                free = own[~placement.fixed[own]] if not (outlined and own_outlines) else own[:0]
+                ground.heading[free] = turns_towards(
+                    look,
+                    standing.align_to_normal,
+                    ground.normal[free],
+                    surface.position[free],
+                    ground.identity[free],
+                    settings.seed,
+                )
     rotation, to_origin = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
     scale = np.empty(count, np.float32)
     for number, scatter_class in enumerate(classes):

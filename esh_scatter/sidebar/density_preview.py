@@ -1,4 +1,4 @@
-"""Show on Target: the density of the selected class as colours over the target, while it is changed.
+"""Show on Target: the density of the selected class as colors over the target, while it is changed.
 
 While it is on, a timer reads what the density is made of and looks whether it says something new, at most a sixth of the time; so
 strokes, moved objects and sculpted ground are seen, too. While it is off, nothing runs.
@@ -26,11 +26,11 @@ RESOLUTION = 256
 # Seconds between two looks at least, and how many times as long as a look takes.
 SHORTEST_PAUSE = 0.15
 PAUSE = 5.0
-# How far above the ground colours are drawn, as a share of its extent.
+# How far above the ground colors are drawn, as a share of its extent.
 LIFT = 0.002
-# Neighbouring cells that differ in height by more than so many cells are two floors, with nothing between them.
+# Neighboring cells that differ in height by more than so many cells are two floors, with nothing between them.
 LARGEST_STEP = 12.0
-# From none to many: the colours of "viridis" (S. van der Walt and N. Smith, 2015), which everybody can tell apart.
+# From none to many: the colors of "viridis" (S. van der Walt and N. Smith, 2015), which everybody can tell apart.
 RAMP = np.array(
     [(0.267, 0.005, 0.329), (0.229, 0.322, 0.546), (0.128, 0.567, 0.551), (0.369, 0.789, 0.383), (0.993, 0.906, 0.144)]
 )
@@ -93,7 +93,7 @@ def message() -> str:
 
 
 def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -> tuple[Any, Colors | None]:
-    """Return the density of the selected class as colours over its target.
+    """Return the density of the selected class as colors over its target.
 
     Args:
         context: Whose scene.
@@ -101,7 +101,7 @@ def density_colors(context: bpy.types.Context, survey: Any, known: Any = None) -
         known: What is shown already, as the last call returned it.
 
     Returns:
-        What is shown, in short, and the colours; None for the colours where that is what is known, None for both where there is
+        What is shown, in short, and the colors; None for the colors where that is what is known, None for both where there is
         nothing to show.
 
     Raises:
@@ -161,7 +161,7 @@ def _colors(chart: Any, values: np.ndarray, normal: np.ndarray) -> Colors:
 
 
 def _cells(chart: Any, position: np.ndarray) -> np.ndarray:
-    """Return triangles between neighbouring cells of a chart, shape ``[t, 3]``."""
+    """Return triangles between neighboring cells of a chart, shape ``[t, 3]``."""
     number = np.full(chart.shape, -1)
     there = chart.area > 0.0
     number[there] = np.arange(len(position))
@@ -201,7 +201,7 @@ def _look() -> float | None:
 
 
 def _draw() -> None:
-    """Draw the colours; Blender calls it for every viewport."""
+    """Draw the colors; Blender calls it for every viewport."""
     if _preview is None or _preview.colors is None:
         return
     import gpu

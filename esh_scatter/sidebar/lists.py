@@ -15,7 +15,7 @@ WIDE = 330
 
 
 class ESH_UL_classes(bpy.types.UIList):
-    """The classes of a scatter: colour swatch, name, what is placed, how many, mute, eye, camera."""
+    """The classes of a scatter: color swatch, name, what is placed, how many, mute, eye, camera."""
 
     def draw_item(
         self,

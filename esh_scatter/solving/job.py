@@ -285,7 +285,7 @@ class ScatterJob:
         return self._points_of_placement().instances
 
     def colors_of_bodies(self) -> np.ndarray:
-        """Return the colour of every body's class, shape ``[n, 4]``, float32; of :attr:`problem`, in any thread."""
+        """Return the color of every body's class, shape ``[n, 4]``, float32; of :attr:`problem`, in any thread."""
         colors = np.array([color_of(c) for c in self.classes], np.float32)
         return colors[self.problem.body_indices()[0]]
 

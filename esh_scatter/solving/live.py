@@ -175,6 +175,10 @@ class _Live:
         made_with = json.dumps(record, separators=(",", ":"))
         if made_with == self._told:
             return
+        if self._told is not None and scatter.turned_to_what_moved(self._record, record):
+            self._told, self._record = made_with, record
+            self._points = _points_of(scatter.result)
+            return
         first = self._told is None
         start = time.perf_counter()
         result = scatter.result_in(context.scene)
@@ -340,7 +344,7 @@ def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:
 
 
 def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> None:
-    """Give a result what was changed at once while it was solved: how objects stand, and colours."""
+    """Give a result what was changed at once while it was solved: how objects stand, and colors."""
     from ..result.kept_ground import CLASSES_OF_POINTS, can_stand_anew, paint_points, stand_anew
 
     classes = {c.uid: c for c in scatter.classes}
@@ -348,8 +352,8 @@ def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> 
         now = classes.get(uid)
         if now is None:
             continue
-        if made.standing != now.standing() and can_stand_anew(result):
-            stand_anew(result, number, now.standing())
+        if (made.standing, made.look_at) != (now.standing(), now.look_at()) and can_stand_anew(result):
+            stand_anew(result, number, now.standing(), now.look_at())
         if tuple(made.color or ()) != tuple(now.color):
             paint_points(result, number, tuple(now.color))
 

@@ -195,7 +195,7 @@ def _read_attribute(read: TriangleMesh, attribute: bpy.types.Attribute, wanted: 
     width = _WIDTH.get(attribute.data_type)
     if width is None:
         read.unusable_attribute[attribute.name] = (
-            f"must be a number, a truth value or a colour; it is of type {attribute.data_type}"
+            f"must be a number, a truth value or a color; it is of type {attribute.data_type}"
         )
     elif attribute.domain not in _DOMAINS:
         read.unusable_attribute[attribute.name] = (

@@ -18,8 +18,8 @@ def figures_of_sizes(monkeypatch):
     return figures_of_sizes
 
 
-def test_dark_greys_get_the_dots_that_they_ask_for_where_not_all_of_them_fit(figures_of_sizes):
-    corrected, plain = (figures_of_sizes.grey_patch(1.0 - 10 / 255, correction) for correction in (True, False))
+def test_dark_grays_get_the_dots_that_they_ask_for_where_not_all_of_them_fit(figures_of_sizes):
+    corrected, plain = (figures_of_sizes.gray_patch(1.0 - 10 / 255, correction) for correction in (True, False))
     assert corrected.avoid_overlap and plain.avoid_overlap
     assert plain.body_count == round(72 * 72 * (1.0 - 10 / 255))
     assert corrected.body_count > 1.03 * plain.body_count

@@ -1,4 +1,4 @@
-"""The optimisers that the benchmarks compare: each lowers the error, and keeps the rules that the engine's own keeps."""
+"""The optimizers that the benchmarks compare: each lowers the error, and keeps the rules that the engine's own keeps."""
 
 from pathlib import Path
 

@@ -41,7 +41,7 @@ def test_the_button_scatters_in_a_window(tmp_path: Path):
     assert answer["hidden_at_once"] and not answer["outdated_by_tilt"]
     assert sorted(answer["changes"]) == ["count of Log", "without Beech", "without Pebble"]
     before, after = (image.open(tmp_path / name).convert("RGB") for name in ("before.png", "after.png"))
-    # A black window has no colours; a window in which nothing happened looks the same twice.
+    # A black window has no colors; a window in which nothing happened looks the same twice.
     assert len(after.getcolors(10**7)) > 100
     assert before.tobytes() != after.tobytes()
     kept = os.environ.get("BLENDER_SCREENSHOTS")

@@ -29,7 +29,7 @@ class TestTerrain:
         y = np.linspace(0.5, -0.5, rows) * terrain.size[1]
         at_x, at_y = np.meshgrid(x, y)
         height = terrain.height_at(at_x.ravel(), at_y.ravel()).reshape(cut.shape)
-        # Only the roughness of a few decimetres may lie between.
+        # Only the roughness of a few decimeters may lie between.
         assert np.abs(height - (cut - cut.min()) / land.SHRINK).max() < 2.5
 
     def test_faces_look_up_and_span_the_rectangle(self, module):
@@ -123,7 +123,7 @@ class TestChecks:
         assert forest._check_texture("pine", texture, place, np.ones(4000), terrain) > 0.8
         with pytest.raises(AssertionError, match="black"):
             forest._check_texture("pine", texture, -place, np.ones(4000), terrain)
-        with pytest.raises(AssertionError, match="not to be recognised"):
+        with pytest.raises(AssertionError, match="not to be recognized"):
             forest._check_texture("pine", np.maximum(texture, 1.0), -place, np.ones(4000), terrain)
 
 

@@ -54,14 +54,14 @@ def test_hatching_follows_tone_length_and_fur():
             here = ((placement.position > middle) == [right, above]).all(axis=1)
             assert here.mean() == pytest.approx(share[rows, columns].sum(), abs=0.01)
     # White asks for lines more than twice as long as black.
-    grey = sample_density(read_density(FOLDER / "cat.png"), placement.position, problem.domain.size)
-    light, dark = (placement.length[mask].mean() for mask in (grey > 0.7, grey < 0.25))
+    gray = sample_density(read_density(FOLDER / "cat.png"), placement.position, problem.domain.size)
+    light, dark = (placement.length[mask].mean() for mask in (gray > 0.7, gray < 0.25))
     assert light > 1.35 * dark
     # The whole of the notes: unsharp masking took some darkness away.
     assert len(placement.report.notes) == 1 and '`unsharp` of class "stroke" made' in placement.report.notes[0]
 
 
-def test_the_halftone_has_the_photographs_colours():
+def test_the_halftone_has_the_photographs_colors():
     placement = solved("halftone.toml", 30)
     problem = placement.problem
     assert [c.name for c in problem.classes] == ["C", "M", "Y", "K"]

@@ -48,7 +48,7 @@ def stone():
 
 
 def new_image(values, alpha=1.0):
-    """``values``: grey, row 0 at the top."""
+    """``values``: gray, row 0 at the top."""
     image = bpy.data.images.new("density", values.shape[1], values.shape[0], alpha=True, float_buffer=True)
     pixels = np.repeat(values[::-1, :, None], 4, axis=2).astype(np.float32)
     pixels[..., 3] = np.asarray(alpha, np.float32)
@@ -196,31 +196,31 @@ def test_a_hidden_target_is_refused(ground, stone):
         placed(ground, stone, 1.0)
 
 
-def tiled_image(folder, greys, kind):
-    """An image of UDIM tiles of one grey each: generated, in files, or packed."""
+def tiled_image(folder, grays, kind):
+    """An image of UDIM tiles of one gray each: generated, in files, or packed."""
     if kind == "generated":
         image = bpy.data.images.new("tiles", 8, 8, tiled=True)
         with bpy.context.temp_override(edit_image=image):
-            bpy.ops.image.tile_fill(color=(*(greys[1001],) * 3, 1.0))
-            for number in sorted(set(greys) - {1001}):
-                bpy.ops.image.tile_add(number=number, width=8, height=4, fill=True, color=(*(greys[number],) * 3, 1.0))
+            bpy.ops.image.tile_fill(color=(*(grays[1001],) * 3, 1.0))
+            for number in sorted(set(grays) - {1001}):
+                bpy.ops.image.tile_add(number=number, width=8, height=4, fill=True, color=(*(grays[number],) * 3, 1.0))
         return image
-    for number, grey in greys.items():
-        tile = new_image(np.full((4, 6), grey))
+    for number, gray in grays.items():
+        tile = new_image(np.full((4, 6), gray))
         tile.file_format = "PNG"
-        tile.filepath_raw = str(folder / f"grey.{number}.png")
+        tile.filepath_raw = str(folder / f"gray.{number}.png")
         tile.save()
         bpy.data.images.remove(tile)
-    image = bpy.data.images.load(str(folder / "grey.1001.png"))
+    image = bpy.data.images.load(str(folder / "gray.1001.png"))
     image.source = "TILED"
-    image.filepath = str(folder / "grey.<UDIM>.png")
-    for number in sorted(set(greys) - {1001}):
+    image.filepath = str(folder / "gray.<UDIM>.png")
+    for number in sorted(set(grays) - {1001}):
         image.tiles.new(number)
     image.reload()
     if kind == "packed":
         image.pack()
-        for number in greys:
-            (folder / f"grey.{number}.png").unlink()
+        for number in grays:
+            (folder / f"gray.{number}.png").unlink()
     return image
 
 
@@ -242,10 +242,10 @@ def test_every_tile_of_a_udim_image_is_read_where_it_lies(ground, stone, tmp_pat
 
 def test_a_missing_tile_is_a_sentence(ground, stone, tmp_path):
     bpy.data.images.remove(tiled_image(tmp_path, {1001: 1.0, 1002: 0.5}, "files"))
-    (tmp_path / "grey.1002.png").unlink()
-    image = bpy.data.images.load(str(tmp_path / "grey.1001.png"))
+    (tmp_path / "gray.1002.png").unlink()
+    image = bpy.data.images.load(str(tmp_path / "gray.1001.png"))
     image.source = "TILED"
-    image.filepath = str(tmp_path / "grey.<UDIM>.png")
+    image.filepath = str(tmp_path / "gray.<UDIM>.png")
     image.tiles.new(1002)
-    with pytest.raises(EshError, match=r'image "grey\.1001\.png" must have pixels in all its tiles; \w+ has none'):
+    with pytest.raises(EshError, match=r'image "gray\.1001\.png" must have pixels in all its tiles; \w+ has none'):
         placed(ground, stone, ImageDensity(image, mapping="UV"))

@@ -362,7 +362,7 @@ def test_channels_of_an_image(ground, channel, expected):
     np.testing.assert_allclose(found, expected, atol=0.03 if channel == "luminance" else 1e-6)
 
 
-def test_a_grey_is_read_as_it_is_stored_or_as_light(ground):
+def test_a_gray_is_read_as_it_is_stored_or_as_light(ground):
     stored = painted(4, 4, (0.5, 0.5, 0.5, 1.0), is_data=False)
     np.testing.assert_allclose(values(ground, esh.ImageDensity(stored)), 128 / 255, atol=1e-3)
     linear = values(ground, esh.ImageDensity(stored, color_space="linear"))

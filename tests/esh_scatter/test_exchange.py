@@ -32,7 +32,7 @@ matrices = [[list(row) for row in m] for m in instancer.ComputeInstanceTransform
 print(json.dumps({
     "boxes": boxes, "matrices": matrices, "index": list(instancer.GetProtoIndicesAttr().Get()),
     "class": list(UsdGeom.PrimvarsAPI(instancer).GetPrimvar("class_index").Get()),
-    "up": str(UsdGeom.GetStageUpAxis(stage)), "metre": UsdGeom.GetStageMetersPerUnit(stage),
+    "up": str(UsdGeom.GetStageUpAxis(stage)), "meter": UsdGeom.GetStageMetersPerUnit(stage),
 }))
 """
 # The same by Blender's own library, which is what users have.
@@ -93,7 +93,7 @@ def test_usd_holds_what_blender_shows(result, tmp_path):
         readers.append(READ_USD)
     for reader in readers:
         seen = python(reader, tmp_path / "wood.usdc")
-        assert (seen["up"], seen["metre"]) == ("Z", 1.0)
+        assert (seen["up"], seen["meter"]) == ("Z", 1.0)
         assert seen["class"] == [0] * 18 + [1] * 12
         # The cone is 2 m high and stretched by 2; the box is 0.4 m wide. Both around their origins.
         np.testing.assert_allclose(np.array(seen["boxes"])[:, :, 2], [[-2, 2], [-0.2, 0.2]], atol=1e-5)

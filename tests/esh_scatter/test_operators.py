@@ -1,4 +1,4 @@
-"""Every button: what it does, why it is grey, and that it does what the API does."""
+"""Every button: what it does, why it is gray, and that it does what the API does."""
 
 import threading
 import time
@@ -166,7 +166,7 @@ def test_what_the_engine_refuses_is_one_sentence_and_changes_nothing(scatter):
     assert set(bpy.data.objects) == before and scatter.result is None and not scatter.report_json
 
 
-def test_the_button_is_grey_with_a_reason(scatter):
+def test_the_button_is_gray_with_a_reason(scatter):
     assert bpy.ops.esh.scatter.poll()
     scatter.target = None
     assert not bpy.ops.esh.scatter.poll()

@@ -269,7 +269,7 @@ def test_a_deleted_result_leaves_no_report():
     assert "The result is no longer there" in drawn and "Closest" not in drawn
 
 
-def test_the_report_shows_counts_metres_and_every_note_once():
+def test_the_report_shows_counts_meters_and_every_note_once():
     scatter = ready_scatter()
     scatter.add_class().name = "Beech"
     entries = [

@@ -69,11 +69,11 @@ def test_unused_names_count_as_blender_does(name, taken, expected):
     assert unused_name(name, taken) == expected if name != "a.001" else unused_name(name, taken) not in taken
 
 
-def test_new_classes_get_colours_of_their_own(scatter):
+def test_new_classes_get_colors_of_their_own(scatter):
     for _ in range(len(CLASS_COLORS) - 2):
         scatter.add_class()
-    colours = {tuple(round(v, 3) for v in c.color) for c in scatter.classes}
-    assert len(colours) == len(CLASS_COLORS)
+    colors = {tuple(round(v, 3) for v in c.color) for c in scatter.classes}
+    assert len(colors) == len(CLASS_COLORS)
 
 
 def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
@@ -190,7 +190,7 @@ def test_a_change_makes_the_report_outdated_and_taking_it_back_does_not(scatter)
     scatter.classes[0].name = "Fir"
     scatter.classes[0].color = (1, 0, 0)
     scatter.classes[0].show_viewport = False
-    assert not scatter.outdated, "neither a name nor a colour moves anything"
+    assert not scatter.outdated, "neither a name nor a color moves anything"
     scatter.target.location.x += 1
     bpy.context.view_layer.update()
     assert scatter.outdated

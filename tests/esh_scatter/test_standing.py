@@ -35,6 +35,7 @@ def points(count, normal=(0.0, 0.0, 1.0), long=False):
         np.zeros((count, 2), np.float32),
         np.zeros(count, np.float32),
         np.zeros(count, bool),
+        np.zeros(count, bool),
     )
 
 
@@ -171,7 +172,7 @@ def test_points_that_were_moved_by_hand_stay_where_they_were_put(scatter):
     assert mesh.vertices[0].co.z == pytest.approx(height)
 
 
-def test_colour_eye_and_camera_of_a_class_are_changed_at_once(scatter):
+def test_color_eye_and_camera_of_a_class_are_changed_at_once(scatter):
     def shown():
         graph = bpy.context.evaluated_depsgraph_get()
         return sum(1 for one in graph.object_instances if one.is_instance)

@@ -66,14 +66,14 @@ def rings() -> np.ndarray:
 
 
 def tones() -> np.ndarray:
-    """Grey and alpha: from white to black, the whole range, with a transparent corner."""
+    """Gray and alpha: from white to black, the whole range, with a transparent corner."""
     x, y = grid(48, 48)
-    grey = 0.5 + 0.5 * np.sin(2.5 * x + 1.5 * y)
-    return np.stack([grey, np.where(x + y < -1.2, 0.0, 1.0)], axis=-1)
+    gray = 0.5 + 0.5 * np.sin(2.5 * x + 1.5 * y)
+    return np.stack([gray, np.where(x + y < -1.2, 0.0, 1.0)], axis=-1)
 
 
 def angles() -> np.ndarray:
-    """Directions around the middle; grey 0..1 is half a turn."""
+    """Directions around the middle; gray 0..1 is half a turn."""
     x, y = grid(32, 32)
     return np.mod(np.arctan2(x, -y), np.pi) / np.pi
 

@@ -40,7 +40,7 @@ def points_on_sphere(launcher, count, seed=0):
     return points
 
 
-def test_lists_hold_every_neighbour_of_the_same_part_and_side_once(launcher):
+def test_lists_hold_every_neighbor_of_the_same_part_and_side_once(launcher):
     points = points_on_sphere(launcher, 3000)
     position, label = points.position.numpy(), points.label.numpy()
     lists = lists_of(launcher, points, points, 1.3, 0.995)

@@ -1,4 +1,4 @@
-"""``esh-scatter separate``, and halftones: from a colour image to ink on paper."""
+"""``esh-scatter separate``, and halftones: from a color image to ink on paper."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_channels_and_recipe_pose_the_problem_of_the_image(folder, capfd, model)
 
 
 @pytest.mark.parametrize("recipe", ["separated", "image"])
-def test_the_halftone_of_a_recipe_has_the_colours_of_the_image(folder, capfd, recipe):
+def test_the_halftone_of_a_recipe_has_the_colors_of_the_image(folder, capfd, recipe):
     if recipe == "separated":
         assert command_line.main(["separate", "photo.png", "-o", "."]) == 0
     else:
@@ -86,7 +86,7 @@ def test_the_halftone_of_a_recipe_has_the_colours_of_the_image(folder, capfd, re
         assert len(stored["position"]) <= len(tags)
 
 
-def test_classes_without_a_colour_are_black_beside_those_that_have_one(folder):
+def test_classes_without_a_color_are_black_beside_those_that_have_one(folder):
     text = "version = 1\n[domain]\nsize = [1, 1]\n"
     for name, color in (("a", "color = [0, 0.5, 1]\n"), ("b", "")):
         text += f'[[class]]\nname = "{name}"\ndensity = 1\n{color}[[class.size]]\nname = "s"\narea = 0.01\ncount = 2\n'
@@ -99,7 +99,7 @@ def test_classes_without_a_colour_are_black_beside_those_that_have_one(folder):
 @pytest.mark.parametrize(
     "color", ["[0, 0.5]", "[0, 0.5, 1.5]", "[0, -1, 0]", '"red"', "[0, 0, true]", "0.5", "[nan, 0, 0]"]
 )
-def test_colours_without_meaning(folder, capfd, color):
+def test_colors_without_meaning(folder, capfd, color):
     text = f'version = 1\n[domain]\nsize = [1, 1]\n[[class]]\nname = "a"\ndensity = 1\ncolor = {color}\n'
     Path("recipe.toml").write_text(f'{text}[[class.size]]\nname = "s"\narea = 0.01\ncount = 2\n')
     assert command_line.main(["solve", "recipe.toml", "-o", "a.npz"]) == 2

@@ -1,4 +1,4 @@
-"""Ink on paper: areas, places and colours as they are, in pictures of any scale, and as SVG."""
+"""Ink on paper: areas, places and colors as they are, in pictures of any scale, and as SVG."""
 
 import io
 import itertools
@@ -138,7 +138,7 @@ def test_a_disc_has_its_area_and_its_place():
 
 
 @pytest.mark.parametrize("scale", [1.0, 3.0, 11.5])
-def test_mean_grey_is_the_covered_share_at_every_scale(scale):
+def test_mean_gray_is_the_covered_share_at_every_scale(scale):
     rng = np.random.default_rng(0)
     cells = np.stack(np.meshgrid(np.arange(1, 10, 2), np.arange(1, 6, 2)), axis=-1).reshape(-1, 2)
     placement = placement_of(cells + rng.uniform(-0.3, 0.3, cells.shape))
@@ -173,7 +173,7 @@ def test_inks_multiply_and_the_same_ink_counts_once():
     np.testing.assert_allclose(picture[2, 2], 1.0)
     same = render_halftone(placement_of([[5.0, 3.0], [5.0, 3.0]]), pixels_per_metre=10.0, colors=[(0.5, 0.5, 0.5)])
     np.testing.assert_allclose(same[30, 50], 0.5)
-    with pytest.raises(EshError, match="one colour per class, 2; got 1"):
+    with pytest.raises(EshError, match="one color per class, 2; got 1"):
         render_halftone(two, pixels_per_metre=1.0, colors=colors[:1])
 
 

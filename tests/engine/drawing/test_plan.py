@@ -1,4 +1,4 @@
-"""The plan: bodies where they are, as large as they are, in the colour of their class."""
+"""The plan: bodies where they are, as large as they are, in the color of their class."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def test_bodies_are_where_they_are_and_as_large_as_they_are(boundary, size):
     area = 0.01 * size[0] * size[1]
     classes = [BodyClass("a", [Size("s", area, 1)]), BodyClass("b", [Size("s", area / 2, 1)])]
     plan = plan_of(place(Domain(size, boundary), classes, center), colors=["red", (0.0, 0.0, 1.0)])
-    metre = plan.shape[1] / size[0]
+    meter = plan.shape[1] / size[0]
     for (x, y), color, body_area in zip(center, (RED, BLUE), (area, area / 2), strict=True):
         row, column = np.nonzero(is_color(plan, color))
-        assert abs(column.mean() + 0.5 - x * metre) < 1
-        assert abs(row.mean() + 0.5 - (size[1] - y) * metre) < 1
-        assert len(row) / metre**2 == pytest.approx(body_area, rel=0.05)
-        radius = math.sqrt(body_area / math.pi) * metre
+        assert abs(column.mean() + 0.5 - x * meter) < 1
+        assert abs(row.mean() + 0.5 - (size[1] - y) * meter) < 1
+        assert len(row) / meter**2 == pytest.approx(body_area, rel=0.05)
+        radius = math.sqrt(body_area / math.pi) * meter
         assert np.hypot(column - column.mean(), row - row.mean()).max() == pytest.approx(radius, abs=2)
 
 
@@ -88,10 +88,10 @@ def place_lines(domain, classes, position, angle, length, width, bends=None) -> 
     )
 
 
-def distance_to_axis(plan: np.ndarray, metre: float, points: np.ndarray) -> np.ndarray:
+def distance_to_axis(plan: np.ndarray, meter: float, points: np.ndarray) -> np.ndarray:
     """Distance of every pixel's middle from a polyline [m], in a domain whose lower left corner is the origin."""
     rows, columns = np.indices(plan.shape[:2])
-    pixel = np.stack([columns + 0.5, plan.shape[0] - rows - 0.5], axis=-1) / metre
+    pixel = np.stack([columns + 0.5, plan.shape[0] - rows - 0.5], axis=-1) / meter
     nearest = np.full(plan.shape[:2], np.inf)
     for start, end in itertools.pairwise(points):
         axis = end - start
@@ -105,12 +105,12 @@ def test_lines_are_capsules_where_they_lie(angle):
     size = Size("s", 1.0, 1, line=Line(3.0))
     placement = place_lines(Domain((8.0, 6.0)), [BodyClass("a", [size])], [[3.0, 3.5]], [angle], [3.0], [0.6])
     plan = plan_of(placement, colors=["red"])
-    metre = plan.shape[1] / 8.0
+    meter = plan.shape[1] / 8.0
     half = 1.5 * np.array([math.cos(angle), math.sin(angle)])
-    distance = distance_to_axis(plan, metre, np.array([[3.0, 3.5] - half, [3.0, 3.5] + half]))
+    distance = distance_to_axis(plan, meter, np.array([[3.0, 3.5] - half, [3.0, 3.5] + half]))
     red = is_color(plan, RED)
-    assert red[distance < 0.3 - 2 / metre].all()
-    assert not red[distance > 0.3 + 2 / metre].any()
+    assert red[distance < 0.3 - 2 / meter].all()
+    assert not red[distance > 0.3 + 2 / meter].any()
 
 
 def test_bending_lines_are_polylines_beside_straight_ones():
@@ -124,13 +124,13 @@ def test_bending_lines_are_polylines_beside_straight_ones():
         Domain((8.0, 6.0)), classes, [middle, [6.0, 3.0]], [0.9, 0.0], [2.2, 1.0], [0.3, 0.5], bends
     )
     plan = plan_of(placement, colors=["red", "blue"])
-    metre = plan.shape[1] / 8.0
+    meter = plan.shape[1] / 8.0
     for color, points, half_width in ((RED, way, 0.15), (BLUE, np.array([[5.5, 3.0], [6.5, 3.0]]), 0.25)):
-        distance = distance_to_axis(plan, metre, points)
+        distance = distance_to_axis(plan, meter, points)
         drawn = is_color(plan, color)
         # A rim as dark as a third of a shadow may go uncounted; round joints stand out a pixel at most.
-        assert drawn[distance < half_width - 3 / metre].all()
-        assert not drawn[distance > half_width + 2 / metre].any()
+        assert drawn[distance < half_width - 3 / meter].all()
+        assert not drawn[distance > half_width + 2 / meter].any()
 
 
 @pytest.mark.parametrize("middle", [[0.0, 0.0], [9.9, 5.0], [5.0, 0.0], [1.0, 5.0], [8.9, 9.1]])
@@ -140,8 +140,8 @@ def test_lines_come_in_again_at_the_opposite_border(middle):
     domain = Domain((10.0, 10.0), "periodic")
     inside = is_color(plan_of(place_lines(domain, [line], [[5.0, 5.0]], *shapes), colors=["red"]), RED)
     moved = is_color(plan_of(place_lines(domain, [line], [middle], *shapes), colors=["red"]), RED)
-    metre = inside.shape[0] / 10.0
-    shift = round((5.0 - middle[1]) * metre), round((middle[0] - 5.0) * metre)
+    meter = inside.shape[0] / 10.0
+    shift = round((5.0 - middle[1]) * meter), round((middle[0] - 5.0) * meter)
     # The frame, one pixel along the border, is drawn under the bodies: what differs are pixels at the rim.
     assert (np.roll(inside, shift, axis=(0, 1)) != moved).sum() < 0.04 * inside.sum()
 
@@ -151,10 +151,10 @@ def test_every_body_of_a_range_is_as_large_as_it_is():
     size = Size("any", (0.5, 4.0), 4, distribution=areas)
     center = np.array([[2.0, 4.0], [6.0, 4.0], [10.0, 4.0], [14.0, 4.0]])
     plan = is_color(plan_of(place(Domain((16.0, 8.0)), [BodyClass("a", [size])], center), colors=["red"]), RED)
-    metre = plan.shape[1] / 16.0
+    meter = plan.shape[1] / 16.0
     quarters = np.split(plan, 4, axis=1)
     for quarter, area in zip(quarters, areas, strict=True):
-        assert quarter.sum() / metre**2 == pytest.approx(area, rel=0.05)
+        assert quarter.sum() / meter**2 == pytest.approx(area, rel=0.05)
 
 
 def test_small_bodies_lie_on_top_of_large_ones():
@@ -221,12 +221,12 @@ def test_a_plan_that_cannot_be_written(tmp_path):
         draw_plan(placement, tmp_path / "absent" / "plan.png")
 
 
-def test_colours_and_backgrounds_without_meaning():
+def test_colors_and_backgrounds_without_meaning():
     placement = place(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 0.1, 1)])], [[0.5, 0.5]])
-    with pytest.raises(EshError, match="`colors` must hold one colour per class, 1; got 0"):
+    with pytest.raises(EshError, match="`colors` must hold one color per class, 1; got 0"):
         draw_plan(placement, io.BytesIO(), colors=[])
-    for color in ("no colour", (1.0, 0.0), None, 3, ("a", "b", "c")):
-        with pytest.raises(EshError, match="a colour is a name, a hex code or three numbers"):
+    for color in ("no color", (1.0, 0.0), None, 3, ("a", "b", "c")):
+        with pytest.raises(EshError, match="a color is a name, a hex code or three numbers"):
             draw_plan(placement, io.BytesIO(), colors=[color])
     for background in (np.ones(3), np.ones((2, 2, 4)), np.ones((0, 2)), np.array([["a"]])):
         with pytest.raises(EshError, match="`background` must have shape"):
@@ -234,7 +234,7 @@ def test_colours_and_backgrounds_without_meaning():
 
 
 def test_outlines_are_drawn_as_they_lie(tmp_path):
-    """A plank at an angle: ground beside it, its colour along it as far as its ends."""
+    """A plank at an angle: ground beside it, its color along it as far as its ends."""
     size = Size("s", count=1, footprint=Footprint.rectangle(8.0, 1.0))
     problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [size])])
     zero, angle = np.zeros(1), np.array([0.5])

@@ -150,7 +150,7 @@ def test_usd_opens_with_units_axes_and_transforms(tmp_path, placement):
     ).all()
 
 
-def test_usd_of_others_becomes_metres_and_z_up(tmp_path):
+def test_usd_of_others_becomes_meters_and_z_up(tmp_path):
     pytest.importorskip("pxr.Usd")
     from pxr import Gf, Usd, UsdGeom
 

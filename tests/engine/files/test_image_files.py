@@ -61,7 +61,7 @@ def test_png_of_every_kind_is_read_to_its_last_bit(tmp_path, bits, color_type, i
     np.testing.assert_allclose(read_density(path, invert), expected, atol=0.05 / most + 3e-7)
 
 
-def test_sixteen_bits_tell_neighbouring_values_apart(tmp_path):
+def test_sixteen_bits_tell_neighboring_values_apart(tmp_path):
     path = tmp_path / "ramp.png"
     path.write_bytes(png_bytes(np.arange(1, 1025).reshape(16, 64, 1), 0, 16))
     assert len(np.unique(read_density(path, False))) == 1024
@@ -69,7 +69,7 @@ def test_sixteen_bits_tell_neighbouring_values_apart(tmp_path):
 
 @pytest.mark.parametrize("bits", [8, 16])
 @pytest.mark.parametrize("color_type", [0, 2])
-def test_the_transparent_colour_holds_nothing(tmp_path, bits, color_type):
+def test_the_transparent_color_holds_nothing(tmp_path, bits, color_type):
     channels = CHANNELS[color_type]
     samples = np.full((2, 3, channels), 200)
     samples[0, 1] = 77
@@ -97,10 +97,10 @@ def test_black_and_white_of_one_bit(tmp_path):
 
 @pytest.mark.parametrize("mode", ["L", "RGB", "CMYK"])
 def test_jpeg(tmp_path, mode):
-    grey = np.tile(np.linspace(20, 235, 64), (48, 1)).astype(np.uint8)
-    Image.fromarray(grey).convert("RGB").convert(mode).save(tmp_path / "image.JPG", format="JPEG", quality=98)
+    gray = np.tile(np.linspace(20, 235, 64), (48, 1)).astype(np.uint8)
+    Image.fromarray(gray).convert("RGB").convert(mode).save(tmp_path / "image.JPG", format="JPEG", quality=98)
     density = read_density(tmp_path / "image.JPG", False)
-    np.testing.assert_allclose(density, grey / 255, atol=0.03)
+    np.testing.assert_allclose(density, gray / 255, atol=0.03)
     np.testing.assert_allclose(read_density(tmp_path / "image.JPG", True), 1 - density, atol=1e-6)
 
 
@@ -123,7 +123,7 @@ def write_exr(path: Path, channels: dict, **header) -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
-def test_exr_colour_luminance_and_single_channels(tmp_path, dtype):
+def test_exr_color_luminance_and_single_channels(tmp_path, dtype):
     value = np.random.default_rng(1).random((6, 9, 3)).astype(dtype) * dtype(4)
     path = tmp_path / "image.exr"
     write_exr(path, {"RGB": value})
@@ -137,10 +137,10 @@ def test_exr_colour_luminance_and_single_channels(tmp_path, dtype):
 
 
 def test_exr_alpha_is_premultiplied_already(tmp_path):
-    colour = np.full((2, 2, 4), 0.5, np.float32)
-    colour[0, 0] = 0.0
-    colour[1, 1, :3] = 0.125
-    write_exr(tmp_path / "image.exr", {"RGBA": colour})
+    color = np.full((2, 2, 4), 0.5, np.float32)
+    color[0, 0] = 0.0
+    color[1, 1, :3] = 0.125
+    write_exr(tmp_path / "image.exr", {"RGBA": color})
     np.testing.assert_allclose(read_density(tmp_path / "image.exr", False), [[0, 0.5], [0.5, 0.125]], atol=1e-6)
     # 1 - 0.125 / 0.5 of what is half there.
     np.testing.assert_allclose(read_density(tmp_path / "image.exr", True), [[0, 0], [0, 0.375]], atol=1e-6)
@@ -280,7 +280,7 @@ def test_a_picture_that_was_cut_short_is_called_so(tmp_path, name):
 def test_damage_anywhere_ends_in_a_sentence_or_an_image(tmp_path, data):
     """Flip or cut bytes of good files: InputFileError or a density, nothing else."""
     samples = np.random.default_rng(0).integers(1, 65535, (8, 8, 4))
-    kind = data.draw(st.sampled_from(["grey16.png", "rgba16.png", "la16.png", "rgb8.png", "a.jpg", "a.npy"]))
+    kind = data.draw(st.sampled_from(["gray16.png", "rgba16.png", "la16.png", "rgb8.png", "a.jpg", "a.npy"]))
     path = tmp_path / kind
     if kind == "a.jpg":
         Image.fromarray((samples[..., 0] // 256).astype(np.uint8)).save(path)
@@ -317,7 +317,7 @@ def turn_back(image: np.ndarray, orientation: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-@pytest.mark.parametrize("kind", ["grey 8", "grey 16", "colour 8", "colour 16", "jpeg"])
+@pytest.mark.parametrize("kind", ["gray 8", "gray 16", "color 8", "color 16", "jpeg"])
 def test_photographs_are_read_the_right_way_up_whatever_their_kind(tmp_path, orientation, kind):
     seen = np.random.default_rng(0).integers(1, 200, (24, 40))
     seen = np.repeat(np.repeat(seen[::8, ::8], 8, axis=0), 8, axis=1)
@@ -325,9 +325,9 @@ def test_photographs_are_read_the_right_way_up_whatever_their_kind(tmp_path, ori
     exif = Image.Exif()
     exif[0x0112] = orientation
     path = tmp_path / ("a.jpg" if kind == "jpeg" else "a.png")
-    if kind == "grey 16":
+    if kind == "gray 16":
         Image.fromarray((stored * 257).astype(np.uint16)).save(path, exif=exif)
-    elif kind == "colour 16":
+    elif kind == "color 16":
         import zlib
 
         import png
@@ -342,7 +342,7 @@ def test_photographs_are_read_the_right_way_up_whatever_their_kind(tmp_path, ori
         path.write_bytes(content[:33] + chunk + content[33:])
     else:
         picture = Image.fromarray(stored.astype(np.uint8))
-        (picture.convert("RGB") if kind == "colour 8" else picture).save(path, exif=exif, quality=95)
+        (picture.convert("RGB") if kind == "color 8" else picture).save(path, exif=exif, quality=95)
     read = read_density(path)
     assert read.shape == seen.shape
     np.testing.assert_allclose(read, seen / 255, atol=0.06 if kind == "jpeg" else 1e-6)
@@ -392,7 +392,7 @@ def test_a_large_picture_takes_little_more_memory_than_its_bytes(tmp_path):
     import subprocess
     import sys
 
-    # Two colours, 64 million pixels: 64 MB for Pillow, and 16 million numbers of 4 bytes.
+    # Two colors, 64 million pixels: 64 MB for Pillow, and 16 million numbers of 4 bytes.
     stripes = Image.new("1", (8000, 8000))
     stripes.paste(1, (0, 0, 4000, 8000))
     stripes.save(tmp_path / "large.png")

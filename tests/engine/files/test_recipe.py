@@ -134,7 +134,7 @@ MISTAKES = {
         "wxyz = 7",
         "`wxyz` is not a known key; known are version, seed, avoid_overlap, regularity, include_fixed, domain",
     ),
-    "unknown class key, of a colour": (
+    "unknown class key, in British spelling": (
         "density = 0.5",
         'density = 0.5\ncolour = "red"',
         '`class[2].colour` (class "beech") is not a known key; did you mean `color`',
@@ -161,15 +161,15 @@ MISTAKES = {
         "`domain` is missing: write a table [domain]",
     ),
     "size missing": ("size = [40.0, 30]", "", "`domain.size` is missing"),
-    "size zero": ("[40.0, 30]", "[40.0, 0]", "`domain.size` must be a number in metres above 0, and finite; got 0"),
+    "size zero": ("[40.0, 30]", "[40.0, 0]", "`domain.size` must be a number in meters above 0, and finite; got 0"),
     "size infinite": (
         "[40.0, 30]",
         "[inf, 30]",
-        "`domain.size` must be a number in metres above 0, and finite; got inf",
+        "`domain.size` must be a number in meters above 0, and finite; got inf",
     ),
-    "size nan": ("[40.0, 30]", "[nan, 30]", "`domain.size` must be a number in metres above 0, and finite; got nan"),
-    "one length": ("[40.0, 30]", "40.0", "`domain.size` must be two lengths in metres, x and y; got 40"),
-    "three lengths": ("[40.0, 30]", "[1, 2, 3]", "`domain.size` must be two lengths in metres"),
+    "size nan": ("[40.0, 30]", "[nan, 30]", "`domain.size` must be a number in meters above 0, and finite; got nan"),
+    "one length": ("[40.0, 30]", "40.0", "`domain.size` must be two lengths in meters, x and y; got 40"),
+    "three lengths": ("[40.0, 30]", "[1, 2, 3]", "`domain.size` must be two lengths in meters"),
     "boundary": (
         '"periodic"',
         '"mirrored"',

@@ -54,7 +54,7 @@ def test_every_key_of_outlines_arrives(tmp_path):
     [
         ("{ rectangle = [2, 0.3], rounding = 0.1 }", '"box"', "`class[1].size[1].footprint`"),
         ("{ rectangle = [2, 0.3], rounding = 0.1 }", "{ box = [2, 0.3] }", "must be { disc = radius }"),
-        ("{ rectangle = [2, 0.3], rounding = 0.1 }", "{ rectangle = 2 }", "`rectangle` must be two lengths in metres"),
+        ("{ rectangle = [2, 0.3], rounding = 0.1 }", "{ rectangle = 2 }", "`rectangle` must be two lengths in meters"),
         (
             "{ rectangle = [2, 0.3], rounding = 0.1 }",
             "{ disc = 1, rounding = 0.1 }",

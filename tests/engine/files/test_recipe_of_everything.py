@@ -16,7 +16,7 @@ size_emphasis = [2.0, 3.0]
 non_overlap = [[1, 0], [0, 1]]
 [[class]]
 name = "stick"
-density = "grey.png"
+density = "gray.png"
 count = 100
 density_correction = true
 unsharp = { amount = 0.5, radius = 1.5 }
@@ -25,7 +25,7 @@ name = "long"
 area = 2.0
 share = 0.5
 [class.size.line]
-length = "grey.png"
+length = "gray.png"
 length_range = [1.0, 2.0]
 direction = "flow.png"
 direction_kind = "vector"
@@ -62,8 +62,8 @@ area = 1.0
 
 @pytest.fixture
 def folder(tmp_path):
-    grey = np.linspace(0, 255, 32 * 32).reshape(32, 32).astype(np.uint8)
-    Image.fromarray(grey, "L").save(tmp_path / "grey.png")
+    gray = np.linspace(0, 255, 32 * 32).reshape(32, 32).astype(np.uint8)
+    Image.fromarray(gray, "L").save(tmp_path / "gray.png")
     flow = np.full((4, 4, 3), 128, np.uint8)
     flow[..., 0] = 255
     Image.fromarray(flow, "RGB").save(tmp_path / "flow.png")
@@ -98,7 +98,7 @@ def test_every_key_of_lines_arrives(folder):
     assert line.length.min() == pytest.approx(1.0) and line.length.max() == pytest.approx(2.0)
     np.testing.assert_allclose(line.direction[..., 0], 1.0)
     np.testing.assert_array_equal(line.direction[..., 1], 0.0)
-    assert [p.name for p in recipe_densities(path)] == ["grey.png", "grey.png", "flow.png"]
+    assert [p.name for p in recipe_densities(path)] == ["gray.png", "gray.png", "flow.png"]
 
 
 def test_an_image_with_alpha_becomes_one_class_per_ink(folder):
@@ -136,15 +136,15 @@ MISTAKES = {
     "unknown key": ("charges = 5", "charge = 5", "did you mean `charges`"),
     "kind": ('"vector"', '"flow"', 'must be "angle" or "vector"'),
     "negative length": (
-        'length = "grey.png"\nlength_range = [1.0, 2.0]',
+        'length = "gray.png"\nlength_range = [1.0, 2.0]',
         "length = -1",
-        '`class[1].size[1].line.length` (class "stick", size "long") must be a number in metres above 0, and finite; got -1',
+        '`class[1].size[1].line.length` (class "stick", size "long") must be a number in meters above 0, and finite; got -1',
     ),
-    "no length": ('length = "grey.png"\nlength_range = [1.0, 2.0]', "", "`class[1].size[1].line.length` (class"),
-    "length is a word": ('length = "grey.png"', 'length = "long"', 'or the name of an image; got "long"'),
+    "no length": ('length = "gray.png"\nlength_range = [1.0, 2.0]', "", "`class[1].size[1].line.length` (class"),
+    "length is a word": ('length = "gray.png"', 'length = "long"', 'or the name of an image; got "long"'),
     "length without a range": ("length_range = [1.0, 2.0]\n", "", "`class[1].size[1].line.length_range`"),
     "range without an image": (
-        'length = "grey.png"',
+        'length = "gray.png"',
         "length = 1.0",
         "is only for a `length` that is an image; `length` is 1",
     ),

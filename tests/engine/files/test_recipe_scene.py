@@ -175,7 +175,7 @@ def test_a_ball_is_an_obstacle_of_a_surface():
     assert (ball.ball, ball.margin) == ((1.0, 2.0, 3.0, 0.5), 0.1)
     for value in ([1, 2, 0.5], [1, 2, 3, 0], [1, 2, 3, "r"], 4):
         with pytest.raises(
-            EshError, match=r"`obstacle\[1\].ball` must be x, y, z and a radius above 0, in metres; got"
+            EshError, match=r"`obstacle\[1\].ball` must be x, y, z and a radius above 0, in meters; got"
         ):
             read_obstacles(RecipeTable(Path("r.toml"), "", "", {"obstacle": [{"ball": value}]}))
 
@@ -226,7 +226,7 @@ def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
             "`fixed.2..file` cannot be used: .*a.csv does not exist; fixed bodies are a .npz or",
         ),
         ('[[fixed]]\nfile = "a.txt"\n', "must end in .csv, .npz, .usd, .* or .geojson; got the ending '.txt'"),
-        ("[[fixed]]\nposition = [1, 2]\n", "`fixed.2..position` must be a list of positions, each x and y in metres"),
+        ("[[fixed]]\nposition = [1, 2]\n", "`fixed.2..position` must be a list of positions, each x and y in meters"),
         (
             "[[fixed]]\nposition = [[1, 2]]\nangle = true\n",
             "`fixed.2..angle` must be a number, or a list of one for every",
@@ -238,7 +238,7 @@ def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
             "`fixed.2..positon` is not a known key; did you mean `position`",
         ),
         ("[[obstacle]]\nmargin = 1\n", "`obstacle.1.`: an obstacle must have one of"),
-        ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in metres; got"),
+        ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in meters; got"),
         ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number of 0 or more"),
         (
             "[[obstacle]]\ndisc = [1, 2, 3]\ninvert = true\n",

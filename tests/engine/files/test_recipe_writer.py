@@ -13,6 +13,7 @@ from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSetti
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.line import Line
+from esh.engine.problem.look_at import LookAt
 from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.prepared_class import PreparedClass
 from esh.engine.problem.problem import Problem, ProblemSettings
@@ -52,7 +53,9 @@ SAMPLES = {
         "gap": [0.1],
         "clustering": [0.1 + 0.2, 1.0],
         "clump_size": [1.0 / 3.0],
+        "look_at": [LookAt(), LookAt((1.0 / 3.0, -2.0, 0.0), 0.1 + 0.2, "x")],
     },
+    LookAt: {"point": [(1.0, 2.0, 1.0 / 3.0)], "spread": [0.1 + 0.2], "front": ["x"]},
     Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5]},
     Size: {
         "name": ["größer ⌀ ≥ 1"],
@@ -136,6 +139,8 @@ def problem_with(cls, name, value):
         size |= own
     if cls is Unsharp:
         body_class |= {"density": IMAGE, "unsharp": Unsharp(**own)}
+    if cls is LookAt:
+        body_class |= {"look_at": LookAt(**own)}
     if cls in (BodyClass, ClassSettings):
         body_class |= own
     if name == "distribution" or isinstance(size["area"], tuple):
@@ -266,7 +271,7 @@ def test_arrays_of_lengths_and_directions_are_taken_as_they_are(tmp_path):
         np.testing.assert_array_equal(line.length, 1.0 + IMAGE)
         np.testing.assert_array_equal(line.direction, direction)
     for name, more, complaint in (
-        ("grey.png", 'direction_kind = "radians"\n', "must be a .npy file; got the ending '.png'"),
+        ("gray.png", 'direction_kind = "radians"\n', "must be a .npy file; got the ending '.png'"),
         ("length.npy", 'direction_kind = "degrees"\n', '"radians" for a .npy file; got "degrees"'),
     ):
         recipe.write_text(f'{text}direction = "{name}"\n{more}')

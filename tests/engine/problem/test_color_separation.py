@@ -1,4 +1,4 @@
-"""Ink channels: exact for every colour and model, and the problems made of them."""
+"""Ink channels: exact for every color and model, and the problems made of them."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_the_papers_non_overlap_maps():
         np.testing.assert_array_equal(MODELS[name].non_overlap, matrix)
 
 
-@pytest.mark.parametrize("kind", ["uint8", "uint16", "grey", "alpha", "grey alpha"])
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "gray", "alpha", "gray alpha"])
 def test_every_kind_of_image(kind):
     rng = np.random.default_rng(0)
     color = rng.random((3, 4, 3))
@@ -59,7 +59,7 @@ def test_every_kind_of_image(kind):
         most = np.iinfo(kind).max
         given_image = np.round(color * most).astype(kind)
         np.testing.assert_allclose(separate(given_image, "CMYK"), expected, atol=1.0 / most)
-    elif kind == "grey":
+    elif kind == "gray":
         np.testing.assert_allclose(separate(color[..., 0], "CMYK")[3], 1.0 - color[..., 0])
     elif kind == "alpha":
         alpha = rng.random((3, 4, 1))

@@ -1,4 +1,4 @@
-"""The grey-value correction against discs that are laid out and counted."""
+"""The gray-value correction against discs that are laid out and counted."""
 
 import math
 
@@ -11,7 +11,7 @@ from esh.engine.problem.density_correction import correct_density, tone_map
 def covered_by_honeycomb(density):
     """Share of the plane that unit discs in a honeycomb of this density (summed area per area) cover, by sampling."""
     spacing = math.sqrt(2.0 * math.pi / (math.sqrt(3.0) * density))
-    # A fundamental cell, its corners being centres; every point of it is nearest to one of the four.
+    # A fundamental cell, its corners being centers; every point of it is nearest to one of the four.
     u, v = np.meshgrid((np.arange(1500) + 0.5) / 1500, (np.arange(1500) + 0.5) / 1500)
     x, y = spacing * (u + 0.5 * v), spacing * v * math.sqrt(3.0) / 2.0
     inside = np.zeros(u.shape, dtype=bool)
@@ -29,7 +29,7 @@ def test_both_ends():
 
 
 def test_solves_equation_5_as_printed():
-    """From c to the grey value by the paper's own formula, and back through T to c: to 1e-9."""
+    """From c to the gray value by the paper's own formula, and back through T to c: to 1e-9."""
     c = np.cos(np.geomspace(1e-5, math.pi / 6.0, 200)[::-1])
     c = np.concatenate([c, np.cos(math.pi / 6.0 - np.geomspace(1e-3, math.pi / 6.0, 200))])
     density = math.pi / (2.0 * math.sqrt(3.0) * c**2)
@@ -42,12 +42,12 @@ def test_one_number_is_mapped_like_an_image():
     assert float(correct_density(1.0)) == pytest.approx(2.0 * math.pi / (3.0 * math.sqrt(3.0)), abs=1e-9)
 
 
-@pytest.mark.parametrize("grey", [0.0, 0.01, 0.03, 0.06, 0.09, 0.3])
-def test_discs_of_the_corrected_density_cover_what_was_asked(grey):
-    density = correct_density(np.array([1.0 - grey]))[0]
-    assert covered_by_honeycomb(density) == pytest.approx(1.0 - grey, abs=2e-4)
-    if 0.0 < grey < 0.09:
-        assert abs(covered_by_honeycomb(1.0 - grey) - (1.0 - grey)) > 1e-3
+@pytest.mark.parametrize("gray", [0.0, 0.01, 0.03, 0.06, 0.09, 0.3])
+def test_discs_of_the_corrected_density_cover_what_was_asked(gray):
+    density = correct_density(np.array([1.0 - gray]))[0]
+    assert covered_by_honeycomb(density) == pytest.approx(1.0 - gray, abs=2e-4)
+    if 0.0 < gray < 0.09:
+        assert abs(covered_by_honeycomb(1.0 - gray) - (1.0 - gray)) > 1e-3
 
 
 def test_is_monotone_and_keeps_shapes():

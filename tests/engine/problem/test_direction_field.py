@@ -15,7 +15,7 @@ from esh.engine.quality.line_quality import angle_errors
 FLAT = np.ones((6, 8))
 
 
-def centres(height, width, size=None):
+def centers(height, width, size=None):
     """Positions of pixels, y up, row 0 at the top."""
     size = size or (width, height)
     x = (np.arange(width) + 0.5) * size[0] / width
@@ -25,7 +25,7 @@ def centres(height, width, size=None):
 
 def edge(angle, height=64, width=80, size=None, softness=1.5):
     """An image with one soft edge through its middle that runs in direction ``angle``."""
-    x, y = centres(height, width, size)
+    x, y = centers(height, width, size)
     across = np.cos(angle) * (y - y.mean()) - np.sin(angle) * (x - x.mean())
     return 0.5 + 0.5 * np.tanh(across / softness)
 
@@ -62,7 +62,7 @@ def test_directions_are_those_of_the_domain_whatever_the_pixels_aspect(degrees, 
 
 
 def test_directions_run_around_a_disc():
-    x, y = centres(90, 90)
+    x, y = centers(90, 90)
     radius = np.hypot(x - 45.0, y - 45.0)
     field = density_directions(1.0 / (1.0 + np.exp(radius - 25.0)))
     clear = np.abs(radius - 25.0) < 4.0
@@ -220,7 +220,7 @@ def test_an_image_without_green_holds_no_vectors(shape):
         direction_from_rg(np.ones(shape))
 
 
-def test_angles_from_grey_values():
+def test_angles_from_gray_values():
     angles = direction_from_angle_image(np.array([[0.0, 0.25, 0.5, 0.75, 1.0]]))
     assert np.degrees(angles[0]) == pytest.approx([0.0, 45.0, 90.0, 135.0, 180.0])
     assert angle_errors(angles[0, 4], angles[0, 0]) < 1e-6

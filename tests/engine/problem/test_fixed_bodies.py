@@ -91,7 +91,7 @@ def test_what_does_not_fit_the_problem_is_refused_with_a_sentence(fixed, message
     [
         (
             {"position": [1.0, 2.0]},
-            r"`fixed.position` must be a list of positions, each x and y in metres, and z on a surface; got \[1.0, 2.0\]",
+            r"`fixed.position` must be a list of positions, each x and y in meters, and z on a surface; got \[1.0, 2.0\]",
         ),
         ({"position": [[1.0, np.nan]]}, "`fixed.position` must be finite everywhere"),
         ({"position": "here"}, '`fixed.position` must be a list of positions, .*; got "here"'),

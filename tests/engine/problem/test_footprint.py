@@ -92,7 +92,7 @@ def test_rounded_points_on_a_line_are_capsules_and_one_is_a_disc():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Footprint.disc(0.0), "`radius` of a disc must be a number in metres above 0"),
+        (lambda: Footprint.disc(0.0), "`radius` of a disc must be a number in meters above 0"),
         (lambda: Footprint.capsule(1.0, 2.0), "`width` of a capsule must be at most its length, 1"),
         (lambda: Footprint.polygon([[0, 0], [1, 1], [2, 2]]), "must not lie on one line without a `rounding`"),
         (lambda: Footprint.polygon([[1, 1], [1, 1]]), "must not all be the same"),

@@ -10,21 +10,21 @@ SHAPE = (120, 160)
 ONE = BodyClass("k", [Size("a", 0.1, 50)])
 
 
-def centres(shape=SHAPE, domain=DOMAIN):
+def centers(shape=SHAPE, domain=DOMAIN):
     x = (np.arange(shape[1]) + 0.5) / shape[1] * domain.size[0]
     y = domain.size[1] - (np.arange(shape[0]) + 0.5) / shape[0] * domain.size[1]
     return np.meshgrid(x, y)
 
 
 def test_clearance_of_a_disc_with_a_margin():
-    x, y = centres()
+    x, y = centers()
     found = clearance([Obstacle(disc=(3.0, 2.0, 1.5), margin=0.5)], DOMAIN, SHAPE, 1.0)
     np.testing.assert_allclose(found, np.minimum(np.hypot(x - 3.0, y - 2.0) - 2.0, 1.0), atol=1e-6)
 
 
 def test_clearance_of_a_polygon_is_the_distance_from_its_edges():
     corners = np.array([[1.0, 1.0], [6.0, 1.5], [5.0, 5.0], [3.5, 2.5]])  # with a notch
-    x, y = centres()
+    x, y = centers()
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     away = np.full(len(points), np.inf)
     inside = np.zeros(len(points), bool)
@@ -43,7 +43,7 @@ def test_clearance_of_a_polygon_is_the_distance_from_its_edges():
 
 
 def test_obstacles_go_on_across_a_periodic_border():
-    x, y = centres()
+    x, y = centers()
     periodic = Domain(DOMAIN.size, "periodic")
     dx, dy = x - 0.2 - 8.0 * np.round((x - 0.2) / 8.0), y - 5.9 - 6.0 * np.round((y - 5.9) / 6.0)
     found = clearance([Obstacle(disc=(0.2, 5.9, 1.0))], periodic, SHAPE, 0.8)
@@ -72,7 +72,7 @@ def test_distance_from_a_mask_is_that_of_all_pairs(periodic):
 def test_an_image_is_an_obstacle_where_it_is_white():
     image = np.zeros((3, 4))
     image[0, 3] = 1.0  # the upper right: x from 6 on, y from 4 on
-    x, y = centres()
+    x, y = centers()
     away = np.hypot(np.maximum(6.0 - x, 0.0), np.maximum(4.0 - y, 0.0))
     found = clearance([Obstacle(image=image, margin=0.25)], DOMAIN, SHAPE, 1.0)
     pixel = 0.05
@@ -111,9 +111,9 @@ def test_obstacles_everywhere_are_refused():
     [
         ({}, "an obstacle must have one of `polygon`, `disc`, `image` and `ball`; got none of them"),
         ({"disc": (1, 1, 1), "image": np.ones((2, 2))}, "must have one of .*; got `disc` and `image`"),
-        ({"polygon": [[0, 0], [1, 1]]}, "`obstacle.polygon` must be three or more corners, each x and y in metres"),
+        ({"polygon": [[0, 0], [1, 1]]}, "`obstacle.polygon` must be three or more corners, each x and y in meters"),
         ({"polygon": 3}, "`obstacle.polygon` must be three or more corners"),
-        ({"disc": (1, 1, 0)}, "`obstacle.disc` must be x, y and a radius above 0, in metres"),
+        ({"disc": (1, 1, 0)}, "`obstacle.disc` must be x, y and a radius above 0, in meters"),
         ({"disc": (1, 1)}, "`obstacle.disc` must be x, y and a radius above 0"),
         ({"disc": "abc"}, "`obstacle.disc` must be x, y and a radius above 0"),
         ({"image": np.ones(3)}, r"`obstacle.image` must be an image of shape \[height, width\]"),

@@ -337,7 +337,7 @@ def test_directions_without_meaning_are_refused(direction, complaint):
         ({"turn_weights": (-0.1, 0.6)}, "must be a number between 0 and 1; got -0.1"),
         ({"stretch_weights": 0.2}, "`line.stretch_weights` must be two weights"),
         ({"straightness": 1.5}, "`line.straightness` must be a number between 0 and 1; got 1.5"),
-        ({"width": 0}, "`line.width` must be a number in metres above 0"),
+        ({"width": 0}, "`line.width` must be a number in meters above 0"),
         ({"tensor_scales": (0.0, 1.0)}, "`line.tensor_scales` must be a number above 0"),
     ],
 )
@@ -443,13 +443,13 @@ def test_shares_add_up_to_1(total, fits):
 
 
 @given(
-    grey=st.floats(0.05, 1.0), areas=st.tuples(st.floats(0.01, 0.1), st.floats(0.01, 0.1)), share=st.floats(0.1, 0.9)
+    gray=st.floats(0.05, 1.0), areas=st.tuples(st.floats(0.01, 0.1), st.floats(0.01, 0.1)), share=st.floats(0.1, 0.9)
 )
 @settings(max_examples=60, deadline=None)
-def test_cover_means_as_much_footprint_as_density(grey, areas, share):
+def test_cover_means_as_much_footprint_as_density(gray, areas, share):
     sizes = [Size("a", areas[0], share=share), Size("b", areas[1], share=1.0 - share)]
-    problem = Problem(Domain((20.0, 10.0)), [BodyClass("k", sizes, grey, count="cover")])
-    assert problem.body_areas().sum() == pytest.approx(200.0 * grey, abs=1.5 * sum(areas))
+    problem = Problem(Domain((20.0, 10.0)), [BodyClass("k", sizes, gray, count="cover")])
+    assert problem.body_areas().sum() == pytest.approx(200.0 * gray, abs=1.5 * sum(areas))
 
 
 def test_a_cover_or_a_correction_needs_covered_shares():

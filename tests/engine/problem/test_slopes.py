@@ -91,7 +91,7 @@ def test_cover_is_that_of_the_ground():
     [
         (3.0, "got 3"),
         (np.zeros((3, 3)), "must be an image of slopes"),
-        (np.full((2, 2, 2), np.nan), "of at most 100 metres a metre; it holds nan"),
+        (np.full((2, 2, 2), np.nan), "of at most 100 meters per meter; it holds nan"),
         (np.full((2, 2, 2), 200.0), "it holds 200"),
         ("slope.npy", 'got "slope.npy"'),
     ],

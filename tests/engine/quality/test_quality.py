@@ -94,7 +94,7 @@ def test_spacing_of_a_hexagonal_lattice_is_one(launcher):
     assert smallest_spacing(position[:1], density[:1], domain, launcher) is None
 
 
-def test_distances_are_those_of_neighbours_in_metres(launcher):
+def test_distances_are_those_of_neighbors_in_meters(launcher):
     """A lattice of 2.5 m in which one body is close to another."""
     x, y = np.meshgrid(np.arange(12) + 0.5, np.arange(8) + 0.5)
     position = 2.5 * np.stack([x.ravel(), y.ravel()], axis=1)
@@ -119,7 +119,7 @@ def test_bodies_where_nothing_is_asked_for_have_a_distance_but_no_spacing(launch
     spacing = measure_spacing(bodies, wp.array(density, dtype=float, device=launcher.device))
     assert spacing.closest == pytest.approx(0.75, rel=1e-5) and spacing.usual == pytest.approx(2.5, rel=1e-5)
     hexagonal = math.sqrt(2.0 / math.sqrt(3.0))
-    # With one alone its partner asks for a spacing and has the same neighbour.
+    # With one alone its partner asks for a spacing and has the same neighbor.
     expected = {1: 0.3 / hexagonal, 60: 1.0 / hexagonal, 96: None}[unasked]
     assert spacing.smallest == (expected if expected is None else pytest.approx(expected, rel=1e-5))
 
@@ -154,7 +154,7 @@ def test_the_coverage_error_of_a_few_bodies(count):
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])
-def test_neighbours_are_found_in_a_long_and_narrow_domain(boundary):
+def test_neighbors_are_found_in_a_long_and_narrow_domain(boundary):
     domain = Domain((2000.0, 1.0), boundary)
     position = np.stack([np.linspace(5.0, 1995.0, 200), np.full(200, 0.5)], axis=1)
     position[100, 0] += 5.0

@@ -106,7 +106,7 @@ REFUSED = {
         lambda: Line(1.0, np.full((2, 2), 1e20)),
         "must hold angles between -10000 and 10000 radians everywhere",
     ),
-    "lengths of nothing": (lambda: Line(np.full((2, 2), 1e-30)), "must lie between 1e-09 and 1e+12 metres everywhere"),
+    "lengths of nothing": (lambda: Line(np.full((2, 2), 1e-30)), "must lie between 1e-09 and 1e+12 meters everywhere"),
 }
 
 

@@ -12,7 +12,7 @@ from esh.engine.space.density import sample_density
 
 
 def test_bodies_in_order_walk_the_plane_without_jumps():
-    """A uniform density: the next body is a neighbour, however long the way; so no cell is left out or visited twice."""
+    """A uniform density: the next body is a neighbor, however long the way; so no cell is left out or visited twice."""
     problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [Size("s", 1e-6, 4096)])])
     position = initial_placement(problem)
     assert np.hypot(*np.diff(position, axis=0).T).max() < 4.0 / 64

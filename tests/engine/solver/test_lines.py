@@ -27,7 +27,7 @@ def test_a_constant_direction_is_met_and_lengths_are(angle, boundary):
     assert np.degrees(angle_errors(placement.angle, angle)).mean() < 8.0
     assert placement.length.mean() == pytest.approx(1.5, rel=0.02)
     assert crossing_lines(placement.position, placement.angle, placement.length, placement.problem.domain) <= 6
-    # Width from equal average grey: capsules as large as the footprints, in the mean.
+    # Width from equal average gray: capsules as large as the footprints, in the mean.
     capsule = placement.length * placement.width + math.pi / 4 * placement.width**2
     assert capsule.mean() == pytest.approx(0.5, rel=0.01)
 

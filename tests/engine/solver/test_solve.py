@@ -27,7 +27,7 @@ def errors(placement, chosen, image):
 
 
 def spacings(position, area):
-    """Smallest and mean distance to the nearest neighbour, over the hexagonal spacing."""
+    """Smallest and mean distance to the nearest neighbor, over the hexagonal spacing."""
     from scipy.spatial import cKDTree
 
     nearest = cKDTree(position).query(position, 2)[0][:, 1] / (HEXAGONAL_SPACING * np.sqrt(area / len(position)))
@@ -232,8 +232,8 @@ def test_a_photograph_is_followed_better_than_point_charges_can(name, most):
     from skimage.transform import resize
 
     photograph = getattr(data, name)()
-    grey = photograph / 255.0 if photograph.ndim == 2 else rgb2gray(photograph)
-    image = 1.0 - resize(grey, (128, 128), anti_aliasing=True)
+    gray = photograph / 255.0 if photograph.ndim == 2 else rgb2gray(photograph)
+    image = 1.0 - resize(gray, (128, 128), anti_aliasing=True)
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 4096)], image)], seed=1)
     placement = solve(problem, device="cpu", max_steps=150)
     assert errors(placement, slice(None), image)[1] <= most
@@ -241,7 +241,7 @@ def test_a_photograph_is_followed_better_than_point_charges_can(name, most):
 
 
 def sixfold_order(position, period=None):
-    """Mean |psi 6| over the six nearest neighbours of every body: 1 for a hexagonal lattice."""
+    """Mean |psi 6| over the six nearest neighbors of every body: 1 for a hexagonal lattice."""
     from scipy.spatial import cKDTree
 
     nearest = cKDTree(position, boxsize=period).query(position, 7)[1][:, 1:]

@@ -130,7 +130,7 @@ def test_what_has_no_meaning_on_a_surface_is_said():
     with pytest.raises(EshError, match=r"`fixed.position` must lie on the surface; \[0.0, 0.0, 3.0\] is more than"):
         esh.solve(problem(20, fixed=esh.FixedBodies([[0, 0, 3.0]])), **RUN)
     with pytest.raises(
-        EshError, match=r"`fixed.position` must be on a surface x, y and z in metres; got 2 coordinates"
+        EshError, match=r"`fixed.position` must be on a surface x, y and z in meters; got 2 coordinates"
     ):
         problem(20, fixed=esh.FixedBodies([[0, 0]]))
     with pytest.raises(EshError, match="`obstacles` on a surface must be balls"):
@@ -143,5 +143,5 @@ def test_what_has_no_meaning_on_a_surface_is_said():
             [esh.BodyClass("a", [esh.Size("b", 0.1, 3)])],
             obstacles=[esh.Obstacle(ball=(0, 0, 0, 1))],
         )
-    with pytest.raises(EshError, match=r"`obstacle.ball` must be x, y, z and a radius above 0, in metres; got"):
+    with pytest.raises(EshError, match=r"`obstacle.ball` must be x, y, z and a radius above 0, in meters; got"):
         esh.Obstacle(ball=(0, 0, 0, -1))

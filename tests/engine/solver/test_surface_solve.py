@@ -111,7 +111,7 @@ def test_the_sides_of_a_thin_wall_do_not_see_each_other():
     placement = solve(on_surface(mesh, count), device="cpu")
     up, down = placement.normal[:, 2] > 0.9, placement.normal[:, 2] < -0.9
     assert abs(int(up.sum()) - int(down.sum())) < 12
-    # A body has its nearest neighbour on its own side at the spacing of that side, though the other side is nearer.
+    # A body has its nearest neighbor on its own side at the spacing of that side, though the other side is nearer.
     smallest, mean = metric.spacing(placement.position, placement.normal, count / placement.problem.domain.area)
     assert smallest > 0.7
     assert mean > 0.88

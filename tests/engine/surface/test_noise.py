@@ -34,7 +34,7 @@ def test_seeds_make_different_noise_and_places_keep_theirs():
     first = noise_at(points, 5.0, 3, 7)
     assert np.abs(np.corrcoef(first, noise_at(points, 5.0, 3, 8))[0, 1]) < 0.2
     np.testing.assert_array_equal(noise_at(points[::7], 5.0, 3, 7), first[::7])
-    # Also far from the origin, where float32 has steps of decimetres.
+    # Also far from the origin, where float32 has steps of decimeters.
     far = noise_at(points + 1e6, 5.0, 1, 7).reshape(100, 100)
     assert np.abs(np.diff(far)).max() < 0.35 and far.std() > 0.1
 

@@ -6,7 +6,7 @@ import trimesh
 from esh.engine.surface.top_view import TopView
 from esh.engine.surface.triangle_mesh import TriangleMesh
 
-# Far from the world's origin, where float32 alone would be a centimetre off.
+# Far from the world's origin, where float32 alone would be a centimeter off.
 FAR = np.array([30_000.0, -50_000.0, 800.0])
 
 

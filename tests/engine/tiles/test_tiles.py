@@ -296,6 +296,7 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
     [
         (("size = [64.0, 48.0]", 'size = [64.0, 48.0]\nboundary = "periodic"'), "periodic"),
         (('name = "beech"', 'name = "beech"\nclustering = 0.5'), "`clustering`"),
+        (('name = "beech"', 'name = "beech"\nlook_at = { point = [1.0, 2.0, 0.0] }'), "`look_at`"),
         (("count = 2400", "count = 2400\nfootprint = { disc = 0.5 }"), "`footprint`"),
         (('[[class]]\nname = "beech"', '[[fixed]]\nposition = [[1.0, 1.0]]\n[[class]]\nname = "beech"'), "`fixed`"),
     ],
@@ -353,7 +354,7 @@ def test_a_geotiff_is_read_by_window_and_keeps_its_place(recipe, tmp_path):
     tables = [parquet.read_table(path) for path in sorted((tmp_path / "geo").glob("tile-*.parquet"))]
     identity = np.concatenate([table["id"].to_numpy() for table in tables])
     where = np.concatenate([np.array([[p["x"], p["y"]] for p in table["geometry"].to_pylist()]) for table in tables])
-    # 10 m in the world are half a metre in the domain; the upper left corner is the origin.
+    # 10 m in the world are half a meter in the domain; the upper left corner is the origin.
     expected = np.array([400_000.0, 5_300_000.0 - 960.0]) + plain["position"] * 20.0
     assert np.allclose(where[np.argsort(identity)], expected, atol=1e-6)
     crs = json.loads(tables[0].schema.metadata[b"geo"])["columns"]["geometry"]["crs"]

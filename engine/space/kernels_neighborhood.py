@@ -18,7 +18,7 @@ SAFELY = wp.constant(1.0005)
 class ContactGrid:
     """Grids of cells, one per level; bodies of a level have a reach within a factor of two.
 
-    Per level: the largest reach (from the centre to the farthest point), cells along x and y, index of the first cell.
+    Per level: the largest reach (from the center to the farthest point), cells along x and y, index of the first cell.
     """
 
     level_count: wp.int32
@@ -61,8 +61,8 @@ class Sorted:
 
 
 @wp.struct
-class Neighbours:
-    """What finds neighbours: bodies in the order of their cells, their footprints, where every cell begins, and the cells."""
+class Neighbors:
+    """What finds neighbors: bodies in the order of their cells, their footprints, where every cell begins, and the cells."""
 
     bodies: Sorted
     footprints: Footprints
@@ -82,14 +82,14 @@ def set_sorted(s: int, pose: wp.vec4, radius: float, bodies: Sorted):
 def contact_keys(
     first: int,
     pose: wp.array(dtype=wp.vec4),
-    neighbours: Neighbours,
+    neighbors: Neighbors,
     # outputs
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
     i = first + wp.tid()
-    m = neighbours.footprints.level[i]
-    grid = neighbours.grid
+    m = neighbors.footprints.level[i]
+    grid = neighbors.grid
     x = wp.clamp(int(pose[i][0] / grid.space.size[0] * float(grid.count_x[m])), 0, grid.count_x[m] - 1)
     y = wp.clamp(int(pose[i][1] / grid.space.size[1] * float(grid.count_y[m])), 0, grid.count_y[m] - 1)
     key[i] = grid.first_cell[m] + y * grid.count_x[m] + x
@@ -102,7 +102,7 @@ def closest_places(difference: wp.vec2, axis_i: wp.vec2, axis_j: wp.vec2):
 
     Nearly so where the axes are nearly parallel: enough for bodies on their way, not for a count.
     """
-    # Minimise |difference + v axis_j - u axis_i| over the square by clamping in turns, which ends after few rounds.
+    # Minimize |difference + v axis_j - u axis_i| over the square by clamping in turns, which ends after few rounds.
     ii = wp.dot(axis_i, axis_i)
     jj = wp.dot(axis_j, axis_j)
     ij = wp.dot(axis_i, axis_j)
@@ -164,9 +164,9 @@ class Around:
 
 
 @wp.func
-def cells_around(position: wp.vec2, reach: float, level: int, neighbours: Neighbours):
+def cells_around(position: wp.vec2, reach: float, level: int, neighbors: Neighbors):
     """The cells of a level that come within ``reach`` of ``position``."""
-    grid = neighbours.grid
+    grid = neighbors.grid
     space = grid.space
     around = Around()
     around.count_x = grid.count_x[level]
@@ -181,19 +181,19 @@ def cells_around(position: wp.vec2, reach: float, level: int, neighbours: Neighb
 
 @wp.func
 def run_count(around: Around):
-    """Cells of a row are neighbours in memory: they are one run of bodies, or two where they lie on both sides of a wrap."""
+    """Cells of a row are neighbors in memory: they are one run of bodies, or two where they lie on both sides of a wrap."""
     return (around.rows[1] - around.rows[0] + 1) * around.periods
 
 
 @wp.func
-def bodies_of_run(run: int, around: Around, neighbours: Neighbours):
+def bodies_of_run(run: int, around: Around, neighbors: Neighbors):
     """First place in :class:`Sorted` of the bodies of a run, and the one after the last."""
     cells = cells_of_period(around.columns, around.first_period + run % around.periods, around.count_x)
     if cells[0] > cells[1]:
         return wp.vec2i(0, 0)
     row = wrap(around.rows[0] + run / around.periods, around.count_y)
     base = around.first_cell + row * around.count_x
-    return wp.vec2i(neighbours.cell_start[base + cells[0]], neighbours.cell_start[base + cells[1] + 1])
+    return wp.vec2i(neighbors.cell_start[base + cells[0]], neighbors.cell_start[base + cells[1] + 1])
 
 
 # Which of the next bodies may be within reach, as bits: a quick look at several at once, wrong on the safe side only. Positions differ
@@ -248,10 +248,10 @@ def may_touch(
 
 
 @wp.func
-def next_near(position: wp.vec2, reach: float, wider: float, start: int, end: int, neighbours: Neighbours):
+def next_near(position: wp.vec2, reach: float, wider: float, start: int, end: int, neighbors: Neighbors):
     """Which of the bodies from ``start`` on, :data:`LANES` of them at most, may be within reach of ``position``, as bits."""
-    space = neighbours.grid.space
-    near = neighbours.bodies
+    space = neighbors.grid.space
+    near = neighbors.bodies
     return may_touch(
         position[0], position[1], reach, wider, space.size, space.periodic, start, end, near.x, near.y, near.reach
     )
@@ -272,9 +272,9 @@ def gather_bodies(
     first: int,
     pose: wp.array(dtype=wp.vec4),
     # outputs
-    neighbours: Neighbours,
+    neighbors: Neighbors,
 ):
     s = first + wp.tid()
-    i = neighbours.bodies.body[s]
-    neighbours.bodies.place[i] = s
-    set_sorted(s, pose[i], neighbours.footprints.radius[i], neighbours.bodies)
+    i = neighbors.bodies.body[s]
+    neighbors.bodies.place[i] = s
+    set_sorted(s, pose[i], neighbors.footprints.radius[i], neighbors.bodies)

@@ -1,6 +1,6 @@
 """What may touch what: discs, and capsules around the axes of lines.
 
-Neighbours are found in a grid of cells per level of size, so that a few large bodies among many small ones cost no more than both
+Neighbors are found in a grid of cells per level of size, so that a few large bodies among many small ones cost no more than both
 by themselves.
 """
 
@@ -12,17 +12,17 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from . import kernels_neighbourhood
+from . import kernels_neighborhood
 from .cell_sort import CellSort
 from .space import Space
 
-__all__ = ["Neighbourhood"]
+__all__ = ["Neighborhood"]
 
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 
 
-class Neighbourhood:
+class Neighborhood:
     """Finds what may touch what.
 
     Args:
@@ -34,7 +34,7 @@ class Neighbourhood:
 
     Attributes:
         footprints: Level, radius and mass of every body, on the device.
-        for_kernels: What kernels find neighbours by.
+        for_kernels: What kernels find neighbors by.
     """
 
     def __init__(
@@ -57,32 +57,32 @@ class Neighbourhood:
         cell = np.maximum(2.0 * most_reach, math.sqrt(space.area / (2 * n + 64)))
         counts = np.array([[max(1, int(length / side)) for length in space.size] for side in cell])
         first = np.concatenate([[0], np.cumsum(counts.prod(axis=1))])
-        grid = kernels_neighbourhood.ContactGrid()
+        grid = kernels_neighborhood.ContactGrid()
         grid.level_count = len(used)
         grid.reach = wp.array(most_reach, dtype=float, device=device)
         grid.count_x = wp.array(counts[:, 0], dtype=wp.int32, device=device)
         grid.count_y = wp.array(counts[:, 1], dtype=wp.int32, device=device)
         grid.first_cell = wp.array(first, dtype=wp.int32, device=device)
         grid.space = space.for_kernels()
-        footprints = kernels_neighbourhood.Footprints()
+        footprints = kernels_neighborhood.Footprints()
         footprints.level = launcher.array(level, wp.int32)
         footprints.radius = launcher.array(radius, float)
         footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))
-        room = n + kernels_neighbourhood.LANES
-        near = kernels_neighbourhood.Sorted()
+        room = n + kernels_neighborhood.LANES
+        near = kernels_neighborhood.Sorted()
         near.body = self._cells.order
         near.place = launcher.empty(n, wp.int32)
         near.x, near.y, near.reach = (launcher.zeros(room, float) for _ in range(3))
         near.half_axis = launcher.zeros(room, wp.vec2)
-        neighbours = kernels_neighbourhood.Neighbours()
-        neighbours.bodies, neighbours.footprints = near, footprints
-        neighbours.cell_start, neighbours.grid = self._cells.cell_start, grid
-        self.for_kernels = neighbours
+        neighbors = kernels_neighborhood.Neighbors()
+        neighbors.bodies, neighbors.footprints = near, footprints
+        neighbors.cell_start, neighbors.grid = self._cells.cell_start, grid
+        self.for_kernels = neighbors
 
     def sort(self, pose: wp.array) -> None:
         """Put bodies where they are now into the cells."""
-        self._cells.sort(kernels_neighbourhood.contact_keys, [pose, self.for_kernels])
-        self.launcher.launch(kernels_neighbourhood.gather_bodies, self.body_count, [pose], [self.for_kernels])
+        self._cells.sort(kernels_neighborhood.contact_keys, [pose, self.for_kernels])
+        self.launcher.launch(kernels_neighborhood.gather_bodies, self.body_count, [pose], [self.for_kernels])
