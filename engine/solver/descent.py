@@ -255,7 +255,7 @@ def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodi
     bodies = kernels_descent.Bodies()
     bodies.support = launcher.array(table.support, wp.int32)
     bodies.group = launcher.array(table.group, wp.int32)
-    bodies.line = launcher.array(table.kind, wp.int32)
+    bodies.kind = launcher.array(table.kind, wp.int32)
     # These may be said anew.
     bodies.flags = wp.array(table.flags, dtype=wp.int32, device=launcher.device)
     bodies.first_charge = launcher.array(charge.first, wp.int32)

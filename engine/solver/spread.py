@@ -49,8 +49,8 @@ def spread(
         descent.step.play(STEPS)
     position = position_in_meters(model, descent.state)
     launcher.release(descent.step)
-    for place, i in enumerate(asked):
-        result[i] = position[model.body.class_index == place]
+    for number, i in enumerate(asked):
+        result[i] = position[model.body.class_index == number]
     return result
 
 
