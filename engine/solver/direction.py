@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher, Until
 from . import kernels_direction
+from .line_rules import LineRules
+from .surface_line_rules import SurfaceLineRules
 
 __all__ = ["Direction"]
 
@@ -19,20 +20,18 @@ class Direction:
     Args:
         launcher: Where it is found.
         body_count: Number of bodies.
-        line_count: Bodies of every kind of line, as their rules have them.
-        pressed: 1 for kinds whose length the forces change, as their rules have them.
+        rules: What lines are to do.
 
     Attributes:
         sums: What bodies add to, see :mod:`.kernels_direction`.
         factors: What :func:`.kernels_direction.decide_direction` writes, shape ``[4]``.
     """
 
-    def __init__(self, launcher: Launcher, body_count: int, line_count: wp.array, pressed: wp.array, kinds: int) -> None:
-        self._launcher, self._body_count = launcher, body_count
-        self._line_count, self._pressed, self._line_kinds = line_count, pressed, kinds
+    def __init__(self, launcher: Launcher, body_count: int, rules: LineRules | SurfaceLineRules) -> None:
+        self._launcher, self._body_count, self._rules = launcher, body_count, rules
         on_gpu = launcher.device.is_cuda
         slots = kernels_direction.SLOTS_ON_GPU if on_gpu else kernels_direction.SLOTS_ON_CPU
-        count = kernels_direction.LENGTHS + kinds
+        count = kernels_direction.LENGTHS + rules.kind_count
         # Those of no two threads in a line of the cache.
         room = count if on_gpu else count + kernels_direction.SUMS_APART
         self.sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
@@ -43,13 +42,11 @@ class Direction:
         """Launch what decides, once all bodies have added to the sums; lengths of kinds of lines follow."""
         count, slots = self._totals.shape[0], self.sums.shape[2]
         at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
-        self._launcher.launch(
-            kernels_direction.add_up, count * slots // at_once, [at_once], [self.sums, self._totals]
-        )
+        self._launcher.launch(kernels_direction.add_up, count * slots // at_once, [at_once], [self.sums, self._totals])
         self._launcher.launch(
             kernels_direction.decide_direction,
             1,
-            [self._line_kinds, self._line_count, self._pressed],
+            [self._rules.kind_count, self._rules.line_count, self._rules.pressed],
             [self._totals, self.factors, length_factor],
         )
 

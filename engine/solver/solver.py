@@ -304,7 +304,7 @@ class Solver:
         """Count steps that were taken, and return the residual."""
         self.state.steps += count
         with self.launcher.phase("readback"):
-            residual = self.descent.residual()
+            residual = self.descent.direction.residual()
         if math.isnan(residual):
             raise ProblemError(OVERFLOW)
         return residual
@@ -324,7 +324,7 @@ class Solver:
                 many = max_steps - step
                 if self.launcher.device.is_cuda:
                     many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, many)
-            taken = self.descent.step.play(many, self.descent.settled(TOLERANCE))
+            taken = self.descent.step.play(many, self.descent.direction.settled(TOLERANCE))
             residual = self._stepped(taken)
             step += taken
             if progress is not None:

@@ -187,7 +187,7 @@ def relax(
     try:
         for _ in range(steps):
             descent.step.play()
-        if math.isnan(descent.residual()):
+        if math.isnan(descent.direction.residual()):
             raise ProblemError(
                 "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
             )
