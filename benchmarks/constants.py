@@ -26,6 +26,8 @@ from pathlib import Path
 import numpy as np
 
 ROOM = "esh.engine.solver"
+DESCENT_COLUMNS = ("coverage error", "steps", "left to move")
+CONTACT_COLUMNS = ("overlaps left", "runs without", "coverage error", "moved", "seconds over those as it is")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,28 +52,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made = descents if options.descent else total
         print(json.dumps(made(options.scenes, options.bodies, options.seeds)))
         return 0
-    if options.descent:
-        print(f"| {options.constant} | coverage error | steps | left to move |")
-        print("|---|---|---|---|")
-        for value in [now, *(json.loads(text) for text in options.values)]:
-            found = in_a_process(options, value)
-            name = f"{value}{' (as it is)' if value == now else ''}"
-            print(f"| {name} | {found['error']:.4f} | {found['steps']:.0f} | {found['left']:.2f} |", flush=True)
-        return 0
-    print(
-        f"| {options.constant} | overlaps left | runs without | coverage error | moved | seconds over those as it is |"
-    )
-    print("|---|---|---|---|---|---|")
-    usual = 0.0
+    columns, row = (DESCENT_COLUMNS, descent_row) if options.descent else (CONTACT_COLUMNS, contact_row)
+    print(f"| {options.constant} | {' | '.join(columns)} |")
+    print("|---" * (len(columns) + 1) + "|")
+    as_it_is: dict[str, float] = {}
     for value in [now, *(json.loads(text) for text in options.values)]:
         found = in_a_process(options, value)
-        usual = usual or found["seconds"]
-        print(
-            f"| {value}{' (as it is)' if value == now else ''} | {found['left']:.0f} | {found['clean']:.0f} of {found['runs']:.0f} | "
-            f"{found['error']:.4f} | {found['moved']:.3f} | {found['seconds'] / usual:.2f} |",
-            flush=True,
-        )
+        as_it_is = as_it_is or found
+        name = f"{value}{' (as it is)' if value == now else ''}"
+        print(f"| {name} | {' | '.join(row(found, as_it_is))} |", flush=True)
     return 0
+
+
+def descent_row(found: dict[str, float], _as_it_is: dict[str, float]) -> list[str]:
+    """The cells of `DESCENT_COLUMNS`."""
+    return [f"{found['error']:.4f}", f"{found['steps']:.0f}", f"{found['left']:.2f}"]
+
+
+def contact_row(found: dict[str, float], as_it_is: dict[str, float]) -> list[str]:
+    """The cells of `CONTACT_COLUMNS`."""
+    return [
+        f"{found['left']:.0f}",
+        f"{found['clean']:.0f} of {found['runs']:.0f}",
+        f"{found['error']:.4f}",
+        f"{found['moved']:.3f}",
+        f"{found['seconds'] / as_it_is['seconds']:.2f}",
+    ]
 
 
 def in_a_process(options: argparse.Namespace, value: object) -> dict[str, float]:

@@ -22,7 +22,7 @@ UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))
 # Steps for what is to end near a lattice.
 PATIENT = 800
-RED, BLUE, GRAY = (0.82, 0.2, 0.16), (0.13, 0.33, 0.7), (0.25, 0.25, 0.27)
+RED, BLUE = (0.82, 0.2, 0.16), (0.13, 0.33, 0.7)
 
 
 def pixels(image: np.ndarray) -> Domain:

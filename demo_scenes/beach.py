@@ -13,6 +13,7 @@ import esh
 import numpy as np
 import surface_shapes as shapes
 from gallery_parts import Built, add, check_counts, check_overlaps, run, variants
+from mathutils import Vector
 from scene_parts import add_camera
 from shader_nodes import Color, add_bump, add_node, calculate, color_ramp, mix_colors, new_material, noise, object_place
 from shader_nodes import per_instance as random_of
@@ -245,10 +246,6 @@ def water_material() -> bpy.types.Material:
     return material
 
 
-def _grid(x: np.ndarray, y: np.ndarray, height: np.ndarray) -> shapes.Shape:
-    return np.stack([x, y, height], axis=-1).reshape(-1, 3), shapes.grid_faces(*x.shape)
-
-
 def _add_sea(step: float) -> None:
     """Add the water, and the ground below it and beside the beach, wider and farther than a camera sees."""
     aside = np.arange(0.0, 1.8, step)
@@ -256,10 +253,10 @@ def _add_sea(step: float) -> None:
     away = np.concatenate([np.arange(0.4, 3.0, step), np.geomspace(3.05, 24.0, 12)])
     x, y = np.meshgrid(np.concatenate([-aside[:0:-1], aside]), away)
     height = ground_height(x, y)
-    water = add("Water", _grid(x, y, np.zeros_like(x)), water_material())
+    water = add("Water", shapes.grid(x, y, np.zeros_like(x)), water_material())
     depth = water.data.attributes.new("depth", "FLOAT", "POINT")
     depth.data.foreach_set("value", np.clip(-height / 0.16, 0.0, 1.0).ravel().astype(np.float32))
-    add("Sea Floor", _grid(x, y, height - 0.006), bpy.data.materials["Sand"])
+    add("Sea Floor", shapes.grid(x, y, height - 0.006), bpy.data.materials["Sand"])
 
 
 def build(device: str = "auto", quick: bool = False) -> Built:
@@ -268,7 +265,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
     step = 0.06 if quick else 0.015
     x, y = np.meshgrid(np.arange(-WIDE, WIDE + step, step), np.arange(NEAR, FAR + step, step))
     height = ground_height(x, y)
-    beach = add("Beach", _grid(x, y, height), sand_material())
+    beach = add("Beach", shapes.grid(x, y, height), sand_material())
     _add_sea(0.2 if quick else 0.03)
     wood = plain(
         "Driftwood", [(0.3, (0.20, 0.165, 0.13)), (0.55, (0.46, 0.40, 0.33)), (0.8, (0.62, 0.56, 0.48))], 0.03, 0.85
@@ -359,17 +356,10 @@ def test_final(built: Built) -> dict[str, float]:
 def _under(item: bpy.types.Object, place: np.ndarray) -> np.ndarray:
     """Which places ``[n, 3]`` lie over or under an object, seen from above."""
     inverse = item.matrix_world.inverted()
-    down = inverse.to_3x3() @ _vector((0.0, 0.0, -1.0))
+    down = inverse.to_3x3() @ Vector((0.0, 0.0, -1.0))
     return np.array(
-        [item.ray_cast(inverse @ _vector((x, y, 10.0)), down, distance=100.0)[0] for x, y, _ in place.tolist()]
+        [item.ray_cast(inverse @ Vector((x, y, 10.0)), down, distance=100.0)[0] for x, y, _ in place.tolist()]
     )
-
-
-def _vector(value: tuple[float, float, float]) -> object:
-    """Numbers as Blender takes them."""
-    from mathutils import Vector
-
-    return Vector(value)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -476,9 +476,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
     scene = bpy.context.scene
     wide, deep = 0.5 * np.array(SQUARE)
     x, y = np.meshgrid(np.linspace(-wide, wide, 45), np.linspace(-deep, deep, 37))
-    square = add(
-        "Square", (np.stack([x, y, 0.0 * x], -1).reshape(-1, 3), shapes.grid_faces(*x.shape)), paving_material()
-    )
+    square = add("Square", shapes.grid(x, y, 0.0 * x), paving_material())
     stage = collection("Stage and Loudspeakers", scene.collection)
     _add_stage(stage)
     stood = collection("Fountain and Trees", scene.collection)

@@ -226,7 +226,7 @@ def _add_ground(step: float) -> bpy.types.Object:
     x, y = np.meshgrid(np.arange(-WIDE, WIDE + step, step), np.arange(NEAR, FAR + step, step))
     away = distance_to_path(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
     height = ground_height(x, y) - 0.06 * np.clip(1.0 - away / (0.5 * PATH_WIDTH), 0.0, 1.0) ** 0.5
-    shape = np.stack([x, y, height], axis=-1).reshape(-1, 3), shapes.grid_faces(*x.shape)
+    shape = shapes.grid(x, y, height)
     ground = add("Meadow", shape, ground_material())
     worn = ground.data.attributes.new("path", "FLOAT", "POINT")
     worn.data.foreach_set("value", np.clip(1.5 - 2.0 * away / PATH_WIDTH, 0.0, 1.0).ravel().astype(np.float32))
@@ -271,7 +271,7 @@ def _add_far_hills(quick: bool) -> tuple[bpy.types.Object, list[bpy.types.Object
         hills.append(
             add(
                 f"Far Hill {number + 1}",
-                (np.stack([x, y, height], axis=-1).reshape(-1, 3), shapes.grid_faces(*x.shape)),
+                shapes.grid(x, y, height),
                 grass,
             )
         )

@@ -43,7 +43,7 @@ KINDS = {
 }
 # Of every kind, so many are large; and how much larger their area is.
 LARGE_SHARE, LARGER = 0.2, 4.0
-SEA, SHALLOW, GROUND, SPACE = (18, 46, 84), (40, 84, 124), (196, 178, 132), (6, 8, 14)
+SEA, GROUND, SPACE = (18, 46, 84), (196, 178, 132), (6, 8, 14)
 # Widths of the pictures [km], the place that they lead to (in the Black Forest), and their pixels.
 WIDTHS = (13_400.0, 2_600.0, 420.0, 64.0, 9.0)
 FOCUS = (48.3, 8.2)

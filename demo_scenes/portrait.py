@@ -144,7 +144,7 @@ def _add_table(scene: bpy.types.Scene) -> tuple[bpy.types.Object, bpy.types.Coll
     brass = glossy_metal("Brass", (0.80, 0.56, 0.22))
     side = np.linspace(-1.0, 1.0, 41)
     x, y = np.meshgrid(1.1 * side, 0.8 * side)
-    table = add("Table", (np.stack([x, y, 0.0 * x - 0.012], -1).reshape(-1, 3), shapes.grid_faces(41, 41)), walnut)
+    table = add("Table", shapes.grid(x, y, 0.0 * x - 0.012), walnut)
     holder = bpy.data.collections.new("On the Table")
     scene.collection.children.link(holder)
     profile = [

@@ -54,6 +54,11 @@ def grid_faces(rows: int, columns: int, *, round_rows: bool = False, round_colum
     return np.stack(corner, axis=-1).reshape(-1, 4)
 
 
+def grid(x: np.ndarray, y: np.ndarray, height: np.ndarray) -> Shape:
+    """Ground of which a height is known at every place of a grid, shapes ``[rows, columns]``."""
+    return np.stack([x, y, height], axis=-1).reshape(-1, 3), grid_faces(*x.shape)
+
+
 def joined(shapes: list[Shape]) -> Shape:
     """Several shapes as one, of faces with as many corners."""
     first = np.concatenate([[0], np.cumsum([len(vertex) for vertex, _ in shapes])])

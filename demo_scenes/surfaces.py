@@ -25,6 +25,7 @@ import bpy
 import esh
 import numpy as np
 import surface_shapes as shapes
+from mathutils import Vector
 from scene_parts import add_camera, collection, save, set_render
 from surface_materials import glossy, leafy, mottled, set_light
 
@@ -413,8 +414,8 @@ def test_final(scattered: list[Scattered]) -> dict[str, float]:
             inverse = target.matrix_world.inverted()
             evaluated = target.evaluated_get(graph)
             for k in range(count):
-                found, place, facing, _ = evaluated.closest_point_on_mesh(inverse @ bpy_vector(position[k]))
-                away = (target.matrix_world @ place - bpy_vector(position[k])).length
+                found, place, facing, _ = evaluated.closest_point_on_mesh(inverse @ Vector(position[k].tolist()))
+                away = (target.matrix_world @ place - Vector(position[k].tolist())).length
                 if found and away < nearest[k]:
                     nearest[k] = away
                     outward[k] = np.dot(target.matrix_world.to_3x3() @ facing, normal[k])
@@ -424,13 +425,6 @@ def test_final(scattered: list[Scattered]) -> dict[str, float]:
         farthest = max(farthest, float(nearest.max()))
         assert report.overlaps <= 0.01 * count, f"{item.name}: {report.overlaps} pairs of footprints overlap"
     return {"placed": total, "overlaps": overlaps, "farthest_from_target": farthest}
-
-
-def bpy_vector(place: np.ndarray) -> object:
-    """A place as Blender takes it."""
-    from mathutils import Vector
-
-    return Vector(place.tolist())
 
 
 def main(arguments: list[str] | None = None) -> None:

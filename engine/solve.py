@@ -52,7 +52,7 @@ def solve(
     if not isinstance(problem, Problem):
         raise ProblemError(f"`problem` must be a Problem; got {show(problem)}")
     if progress is not None and not callable(progress):
-        raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
+        raise ProblemError(f"`progress` must be a function, or None; got {show(progress)}")
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
         watched = _Watched(progress)

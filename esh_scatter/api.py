@@ -104,7 +104,7 @@ def scatter(
         EshError: One sentence that says what is wrong; nothing was changed.
     """
     if progress is not None and not callable(progress):
-        raise ProblemError(f"`progress` must be something to call, or None; got {show(progress)}")
+        raise ProblemError(f"`progress` must be a function, or None; got {show(progress)}")
     job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, pinned=pinned, **changes)
     job.solve(progress)
     return job.write()

@@ -9,7 +9,6 @@ from .kernels_points import PointGrid, Points, cell_around, cell_at, same_cell, 
 
 wp.set_module_options({"enable_backward": False})
 
-LN2 = wp.constant(0.6931471805599453)
 # A weight reaches as far as this many squared widths.
 REACH_SQUARED = wp.constant(10.0)
 # Nodes of the other side of a sheet count, but hardly: alone they are better than nothing.

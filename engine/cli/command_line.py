@@ -44,8 +44,8 @@ INTERRUPTING = (signal.SIGINT,)
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 # Commands that have parts which stay.
 KEPT = {
-    "batch": "the scenes that are done stay, the same command goes on",
-    "tiles": "the windows that are done stay, the same command goes on",
+    "batch": "the scenes that are done stay, and the same command continues",
+    "tiles": "the windows that are done stay, and the same command continues",
 }
 # Seconds that a step may go on after a signal before the process is ended in its middle.
 PATIENCE = 1.0
@@ -530,7 +530,7 @@ def _print(*parts: object) -> None:
     except (OSError, ValueError) as error:
         _close_output()
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise EshError(f"the files are written, but what there is to say of them is not: {reason.lower()}") from None
+        raise EshError(f"the files are written, but the report could not be printed: {reason.lower()}") from None
 
 
 def _close_output() -> None:

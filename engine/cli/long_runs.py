@@ -66,7 +66,9 @@ def following(
         try:
             yield follow
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"; {done(reached[0])}, the same command goes on" if reached else "") from None
+            raise KeyboardInterrupt(
+                f"; {done(reached[0])}, and the same command continues" if reached else ""
+            ) from None
 
 
 def _gpus(text: str) -> float:

@@ -71,7 +71,7 @@ def resolve_device(name: str = "auto") -> wp.Device:
     number = name.removeprefix("cuda:")
     if name == "cuda" or number.isdigit():
         why = "this machine has no such NVIDIA GPU, or no driver for it"
-        raise DeviceError(f"`device` {name!r} is not there: {why}; use one of {accepted}")
+        raise DeviceError(f"`device` {name!r} is not available: {why}; use one of {accepted}")
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
 
 
@@ -336,7 +336,7 @@ class GpuRecording(Recording):
 
 
 def _nothing() -> NoReturn:
-    raise RuntimeError("this recording was let go of")
+    raise RuntimeError("this recording was released")
 
 
 class CpuRecording(Recording):

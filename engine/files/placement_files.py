@@ -148,7 +148,7 @@ def check_writable(path: str | Path) -> None:
         if path.exists() and not path.is_file():
             raise EshError(f"{path} cannot be written: it is {'a folder' if path.is_dir() else 'not a regular file'}")
         if not os.access(folder, os.W_OK | os.X_OK):
-            raise EshError(f"{path} cannot be written: no right to write into the folder {folder}")
+            raise EshError(f"{path} cannot be written: no permission to write to the folder {folder}")
     except EshError:
         raise
     except (OSError, ValueError, RuntimeError) as error:  # a name that no file can have, a loop of links

@@ -117,7 +117,7 @@ class ParsedRecipe:
 def parse_recipe(path: str | Path) -> ParsedRecipe:
     """Read a TOML file; raises InputFileError where it cannot be read as one."""
     if not isinstance(path, (str, os.PathLike)):
-        raise InputFileError(f"`path` must be the name of a recipe; got {show(path)}")
+        raise InputFileError(f"`path` must be the path of a recipe; got {show(path)}")
     return ParsedRecipe(Path(path), read_toml(Path(path)))
 
 
@@ -270,7 +270,7 @@ def _read_image(table: RecipeTable, domain: Domain, balance: dict[str, Any]) -> 
 
 def _check_version(value: object, key: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value != VERSION:
-        raise ProblemError(f"{key} must be {VERSION}, the only one there is; got {show(value)}")
+        raise ProblemError(f"{key} must be {VERSION}, the only version; got {show(value)}")
     return value
 
 

@@ -125,7 +125,7 @@ def plain_value(value: Any) -> Any:
 def _read_density(table: RecipeTable) -> np.ndarray | float | SurfaceDensity:
     if isinstance(table.entries.get("density"), dict):
         if "invert" in table.entries:
-            raise table.error("invert", "stands inside the `density` where that is a table")
+            raise table.error("invert", "belongs into the table of the `density`")
         return read_surface_density(table.table("density"))
     density = table.take("density", _check_density)
     invert = table.take("invert", validation.check_switch, False)

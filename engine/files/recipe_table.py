@@ -150,6 +150,4 @@ class RecipeTable:
         for number, name in enumerate(names, start=1):
             first = names.index(name) + 1
             if first < number:
-                raise self.error(
-                    f"{kind}[{number}].name", f'must be another than that of {kind}[{first}]; got "{name}"'
-                )
+                raise self.error(f"{kind}[{number}].name", f'must differ from that of {kind}[{first}]; got "{name}"')

@@ -216,7 +216,7 @@ def _reference(sdf: Any, asset: Path, folder: Path) -> str:
     opened = sdf.Layer.FindOrOpen(str(asset.resolve()))
     if not opened or not opened.defaultPrim:
         raise EshError(
-            f"{asset} must be a USD file that has a default prim; " + ("it has none" if opened else "it is none")
+            f"{asset} must be a USD file that has a default prim; " + ("it has none" if opened else "it is not one")
         )
     try:
         relative = os.path.relpath(asset.resolve(), folder.resolve())

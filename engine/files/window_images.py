@@ -132,7 +132,7 @@ def _open_geotiff(path: Path, invert: bool) -> WindowImage:
     transform = opened.transform
     if not transform.is_identity:
         if transform.b or transform.d:
-            raise InputFileError(f"{path} must lie with its rows along x; it is turned")
+            raise InputFileError(f"{path} must have its rows along x; it is rotated")
         crs = None
         if opened.crs is not None:
             with contextlib.suppress(Exception):  # systems that have no such form

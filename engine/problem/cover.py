@@ -59,7 +59,7 @@ def cover_of(problem: Problem) -> Cover:
     """
     footprints = footprints_of(problem)
     area = _areas(problem, footprints)
-    fits = _fits(problem, footprints, area)
+    fits = _fits(footprints, area)
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
     if isinstance(problem.domain, Surface):
@@ -90,7 +90,7 @@ def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
     return footprints.areas(length, width, apart=True)
 
 
-def _fits(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
+def _fits(footprints: BodyFootprints, area: np.ndarray) -> float:
     """Mean over the ground that bodies take."""
     # Of every shape, not free and free; the last one is the capsule of a line.
     elongation = [elongation_of(outline) for outline in footprints.shapes] + [1.0]

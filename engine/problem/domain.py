@@ -30,7 +30,9 @@ class Domain(Settings):
             "What is beyond the edges",
             choices=(
                 Choice("open", "Open", "bodies stay inside, nothing lies beyond", "OPEN"),
-                Choice("mirror", "Mirror", "the edges are mirrors: bodies neither crowd nor shun them", "MIRROR"),
+                Choice(
+                    "mirror", "Mirror", "the edges are mirrors: bodies neither crowd along them nor keep away", "MIRROR"
+                ),
                 Choice("periodic", "Periodic", "opposite edges are joined, so the result can be tiled", "PERIODIC"),
             ),
             check=validation.check_boundary,
@@ -39,7 +41,7 @@ class Domain(Settings):
     inset: bool = field(
         default=False,
         metadata=setting(
-            "Keep footprints inside an open domain as a whole, and not only their positions",
+            "Keep whole footprints inside an open domain, and not only their centers",
             more="Requires ``avoid_overlap``: contact sees the edges as walls",
         ),
     )

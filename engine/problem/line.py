@@ -78,7 +78,7 @@ class Line(Settings):
     middle_charge: float = field(
         default=6.0,
         metadata=setting(
-            "Charge of the middle one over that of an end, where their number is odd",
+            "Charge of the middle one divided by that of an end, if their number is odd",
             check=validation.check_middle_charge,
         ),
     )

@@ -201,7 +201,9 @@ def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obsta
     # The share of a pixel that an edge leaves.
     fine = fine * np.clip(0.5 + free / np.float32(pixel), 0.0, 1.0)
     if not fine.any():
-        raise ProblemError(f'`obstacles` must leave a place where the density of class "{body_class.name}" is above 0')
+        raise ProblemError(
+            f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0'
+        )
     # What is left says how many bodies cover it.
     sizes = body_class.sizes
     if body_class.asked is not None:
@@ -234,7 +236,9 @@ def cut_out_on_surface(body_class: PreparedClass, surface: Surface, obstacles: S
     asked = replace(body_class.asked, density=left, density_correction=False, unsharp=None)
     mean = float(left(surface.sample()).mean())
     if mean <= 0.0:
-        raise ProblemError(f'`obstacles` must leave a place where the density of class "{body_class.name}" is above 0')
+        raise ProblemError(
+            f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0'
+        )
     return replace(body_class, asked=asked, sizes=count_sizes(asked, mean * surface.area))
 
 
@@ -310,6 +314,6 @@ def count_sizes(body_class: BodyClass, covered: float) -> tuple[Size, ...]:
         if number < 1:
             raise ProblemError(
                 f'`share` of size "{size.name}" of class "{body_class.name}" must be larger: {size.share:g} of {count} bodies '
-                "leaves none of it"
+                "leaves none for it"
             )
     return tuple(replace(size, count=number, share=None) for size, number in zip(sizes, counts, strict=True))

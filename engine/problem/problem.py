@@ -170,7 +170,7 @@ class Problem(ProblemSettings):
             total = count if self.include_fixed else count + fixed
             if total < 1:
                 raise ProblemError(
-                    f"{key} must be a whole number of at least 1, or bodies of it be fixed; got {show(count)}"
+                    f"{key} must be a whole number of at least 1, unless bodies of it are fixed; got {show(count)}"
                 )
             sizes.append(size if total == count else with_count(size, total))
         return body_class if sizes == list(body_class.sizes) else replace(body_class, sizes=tuple(sizes))

@@ -285,7 +285,7 @@ def _check_choice(value: object, key: str, choices: tuple[Choice, ...]) -> str:
 
 def _check_text(value: object, key: str) -> str:
     if not isinstance(value, str):
-        raise ProblemError(f"{key} must be a text; got {show(value)}")
+        raise ProblemError(f"{key} must be text; got {show(value)}")
     return value
 
 

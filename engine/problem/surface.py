@@ -155,7 +155,7 @@ class Surface:
             raise ProblemError("the surface must have an area; all its triangles are points or lines")
         triangle = triangle[kept]
         welded = _welded(position, triangle, extent)
-        turned = _turned(welded, position)
+        turned = _turned(welded)
         triangle = np.where(turned[:, None], triangle[:, [0, 2, 1]], triangle)
         normal = cross[kept] / length[kept, None]
         values = {
@@ -342,7 +342,7 @@ def _open_sides(welded: np.ndarray) -> np.ndarray:
     return (count == 1)[which.ravel()].reshape(-1, 3)
 
 
-def _turned(welded: np.ndarray, position: np.ndarray) -> np.ndarray:
+def _turned(welded: np.ndarray) -> np.ndarray:
     """Which triangles look the other way than most of the sheet that they are in, shape ``[t]``."""
     count = len(welded)
     one, other, against = _edges(welded)

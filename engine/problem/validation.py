@@ -110,8 +110,8 @@ def check_size_emphasis(value: object, key: str = "`balance.size_emphasis`") -> 
                 middle, half = 0.5 * (before + after), 0.5 * (before - after)
                 smallest = middle - math.hypot(half, before)
                 raise ProblemError(
-                    f"{key} must not fall from one size to the next larger one: {after:g} after {before:g} gives the "
-                    f"interaction matrix the eigenvalue {smallest:.3g}; lower {before:g} to {after:g} at most"
+                    f"{key} must not fall from one size to the next larger one; lower {before:g} to {after:g} or less, because "
+                    f"with {after:g} after it the interaction matrix has the eigenvalue {smallest:.3g}"
                 )
         return factors
     return _emphasis(value, key, value)
@@ -158,8 +158,8 @@ def check_class_matrix(
     if eigenvalue < -1e-9:
         most = math.floor(1e3 / (1.0 - smallest)) / 1e3
         raise ProblemError(
-            f"{key} with {lower} {class_separation:g} gives the interaction matrix the eigenvalue {eigenvalue:.3g}, and it "
-            f"must have none below 0; lower {lower} to {most:g} at most"
+            f"{key} cannot be combined with {lower} {class_separation:g}, because their interaction matrix would have the "
+            f"eigenvalue {eigenvalue:.3g}, which is below 0; lower {lower} to {most:g} or less"
         )
 
 

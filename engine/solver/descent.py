@@ -94,10 +94,6 @@ class Descent:
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
-    def set_flags(self, flags: np.ndarray) -> None:
-        """Say anew what is special about every body, shape ``[body_count]``; the model's own flags are in ``model.body``."""
-        self.bodies.flags.assign(flags.astype(np.int32))
-
     def _first_state(self, given: np.ndarray | None) -> State:
         model, launcher = self.model, self.launcher
         if given is None:
@@ -223,8 +219,7 @@ def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodi
     bodies.support = launcher.array(table.support, wp.int32)
     bodies.group = launcher.array(table.group, wp.int32)
     bodies.kind = launcher.array(table.kind, wp.int32)
-    # These may be said anew.
-    bodies.flags = wp.array(table.flags, dtype=wp.int32, device=launcher.device)
+    bodies.flags = launcher.array(table.flags, wp.int32)
     bodies.first_charge = launcher.array(charge.first, wp.int32)
     bodies.axial = launcher.array(charge.axial, float)
     bodies.charge = launcher.array(charge.charge, float)

@@ -80,8 +80,8 @@ def supports_of(
                 support = np.where(free >= (needed + corner) * SAFELY, image, np.float32(0.0))
                 if not support.any():
                     raise ProblemError(
-                        f'`obstacles` must leave a place for size "{size.name}" of class "{body_class.name}", which keeps off them '
-                        f"by {needed:.3g} m"
+                        f'`obstacles` must leave room for size "{size.name}" of class "{body_class.name}", which keeps '
+                        f"{needed:.3g} m away from them"
                     )
                 of_body[bodies[level == number]] = len(images)
                 images.append(support)

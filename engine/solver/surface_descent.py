@@ -228,7 +228,7 @@ class SurfaceDescent:
         total = amount.sum(axis=1, keepdims=True)
         if not (total > 0.0).all():
             name = classes[int(np.argmin(total[:, 0]))].name
-            raise ProblemError(f'`density` of class "{name}" is above 0 on too little of the surface to be found')
+            raise ProblemError(f'`density` of class "{name}" is above 0 on too small a part of the surface')
         return amount / total
 
     def _densities(self, facet: np.ndarray, inner: int, classes: list[int]) -> list[np.ndarray]:

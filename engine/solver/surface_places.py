@@ -173,7 +173,7 @@ def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.nd
             result[k, away < reach] = 0.0
         if not result[k].any():
             raise ProblemError(
-                f'`obstacles` must leave class "{body_class.name}" a place, which keeps off them by its size'
+                f'`obstacles` must leave room for class "{body_class.name}", which keeps away from them by its size'
             )
     return result
 

@@ -34,8 +34,10 @@ def images_for_kernels(
     # Densities differ more often than where they are above zero: behind one obstacle, all of them are so in the same pixels.
     known: dict[tuple[tuple[int, ...], bytes], int] = {}
     for image, start in zip(distinct, first[:-1].tolist(), strict=True):
+        if not to_support:
+            break
         supported = image > 0.0
-        if to_support and not supported.all():
+        if not supported.all():
             key = image.shape, np.packbits(supported).tobytes()
             ways, at = result.to_support, known.setdefault(key, start)
             if at == start:

@@ -61,7 +61,7 @@ class Chart:
             if not length > 1e-6 * max(view.extent, 1e-30):
                 raise ProblemError(f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none")
         if view.projected_area < SMALLEST_COVER * self.size.prod():
-            raise ProblemError(f"{mesh.name} must be seen from above; all its faces stand upright")
+            raise ProblemError(f"{mesh.name} must have faces that are visible from above; all of them are vertical")
         width, height = self.size
         cell = max(width, height) / resolution
         self.shape = (max(1, math.ceil(height / cell - 1e-6)), max(1, math.ceil(width / cell - 1e-6)))
@@ -74,7 +74,7 @@ class Chart:
         spots: tuple[np.ndarray, ...] = view.cast(xy.reshape(-1, 2))
         self._filled = np.flatnonzero(spots[0] >= 0)
         if not len(self._filled):
-            raise ProblemError(f"{mesh.name} must be seen from above; it is too narrow to be met by any ray")
+            raise ProblemError(f"{mesh.name} must be visible from above; it is too narrow")
         self._cut = self._cut_cells(xy)
         if len(self._filled) < rows * columns:
             spots = tuple(values[self._filled] for values in spots)

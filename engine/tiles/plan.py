@@ -135,7 +135,7 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     if problem.domain.boundary == "periodic":
         raise ProblemError('`domain.boundary` must be "open" or "mirror" for tiles; got "periodic"')
     if len(problem.fixed.id):
-        raise ProblemError("`fixed` bodies must not be there for tiles; place them as `obstacle` discs")
+        raise ProblemError("`fixed` bodies are not supported in tiles; give them as `obstacle` discs instead")
     for c in problem.classes:
         if c.look_at is not None:
             raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
@@ -144,9 +144,11 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
         for size in c.sizes:
             where = f'of size "{size.name}" of class "{c.name}"'
             if size.footprint is not None:
-                raise ProblemError(f"`footprint` {where} must not be given for tiles: bodies are discs and capsules")
+                raise ProblemError(
+                    f"`footprint` {where} is not supported in tiles, where bodies are discs and capsules"
+                )
             if size.line is not None and size.line.straightness is not None:
-                raise ProblemError(f"`line.straightness` {where} must not be given for tiles: lines are straight")
+                raise ProblemError(f"`line.straightness` {where} is not supported in tiles, where lines are straight")
     return scene
 
 

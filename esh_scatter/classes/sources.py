@@ -170,7 +170,9 @@ def _weights(size: ScatterSize, members: Sequence[bpy.types.ID], key: str) -> np
         return None
     weights = np.array([size.weights.get(member.name, 1.0) for member in members])
     if not weights.any():
-        raise ProblemError(f"`weights` of {key} must be above 0 for one of its objects; they are 0 for all of them")
+        raise ProblemError(
+            f"`weights` of {key} must be above 0 for at least one of its objects; they are 0 for all of them"
+        )
     return None if (weights == weights[0]).all() else weights
 
 

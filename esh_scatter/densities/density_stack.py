@@ -82,13 +82,18 @@ class DensityLayer(DensitySource):
     curve: Sequence[Sequence[float]] | None = field(
         default=None,
         metadata=setting(
-            "What becomes of the layer's values",
+            "How the layer's values are remapped",
             more="Points (x, y) from 0 to 1, joined by straight lines; None leaves values as they are",
             check=_check_curve,
         ),
     )
     name: str = field(
-        default="", metadata=setting("How sentences name the layer", more="Empty: after what it reads", check=as_given)
+        default="",
+        metadata=setting(
+            "Name of the layer in messages",
+            more="If it is empty, the layer is named after what it reads",
+            check=as_given,
+        ),
     )
 
     @property

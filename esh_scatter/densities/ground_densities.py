@@ -118,7 +118,7 @@ class NoiseDensity(DensitySource):
 
     scale: float = field(
         default=10.0,
-        metadata=setting("How large patches are", unit="m", low=1e-4, soft_low=0.1, soft_high=1000.0),
+        metadata=setting("Size of the patches", unit="m", low=1e-4, soft_low=0.1, soft_high=1000.0),
     )
     detail: int = field(
         default=3,

@@ -26,7 +26,7 @@ CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "Where there are many and where few",
         ("layers", "layer_index"),
     ),
-    "STANDING": ("Turn and Scale", "How objects stand, turn and vary", (*settings_of(Standing), *LOOKS)),
+    "STANDING": ("Rotation and Scale", "How objects stand, and how much they vary", (*settings_of(Standing), *LOOKS)),
     "DETAIL": (
         "Direction and Detail",
         "Where long ones point, and what is done to the density",

@@ -119,7 +119,7 @@ def _check_values(values: object, where: str) -> None:
             inner = entry if isinstance(entry, list) else [entry]
             plain = all(isinstance(part, bool | str | int | float) for part in inner)
             if not plain or any(isinstance(part, float) and not math.isfinite(part) for part in inner):
-                raise InputFileError(f"`{name}` in {where} must be a number, a word or a switch; got {show(value)}")
+                raise InputFileError(f"`{name}` in {where} must be a number, text, true or false; got {show(value)}")
 
 
 def _check_numbers(values: object, count: int, where: str) -> None:

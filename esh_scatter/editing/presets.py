@@ -130,7 +130,7 @@ def _set(group: Any, values: Mapping[str, Any], where: str, left_out: Collection
     for name, value in values.items():
         told = group.bl_rna.properties.get(name)
         if told is None or told.type not in _PLAIN or told.is_hidden or name in left_out:
-            raise ProblemError(f'{where} of the preset must be those of the sidebar; "{name}" is none')
+            raise ProblemError(f'{where} of the preset must be ones that the sidebar has; "{name}" is not')
         try:
             setattr(group, name, value)
         except (TypeError, ValueError) as error:

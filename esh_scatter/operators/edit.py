@@ -6,12 +6,23 @@
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy.props import EnumProperty
 
-from ..properties.scene import active_scatter
+from ..properties.scene import active_scatter, selected_scatter
 from ..solving import running
 
-__all__ = ["ClassEdit", "Edit", "EntryEdit", "MoveEntry", "RemoveEntry", "remove_at", "sentence", "settings_editable"]
+__all__ = [
+    "ClassEdit",
+    "Edit",
+    "EntryEdit",
+    "MoveEntry",
+    "RemoveEntry",
+    "remove_at",
+    "select_points",
+    "sentence",
+    "settings_editable",
+]
 
 
 class Edit(bpy.types.Operator):
@@ -114,6 +125,31 @@ def settings_editable(operator: type[bpy.types.Operator], context: bpy.types.Con
     if reason:
         operator.poll_message_set(reason)
     return reason is None
+
+
+def select_points(operator: bpy.types.Operator, context: bpy.types.Context, chosen: np.ndarray) -> set[str]:
+    """Show points of the selected scatter's result in Edit Mode, and select these and no others; returns what the operator answers.
+
+    Args:
+        operator: Which one; it reports that the result is hidden, where it is.
+        context: Where it was pressed.
+        chosen: Whether to select each point, shape ``[n]``.
+    """
+    result = selected_scatter(context).result_in(context.scene)
+    assert result is not None
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    if result.name not in context.view_layer.objects or not result.visible_get():
+        operator.report({"ERROR"}, f'"{result.name}" is hidden. Show it first')
+        return {"CANCELLED"}
+    for item in context.selected_objects:
+        item.select_set(False)
+    result.select_set(True)
+    context.view_layer.objects.active = result
+    result.data.vertices.foreach_set("select", chosen)
+    context.tool_settings.mesh_select_mode = (True, False, False)
+    bpy.ops.object.mode_set(mode="EDIT")
+    return {"FINISHED"}
 
 
 def remove_at(collection: Any, index: int) -> int:

@@ -18,7 +18,7 @@ from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import pins
 from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
-from .edit import Edit
+from .edit import Edit, select_points
 
 __all__ = ["CLASSES"]
 
@@ -46,19 +46,7 @@ class ESH_OT_instances_edit(_OnResult):
         if result.mode == "EDIT":
             bpy.ops.object.mode_set(mode="OBJECT")
             return {"FINISHED"}
-        if context.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
-        if result.name not in context.view_layer.objects or result.hide_get():
-            self.report({"ERROR"}, f'"{result.name}" is hidden. Show it to edit its instances')
-            return {"CANCELLED"}
-        for item in context.selected_objects:
-            item.select_set(False)
-        result.select_set(True)
-        context.view_layer.objects.active = result
-        result.data.vertices.foreach_set("select", np.zeros(len(result.data.vertices), bool))
-        bpy.ops.object.mode_set(mode="EDIT")
-        context.tool_settings.mesh_select_mode = (True, False, False)
-        return {"FINISHED"}
+        return select_points(self, context, np.zeros(len(result.data.vertices), bool))
 
 
 class _OnInstances(_OnResult):
@@ -101,13 +89,13 @@ class ESH_OT_instances_unpin(_OnInstances):
 
 
 class ESH_OT_instances_turn(_OnInstances):
-    """Turn the selected instances about their own axis, and pin them"""
+    """Rotate the selected instances about their own axis, and pin them"""
 
     bl_idname = "esh.instances_turn"
-    bl_label = "Turn"
+    bl_label = "Rotate"
 
     angle: FloatProperty(
-        name="Angle", description="Angle of the turn, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
+        name="Angle", description="Angle of rotation, counter-clockwise", subtype="ANGLE", default=math.radians(15.0)
     )
 
     def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
@@ -134,11 +122,11 @@ class ESH_OT_instances_remove(_OnInstances):
 
 
 class ESH_OT_instances_refill(Edit):
-    """Let the next run use the places of removed instances again"""
+    """Let the next run place objects again where instances were removed"""
 
     bl_idname = "esh.instances_refill"
-    bl_label = "Refill Removed"
-    _missing = "No instance was removed"
+    bl_label = "Refill Gaps"
+    _missing = "No instances were removed"
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:

@@ -11,7 +11,7 @@ from ..editing import forecast
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result.result import OVERLAPPING
-from .edit import Edit, settings_editable
+from .edit import Edit, select_points, settings_editable
 
 __all__ = ["CLASSES"]
 
@@ -60,18 +60,14 @@ class ESH_OT_select_overlapping(_OfResult):
         """Select them."""
         result = selected_scatter(context).result_in(context.scene)
         assert result is not None
-        if context.mode != "OBJECT":
+        if result.mode == "EDIT":
+            # There its attributes cannot be read.
             bpy.ops.object.mode_set(mode="OBJECT")
-        for item in context.selected_objects:
-            item.select_set(False)
-        result.select_set(True)
-        context.view_layer.objects.active = result
         chosen = _overlapping(result)
-        result.data.vertices.foreach_set("select", chosen)
-        context.tool_settings.mesh_select_mode = (True, False, False)
-        bpy.ops.object.mode_set(mode="EDIT")
-        self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
-        return {"FINISHED"}
+        answer = select_points(self, context, chosen)
+        if answer == {"FINISHED"}:
+            self.report({"INFO"}, f"{int(chosen.sum()):,} overlapping objects are selected")
+        return answer
 
 
 class ESH_OT_frame_overlap(_OfResult):
@@ -94,7 +90,7 @@ class ESH_OT_frame_overlap(_OfResult):
             view.view_distance = DISTANCE_OF_VIEW * max(
                 (pair[0] - pair[1]).length, report.get("usual") or 0.0, report["deepest_overlap"]
             )
-        self.report({"INFO"}, f"Two objects lie {report['deepest_overlap']:.3g} m in each other at the 3D cursor")
+        self.report({"INFO"}, f"The deepest overlap, {report['deepest_overlap']:.3g} m, is at the 3D cursor")
         return {"FINISHED"}
 
 
@@ -106,9 +102,9 @@ def _obstacle(scatter: ESH_PG_scatter, context: bpy.types.Context) -> str | None
     if not report["overlaps"] or report.get("deepest_pair") is None:
         return "No two objects overlap"
     if OVERLAPPING not in result.data.attributes and result.mode != "EDIT":
-        return "The result does not say which objects overlap. Scatter once more"
+        return "The result does not say which objects overlap. Scatter again"
     if max(report["deepest_pair"]) >= len(result.data.vertices):
-        return "Points were removed by hand. Scatter once more"
+        return "Points were removed by hand. Scatter again"
     if result.name not in context.view_layer.objects or not result.visible_get():
         return "The result is hidden. Show it first"
     return None

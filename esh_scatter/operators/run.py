@@ -115,9 +115,9 @@ class _Run(bpy.types.Operator):
         def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
             popup.layout.label(text=text)
             popup.layout.operator_context = "INVOKE_DEFAULT"
-            popup.layout.operator(self.bl_idname, text="Place Them", icon="PLAY").asked = True
+            popup.layout.operator(self.bl_idname, text="Scatter", icon="PLAY").asked = True
 
-        context.window_manager.popup_menu(draw, title="That Many?", icon="QUESTION")
+        context.window_manager.popup_menu(draw, title="Place This Many Objects?", icon="QUESTION")
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         """Return the settings to run, or None where there is nothing to run, which has been reported."""
@@ -231,7 +231,7 @@ class ESH_OT_scatter_selection(_Run):
         subtype="FACTOR",
     )
     most: IntProperty(
-        name="At Most",
+        name="Max Objects",
         description="Largest number of objects, all classes together",
         default=2000,
         min=1,

@@ -41,10 +41,10 @@ class ESH_OT_size_move(MoveEntry):
 
 
 class ESH_OT_variants_list(EntryEdit):
-    """List the objects of the collection again, which has changed, so that they can be given weights"""
+    """Update this list after objects were added to the collection or removed from it"""
 
     bl_idname = "esh.variants_list"
-    bl_label = "List Objects"
+    bl_label = "Refresh Objects"
     _entry, _missing = "size", "Select a size first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -135,7 +135,9 @@ class ESH_PG_layer(PropertyGroup):
 
     KIND = "Layer"
 
-    name: StringProperty(name="Name", description="Name of this layer. Empty: that of what it reads")
+    name: StringProperty(
+        name="Name", description="Name of this layer. If it is empty, the layer is named after what it follows"
+    )
     use: BoolProperty(name="Use", description="Whether this layer is used", default=True)
     kind: EnumProperty(
         name="Follow",
@@ -145,7 +147,7 @@ class ESH_PG_layer(PropertyGroup):
     )
     use_curve: BoolProperty(
         name="Curve",
-        description="Remap the values of this layer with a curve: from left to right the value that is read, upwards what it becomes",
+        description="Remap the values of this layer with a curve: across the value that is read, up what it becomes",
         default=False,
         update=_curve_switched,
     )
@@ -167,7 +169,7 @@ class ESH_PG_layer(PropertyGroup):
         name="Attribute", description="Attribute of the target. Its values are the density and must be 0 or more"
     )
     source_kind: EnumProperty(
-        name="Of",
+        name="Source",
         description="Which objects or curves the layer follows",
         items=(
             ("OBJECT", "Object", "One object, for example a curve", "OBJECT_DATA", 0),
@@ -237,11 +239,11 @@ class ESH_PG_layer(PropertyGroup):
             return f'choose an attribute of "{target.name}"'
         if kind in ("DISTANCE", "INSIDE"):
             what = "an object" if self.source_kind == "OBJECT" else "a collection"
-            near = "to be near to" if kind == "DISTANCE" else "to be inside of"
+            near = "to be near" if kind == "DISTANCE" else "to be inside"
             if self.source is None:
                 return f"choose {what} {near}"
             if self.source_kind == "COLLECTION" and not self.source.all_objects:
-                return f'collection "{self.source.name}" is empty; put objects {near} into it'
+                return f'collection "{self.source.name}" is empty; add objects to it'
         if kind == "CLASS":
             other = self.other_class
             if other is None:

@@ -21,7 +21,7 @@ class ESH_PG_obstacle(PropertyGroup):
 
     use: BoolProperty(name="Use", description="Keep objects away from it", default=True)
     kind: EnumProperty(
-        name="Keep Off",
+        name="Avoid",
         description="What objects keep away from",
         items=(
             ("OBJECT", "Object", "One object: a mesh, a curve, or another scatter's result", "OBJECT_DATA", 0),

@@ -72,15 +72,15 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         update=_live_switched,
     )
     points_above: IntProperty(
-        name="Points Above",
-        description="Results with more objects than this are shown as points in the viewport at first. Renders show the objects",
+        name="Show Points Above",
+        description="Results with more objects than this are first shown as points in the viewport. Renders always show the objects",
         default=100_000,
         min=0,
         soft_max=10_000_000,
     )
     cap: IntProperty(
-        name="Ask Above",
-        description="Ask before placing more objects than this, and say how long it will take",
+        name="Confirm Above",
+        description="Ask before placing more objects than this, with an estimate of time and memory",
         default=1_000_000,
         min=1,
         soft_max=10_000_000,
@@ -203,7 +203,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         if self.ready_classes():
             return None
         incomplete = (self.obstacle_of(c) for c in self.classes if not c.mute)
-        return next(incomplete, None) or "All classes are muted; switch one on"
+        return next(incomplete, None) or "All classes are muted; unmute one"
 
     def obstacle_of(self, body_class: ESH_PG_class) -> str | None:
         """Return what keeps a class from being scattered, as one sentence, or None; one target has to have what it asks for."""

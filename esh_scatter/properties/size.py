@@ -181,7 +181,7 @@ class ESH_PG_size(PropertyGroup):
         if self.source_deleted:
             return f'"{self.source.name}" was deleted; choose another object to place'
         if self.source_kind != "OBJECT" and not self.source.all_objects:
-            return f'collection "{self.source.name}" is empty; put objects to place into it'
+            return f'collection "{self.source.name}" is empty; add objects to place'
         if self.area_kind == "RANGE" and self.area_largest < self.area:
             return "the largest area is smaller than the smallest"
         if self.source == target:

@@ -177,17 +177,17 @@ def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
     tree.take("Geometry", "NodeSocketGeometry")
     tree.take("Viewport Share", "NodeSocketFloat", 1.0, help="Share of the objects that the viewport shows", **share)
     tree.take("Display", "NodeSocketMenu", help="What the viewport shows of every object")
-    tree.take("Scale", "NodeSocketFloat", 1.0, help="Factor of the size of every object", min_value=0.0)
+    tree.take("Scale", "NodeSocketFloat", 1.0, help="Factor on the size of every object", min_value=0.0)
     if follow:
         tree.take("Follow Target", "NodeSocketBool", True, help="Move with the target, and bend with it")
     panel = tree.group.interface.new_panel("Camera", default_closed=True)
     told = "Leave out what the active camera does not see"
     tree.take("Camera Culling", "NodeSocketBool", False, help=told, parent=panel)
-    told = "How far outside of its view objects are shown still, in shares of the picture"
+    told = "How far outside the view objects are still shown, as a share of the picture"
     tree.take("Margin", "NodeSocketFloat", 0.1, help=told, parent=panel, min_value=0.0)
-    told = "How far from the camera objects are shown. 0 has no limit"
+    told = "How far from the camera objects are shown. 0 means no limit"
     tree.take("Distance", "NodeSocketFloat", 0.0, help=told, parent=panel, **length)
-    told = "Have share, display and camera count in renders, too"
+    told = "Apply share, display and camera culling to renders, too"
     tree.take("Limit Renders", "NodeSocketBool", False, help=told, parent=panel)
     if classes:
         panel = tree.group.interface.new_panel("Classes", default_closed=True)

@@ -24,7 +24,6 @@ class Tree:
         self.inputs: dict[str, Socket] = {}
         self._rows: dict[int, int] = {}
         self._column = 0
-        self._input_node: bpy.types.Node | None = None
 
     def column(self, number: int) -> None:
         """Put the nodes that follow into a column."""

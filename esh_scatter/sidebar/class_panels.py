@@ -88,7 +88,7 @@ class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
 class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
     """How each one of the selected class stands; changed at once, without solving."""
 
-    bl_label = "Turn and Scale"
+    bl_label = "Rotation and Scale"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

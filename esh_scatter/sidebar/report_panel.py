@@ -36,11 +36,11 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
             row.operator("esh.select_overlapping", text="Select")
             row.operator("esh.frame_overlap", text="Frame Worst")
         if evenness := words.evenness(report):
-            _draw_fact(facts, "Spread", evenness)
+            _draw_fact(facts, "Evenness", evenness)
         if report.get("closest") is not None:
-            _draw_fact(facts, "Closest", words.meters(report["closest"]))
-            _draw_fact(facts, "Usual", f"{words.meters(report['usual'])} to the nearest")
-        _draw_fact(facts, "Ground taken", f"{report['covered']:.0%}")
+            _draw_fact(facts, "Closest Pair", words.meters(report["closest"]))
+            _draw_fact(facts, "Typical Spacing", words.meters(report["usual"]))
+        _draw_fact(facts, "Ground Covered", f"{report['covered']:.0%}")
         _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps on {report['device']}")
         for note in words.notes(report):
             write_text(context, layout, note, icon="ERROR")

@@ -20,7 +20,6 @@ MOST_PER_SECOND, MOST_DRAWN = 15.0, 50_000
 POINT_SIZE, SMALLEST_POINT, LARGEST_POINT = 300.0, 2.0, 7.0
 # How far above the surface points are drawn, as a share of its extent.
 HEIGHT = 0.002
-NO_COLOR = (0.9, 0.9, 0.9, 1.0)
 
 
 class MovingBodies:

@@ -51,6 +51,6 @@ class Reference:
         item = self.find()
         if item is None:
             raise ProblemError(
-                f'{self._key} "{self._name}" was removed from the file during the run; nothing was placed, so scatter once more'
+                f'{self._key} "{self._name}" was removed from the file during the run; nothing was placed, so scatter again'
             )
         return item

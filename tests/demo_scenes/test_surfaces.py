@@ -1,12 +1,9 @@
 """The scenes on surfaces: their shapes, and their own checks on whole scenes without a picture."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-SCENES = Path(__file__).parents[2] / "demo_scenes"
 
 
 def volume(shape):

@@ -287,7 +287,7 @@ def test_lines_and_ranges_without_meaning(changes, complaint):
     ground, classes = sticks(**changes)
     with pytest.raises(EshError, match=complaint):
         scatter(ground, classes, **OPTIONS)
-    with pytest.raises(EshError, match="`progress` must be something to call"):
+    with pytest.raises(EshError, match="`progress` must be a function"):
         scatter(*sticks(), progress=5)
 
 

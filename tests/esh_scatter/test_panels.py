@@ -263,10 +263,10 @@ def test_overlap_is_said_before_a_run_and_shown_after_it():
 
 def test_a_deleted_result_leaves_no_report():
     scatter = ready_scatter()
-    assert "Closest" in draw_all()
+    assert "Closest Pair" in draw_all()
     bpy.context.scene.collection.objects.unlink(scatter.result)
     drawn = draw_all()
-    assert "The result is no longer there" in drawn and "Closest" not in drawn
+    assert "The result is no longer there" in drawn and "Closest Pair" not in drawn
 
 
 def test_the_report_shows_counts_meters_and_every_note_once():
@@ -283,7 +283,7 @@ def test_the_report_shows_counts_meters_and_every_note_once():
     drawn = draw_all(400)
     words = " ".join(drawn)
     assert "Pine 1,234 very even" in words and "Beech 20 uneven" in words and "12 of 20" in words
-    assert "0.34 m" in words and "0.71 m to the nearest" in words and "lattice" not in words
+    assert "0.34 m" in words and "Typical Spacing 0.71 m" in words and "lattice" not in words
     assert words.count("Area: too large") == 1 and "1 overlap ·" in words
     assert "uneven: Beech" in words and "More steps would make it more even" in words and "not converged" not in words
     scatter.remember(scatter.result, report(converged=False))

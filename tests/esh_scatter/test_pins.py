@@ -258,3 +258,11 @@ def test_a_range_beside_pins_is_drawn_for_those_that_are_new():
     # The smallest and the largest of the range are there, on what objects show too.
     assert len(new) == 30 and (new.max() / new.min()) ** 2 == pytest.approx(4.0, rel=1e-3)
     np.testing.assert_allclose(np.ptp(made.placement.area[~made.placement.fixed]), 0.15, rtol=1e-6)
+
+
+def test_a_result_that_is_hidden_in_any_way_is_not_entered(made):
+    made.result.hide_viewport = True
+    with pytest.raises(RuntimeError, match=f'"{made.result.name}" is hidden. Show it first'):
+        bpy.ops.esh.instances_edit()
+    made.result.hide_viewport = False
+    assert bpy.ops.esh.instances_edit() == {"FINISHED"} and made.result.mode == "EDIT"

@@ -127,13 +127,13 @@ GOOD = {"format": "esh-scatter-preset", "version": 1, "classes": [{"name": "A"}]
         ({"classes": [{"name": "A", "count": 0}]}, "Count of class 1"),
         ({"classes": [{"name": "A", "color": [1, 2]}]}, "must be 3 numbers"),
         ({"classes": [{"name": "A", "stand_in": {"shape": "import os"}}]}, "one of ball, box, cone"),
-        ({"classes": [{"name": "A", "settings": {"tilt": None}}]}, "must be a number, a word or a switch"),
-        ({"classes": [{"name": "A", "settings": {"uid": 5}}]}, '"uid" is none'),
-        ({"classes": [{"name": "A", "settings": {"__class__": "x"}}]}, '"__class__" is none'),
+        ({"classes": [{"name": "A", "settings": {"tilt": None}}]}, "must be a number, text, true or false"),
+        ({"classes": [{"name": "A", "settings": {"uid": 5}}]}, '"uid" is not'),
+        ({"classes": [{"name": "A", "settings": {"__class__": "x"}}]}, '"__class__" is not'),
         ({"classes": [{"name": "A", "settings": {"count_kind": "MANY"}}]}, "must have a value that fits"),
         ({"classes": [{"name": "A", "layers": [{"kind": "MAGIC"}]}]}, "must have a value that fits"),
         ({"classes": [{"name": "A", "layers": [{"kind": "NOISE", "curve": [[1.0]]}]}]}, "must be points (x, y)"),
-        ({"settings": {"target": "Cube"}}, '"target" is none'),
+        ({"settings": {"target": "Cube"}}, '"target" is not'),
     ],
 )
 def test_what_is_no_preset_is_said_and_changes_nothing(ground, tmp_path, changes, words):

@@ -84,8 +84,8 @@ def test_every_obstacle_is_said_and_none_is_left_when_all_is_set(scatter):
     layer = pine.add_layer("IMAGE")
     lacking = [("IMAGE", "image"), ("VERTEX_GROUP", "vertex group"), ("ATTRIBUTE", "attribute"), ("CAMERA", "camera")]
     lacking += [
-        ("DISTANCE", "an object to be near to"),
-        ("INSIDE", "an object to be inside of"),
+        ("DISTANCE", "an object to be near"),
+        ("INSIDE", "an object to be inside"),
         ("CLASS", "the class"),
     ]
     for kind, word in lacking:

@@ -278,7 +278,7 @@ def test_faces_are_limited_by_material_vertex_group_and_selection(surface):
         ({"face_material": "Moss"}, '`face_material`: target "Grid" has no material "Moss"; it has "Stone", "Grass"'),
         ({"face_group": "down"}, '`face_group`: target "Grid" has no vertex group "down"; it has "up"'),
         ({"face_attribute": "nothing"}, '`face_attribute`: target "Grid" has no attribute "nothing"; it has '),
-        ({"face_group": 3}, "`face_group` must be a text; got 3"),
+        ({"face_group": 3}, "`face_group` must be text; got 3"),
     ):
         with pytest.raises(esh.EshError) as raised:
             scatter(grid, classes(10, one), surface=surface, **limits, **OPTIONS)

@@ -202,9 +202,7 @@ def test_a_report_that_cannot_be_printed_is_a_sentence(folder):
         process = start(*SOLVE, stdout=full)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert err == (
-        "esh-scatter: the files are written, but what there is to say of them is not: no space left on device\n"
-    )
+    assert err == ("esh-scatter: the files are written, but the report could not be printed: no space left on device\n")
     assert np.load("b.npz")["position"].shape == (200, 2)
 
 

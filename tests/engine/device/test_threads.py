@@ -183,7 +183,7 @@ def test_what_a_recording_needs_goes_with_it(monkeypatch):
             launcher.release(recording)
             del done
             assert alive() is None
-            with pytest.raises(RuntimeError, match="let go of"):
+            with pytest.raises(RuntimeError, match="was released"):
                 recording.play()
         assert len(launcher._team._tables) == 3
 

@@ -153,7 +153,7 @@ def test_a_folder_without_the_right_to_write():
             # Rights keep everybody out but root, and it is the real user who is asked for.
             os.setreuid(65534, 0)
         try:
-            with pytest.raises(EshError, match="no right to write into the folder"):
+            with pytest.raises(EshError, match="no permission to write to the folder"):
                 check_writable(folder / "a.npz")
         finally:
             if root:

@@ -123,7 +123,7 @@ def test_the_example_is_what_its_comment_says():
 # (what is replaced in COMPLETE, by what, what the sentence must hold)
 MISTAKES = {
     "version missing": ("version = 1", "", "`version` is missing"),
-    "version unknown": ("version = 1", "version = 2", "`version` must be 1, the only one there is; got 2"),
+    "version unknown": ("version = 1", "version = 2", "`version` must be 1, the only version; got 2"),
     "version text": ("version = 1", 'version = "1"', "`version` must be 1"),
     "version true": ("version = 1", "version = true", "`version` must be 1"),
     "seed": ("seed = 7", "seed = -7", "`seed` must be a whole number of at least 0 and below 2**63; got -7"),
@@ -185,12 +185,12 @@ MISTAKES = {
     "class names": (
         'name = "beech"',
         'name = "pine"',
-        '`class[2].name` must be another than that of class[1]; got "pine"',
+        '`class[2].name` must differ from that of class[1]; got "pine"',
     ),
     "size names": (
         'name = "small"',
         'name = "large"',
-        '`class[1].size[2].name` (class "pine") must be another than that of size[1]; got "large"',
+        '`class[1].size[2].name` (class "pine") must differ from that of size[1]; got "large"',
     ),
     "density missing": ("density = 0.5", "", '`class[2].density` (class "beech") is missing'),
     "density zero": ("density = 0.5", "density = 0", '`class[2].density` (class "beech") must be above 0'),
@@ -224,7 +224,7 @@ MISTAKES = {
     "count zero": (
         "count = 60",
         "count = 0",
-        '`count` of size "only" of class "beech" must be a whole number of at least 1, or bodies of it be fixed; got 0',
+        '`count` of size "only" of class "beech" must be a whole number of at least 1, unless bodies of it are fixed; got 0',
     ),
     "count negative": ("count = 60", "count = -6", "must be a whole number of at least 1; got -6"),
     "count fraction": ("count = 60", "count = 6.5", "must be a whole number of at least 1; got 6.5"),
@@ -337,5 +337,5 @@ def test_what_is_no_name_of_a_recipe_is_a_sentence(path):
 
 @pytest.mark.parametrize("path", [None, 3, ["recipe.toml"]])
 def test_what_is_no_name_of_a_file_is_no_recipe(path):
-    with pytest.raises(InputFileError, match="`path` must be the name of a recipe; got "):
+    with pytest.raises(InputFileError, match="`path` must be the path of a recipe; got "):
         read_recipe(path)

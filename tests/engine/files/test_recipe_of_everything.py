@@ -114,7 +114,11 @@ def test_an_image_with_alpha_becomes_one_class_per_ink(folder):
 MISTAKES = {
     "matrix not symmetric": ("[[1, 0], [0, 1]]", "[[1, 0.5], [0, 1]]", "`balance.non_overlap` must be symmetric"),
     "matrix of another size": ("[[1, 0], [0, 1]]", "[[1]]", "must have one row per class, 2; got 1"),
-    "emphasis falls": ("[2.0, 3.0]", "[3.0, 2.0]", "gives the interaction matrix the eigenvalue"),
+    "emphasis falls": (
+        "[2.0, 3.0]",
+        "[3.0, 2.0]",
+        "lower 3 to 2 or less, because with 2 after it the interaction matrix has the eigenvalue",
+    ),
     "shares": (
         "share = 0.5\n[class.size.line]",
         "share = 0.7\n[class.size.line]",
@@ -207,8 +211,8 @@ MISTAKES = {
     "not positive semidefinite": (
         "[2.0, 3.0]\nnon_overlap = [[1, 0], [0, 1]]",
         "2.0\nclass_separation = 0.9\nnon_overlap = [[1, 0, 1], [0, 1, 1], [1, 1, 1]]",
-        "`class_separation` 0.9 gives the interaction matrix the eigenvalue -0.273, and it must have none below 0; "
-        "lower `class_separation` to 0.707 at most",
+        "cannot be combined with `class_separation` 0.9, because their interaction matrix would have the eigenvalue -0.273, "
+        "which is below 0; lower `class_separation` to 0.707 or less",
     ),
 }
 
@@ -239,7 +243,7 @@ INK_MISTAKES = {
     "not positive semidefinite": (
         "[image]",
         "[balance]\nclass_separation = 0.9\n[image]",
-        "gives the interaction matrix the eigenvalue -0.559, and it must have none below 0; lower `class_separation` to 0.577",
+        "would have the eigenvalue -0.559, which is below 0; lower `class_separation` to 0.577 or less",
     ),
     "white": ('"color.png"', '"white.png"', "the image is white"),
     "missing": ('"color.png"', '"none.png"', "`image.file` cannot be used"),

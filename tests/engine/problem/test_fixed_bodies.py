@@ -55,7 +55,7 @@ def test_a_problem_that_is_changed_has_them_once():
 
 def test_a_count_of_0_needs_fixed_bodies():
     with pytest.raises(
-        ProblemError, match=r'`count` of size "any" of class "rock" must be a whole number of at least 1, or bod'
+        ProblemError, match=r'`count` of size "any" of class "rock" must be a whole number of at least 1, unless bod'
     ):
         Problem(DOMAIN, [PINE, ROCK])
     with pytest.raises(ProblemError, match="must have at least one body to place; all of them are fixed"):

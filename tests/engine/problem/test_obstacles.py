@@ -102,7 +102,9 @@ def test_what_covers_the_density_is_counted_on_what_is_left():
 
 
 def test_obstacles_everywhere_are_refused():
-    with pytest.raises(ProblemError, match='`obstacles` must leave a place where the density of class "k" is above 0'):
+    with pytest.raises(
+        ProblemError, match='`obstacles` must leave some ground where the density of class "k" is above 0'
+    ):
         Problem(DOMAIN, [ONE], obstacles=[Obstacle(disc=(4.0, 3.0, 9.0))])
 
 

@@ -187,7 +187,7 @@ def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
         ({"max_steps": 0}, "`max_steps` must be a whole number of 1 or more"),
         (
             {"class_separation": 0.9, "non_overlap": [[1, 0, 1], [0, 1, 1], [1, 1, 1]]},
-            "`non_overlap` with `class_separation`",
+            "`non_overlap` cannot be combined with `class_separation`",
         ),
     ):
         with pytest.raises(EshError) as raised:

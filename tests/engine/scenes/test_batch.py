@@ -265,5 +265,5 @@ def test_ctrl_c_says_how_far_it_came(recipe, tmp_path):
     running.send_signal(signal.SIGINT)
     _, err = running.communicate(timeout=60)
     assert running.returncode == 130
-    assert "of 2,000 scenes are done, the same command goes on" in err and err.count("\n") == 1
+    assert "of 2,000 scenes are done, and the same command continues" in err and err.count("\n") == 1
     assert all((path / "report.json").is_file() for path in folder.glob("0*"))

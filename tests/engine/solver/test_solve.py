@@ -324,5 +324,5 @@ def test_what_is_no_problem_is_named(wrong):
 
 
 def test_progress_must_be_something_to_call():
-    with pytest.raises(ProblemError, match='`progress` must be something to call, or None; got "x"'):
+    with pytest.raises(ProblemError, match='`progress` must be a function, or None; got "x"'):
         solve(small_problem(), progress="x")

@@ -135,7 +135,7 @@ def test_what_has_no_meaning_on_a_surface_is_said():
         problem(20, fixed=esh.FixedBodies([[0, 0]]))
     with pytest.raises(EshError, match="`obstacles` on a surface must be balls"):
         problem(20, obstacles=[esh.Obstacle(disc=(0, 0, 1))])
-    with pytest.raises(EshError, match="`obstacles` must leave a place where the density"):
+    with pytest.raises(EshError, match="`obstacles` must leave some ground where the density"):
         problem(20, obstacles=[esh.Obstacle(ball=(0, 0, 0, 2))])
     with pytest.raises(EshError, match="must be polygons, discs or images; a ball needs a Surface"):
         esh.Problem(

@@ -235,3 +235,14 @@ def test_cover_asks_for_as_many_as_fit(density):
     assert len(placed.position) == pytest.approx(len(placement.position) / 1.25**2, rel=0.01)
     nearest = cKDTree(placed.position).query(placed.position, 2)[0][:, 1].min()
     assert nearest > 1.2 * 2.0 * np.sqrt(0.02 / np.pi)
+
+
+@pytest.mark.parametrize("squares", [np.inf, np.nan])
+def test_a_residual_that_is_no_finite_number_is_said_as_in_the_plane(squares):
+    with Solver(on_surface(meshes.sphere(1), 20), device="cpu") as solver:
+        solver.step()
+        assert 0.0 < solver.descent.residual() < 1.0
+        direction = solver.descent.direction.numpy()
+        direction[3] = squares
+        solver.descent.direction.assign(direction)
+        assert np.isnan(solver.descent.residual())

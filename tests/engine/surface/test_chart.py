@@ -126,7 +126,7 @@ def test_beside_the_surface_values_go_on_without_an_edge():
     ("corners", "words"),
     [
         ([(0, 0, 0), (1, 0, 0), (1, 0, 1)], "extent in x and y seen from above; in y it has none"),
-        ([(0, 0, 0), (1, 1, 0), (1, 1, 1)], "all its faces stand upright"),
+        ([(0, 0, 0), (1, 1, 0), (1, 1, 1)], "all of them are vertical"),
     ],
 )
 def test_what_is_not_seen_from_above_is_said(corners, words):
