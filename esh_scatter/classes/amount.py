@@ -35,15 +35,30 @@ class Amount(Settings):
 
     per_area: float | None = field(
         default=None,
-        metadata=setting("Number for each square meter of surface", unit="1/m²", check=_check_amount),
+        metadata=setting(
+            "How many to place on each square meter of ground where the density is white, all sizes together",
+            label="Per m²",
+            unit="1/m²",
+            soft_high=100.0,
+            check=_check_amount,
+        ),
     )
     distance: float | None = field(
         default=None,
-        metadata=setting("Distance between neighbors in an even placement", unit="m", check=_check_amount),
+        metadata=setting(
+            "How far neighbors of this class are apart where the density is white",
+            unit="m",
+            soft_low=0.05,
+            soft_high=100.0,
+            check=_check_amount,
+        ),
     )
     cover: float | None = field(
         default=None,
-        metadata=setting("Share of the surface that the footprints cover together", check=_check_amount),
+        metadata=setting(
+            "Share of the ground that the footprints of this class cover together where the density is white",
+            check=_check_amount,
+        ),
     )
 
     def __post_init__(self) -> None:
