@@ -16,7 +16,7 @@ from ..field.field import FieldTarget
 from ..field.mirrored_field import COPIES
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
-from . import kernels_descent, kernels_dots
+from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact, keeps_apart
 from .direction import Direction
 from .forces import SMALLEST_DENSITY, Forces
@@ -88,6 +88,8 @@ class Descent:
         self._motion.displacement, self._motion.move = self.state.displacement, self.state.move
         self._motion.change = launcher.zeros(n, wp.vec4)
         self.direction = Direction(launcher, n, self.rules)
+        blocks = (launcher.thread_count, max(2 * self.rules.block_count, 1))
+        self._sums_of_blocks = launcher.zeros(blocks, wp.int64)
         self.contact: Contact | None = None
         if keeps_apart(model):
             self.contact = Contact(model, launcher, self.bodies, self.images)
@@ -173,7 +175,7 @@ class Descent:
                 kernels_descent.propose_lines,
                 self.model.body_count,
                 [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
-                [self._motion, self.state.bend, self.direction.sums],
+                [self._motion, self.state.bend, self.direction.sums, self._sums_of_blocks],
                 grain=GRAIN_OF_NEIGHBORS,
                 per_thread=True,
             )
@@ -181,6 +183,13 @@ class Descent:
     def decide(self) -> None:
         """In which direction all of them move; see :func:`.kernels_direction.decide_direction`."""
         self.direction.decide(self.rules.lines.length_factor)
+        if self.rules.block_count:
+            self.launcher.launch(
+                kernels_direction.adapt_blocks,
+                self.rules.block_count,
+                [self.rules.kind_count],
+                [self._sums_of_blocks, self.rules.lines.length_factor],
+            )
 
     def move(self) -> None:
         """Move them."""
