@@ -82,7 +82,10 @@ def quality_cases(
         (
             "areas 1 and 3, 1,536 and 256, emphasis 2",
             Problem(
-                SQUARE, [BodyClass("a", [Size("s", 1.0, 1536), Size("l", 3.0, 256)])], Balance(size_emphasis=2.0), seed
+                SQUARE,
+                [BodyClass("a", [Size("s", 1.0, 1536), Size("l", 3.0, 256)])],
+                Balance(size_emphasis=2.0),
+                seed=seed,
             ),
             [
                 ("all", lambda p: slice(None), UNIFORM, (0.180, 0.020, 0.0055)),
