@@ -1,18 +1,28 @@
-"""Values on a grid, filtered by the length of their waves."""
+"""Values on a grid: their cosine transforms, and filters by the length of their waves."""
 
 from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["filter_waves"]
+__all__ = ["filter_waves", "from_cosines", "to_cosines"]
 
 
 def filter_waves(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:
     """Values on a grid times a function of their waves; they wrap, or go on as in mirrors."""
     if wraps:
         return np.fft.irfft2(np.fft.rfft2(values) * kept, values.shape)
-    spectrum = _cosines(_cosines(values).T).T
+    spectrum = to_cosines(values)
     spectrum *= kept
+    return from_cosines(spectrum)
+
+
+def to_cosines(values: np.ndarray) -> np.ndarray:
+    """Discrete cosine transform of a grid along both axes (type II)."""
+    return _cosines(_cosines(values).T).T
+
+
+def from_cosines(spectrum: np.ndarray) -> np.ndarray:
+    """What :func:`to_cosines` made a spectrum of."""
     return _from_cosines(_from_cosines(spectrum).T).T
 
 
