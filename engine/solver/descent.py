@@ -96,10 +96,16 @@ class Descent:
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
-    def _first_state(self, given: np.ndarray | None) -> State:
+    def restart(self, start: int) -> None:
+        """Go back to where bodies start, or to another one of the places where they might have."""
+        self.rules.lines.length_factor.fill_(1.0)
+        self.state.assign(self._first_state(None, start))
+        self.place_charges()
+
+    def _first_state(self, given: np.ndarray | None, start: int = 0) -> State:
         model, launcher = self.model, self.launcher
         if given is None:
-            pose = first_pose(launcher, model, self.images)
+            pose = first_pose(launcher, model, self.images, start)
             if self.rules.kind_count:
                 values = pose.numpy()
                 values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
