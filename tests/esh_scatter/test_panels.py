@@ -11,6 +11,7 @@ from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
+from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
@@ -34,7 +35,11 @@ class Layout:
     def _nested(self, **_options):
         return Layout(self.drawn)
 
-    row = column = split = box = _nested
+    row = column = split = box = grid_flow = _nested
+
+    def template_icon(self, *, icon_value, scale):
+        assert icon_value > 0 and scale > 0.0
+        self.drawn.append(f"icon {icon_value}")
 
     def separator(self, **_options):
         pass
@@ -377,3 +382,13 @@ def test_every_setting_of_the_sidebar_is_drawn():
                 setattr(group, told.identifier, before)
     # Which result there is, the button says; what may overlap has buttons.
     assert names - drawn == {"result", "may_overlap", "variants"} and "esh.class_overlap" in drawn
+
+
+def test_every_preset_is_shown_by_its_picture():
+    drawn: list[str] = []
+    Layout(drawn).menu("ESH_MT_presets")
+    icons = [text for text in drawn if text.startswith("icon ")]
+    assert len(icons) == len(set(icons)) == drawn.count("esh.preset_apply") == len(built_in_presets())
+    again: list[str] = []
+    Layout(again).menu("ESH_MT_presets")
+    assert again == drawn, "they are read once"
