@@ -314,7 +314,7 @@ class Solver:
         """Count steps that were taken, and return the residual."""
         self.state.steps += count
         with self.launcher.phase("readback"):
-            residual = self.descent.residual()
+            residual = self.descent.direction.residual()
         if math.isnan(residual):
             raise ProblemError(OVERFLOW)
         return residual
@@ -334,7 +334,7 @@ class Solver:
                 many = max_steps - step
                 if self.launcher.device.is_cuda:
                     many = 1 if self.launcher.profiled else min(STEPS_UNWATCHED, many)
-            taken = self.descent.step.play(many, self.descent.settled(TOLERANCE))
+            taken = self.descent.step.play(many, self.descent.direction.settled(TOLERANCE))
             residual = self._stepped(taken)
             step += taken
             if progress is not None:
@@ -373,8 +373,8 @@ class Solver:
         step = 0
         while step < max_steps:
             # The CPU comes back in between, after a time that no result may depend on.
-            step += self.descent.step.play(max_steps - step, self.descent.settled(TOLERANCE))
-            residual = self.descent.residual()
+            step += self.descent.step.play(max_steps - step, self.descent.direction.settled(TOLERANCE))
+            residual = self.descent.direction.residual()
             if not residual >= TOLERANCE:
                 return
 

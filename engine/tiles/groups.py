@@ -135,7 +135,7 @@ def _sample(problem: Problem) -> Problem:
             few = with_count(size, min(size.count or 0, SAMPLE))
             sizes.append(few if not size.is_range else replace(few, distribution="linear"))
         classes.append(PreparedClass(c.name, tuple(sizes), np.ones((1, 1), np.float32)))
-    return Problem(problem.domain, classes, problem.balance, problem.seed)
+    return Problem(problem.domain, classes, problem.balance, seed=problem.seed)
 
 
 def _areas_of_size(size: Size, rank: np.ndarray, seed: list[int]) -> np.ndarray:

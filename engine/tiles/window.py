@@ -99,7 +99,7 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
         sizes = tuple(replace(with_count(tiles.sizes[g], int(tiles.count[g])), line=None) for g in own.tolist())
         classes.append(PreparedClass(plan.problem.classes[c].name, sizes, target[c][::-1].astype(np.float32)))
     domain = Domain(whole.size, whole.boundary)
-    problem = Problem(domain, classes, Balance(size_emphasis=1.0), plan.problem.seed)
+    problem = Problem(domain, classes, Balance(size_emphasis=1.0), seed=plan.problem.seed)
     group = np.repeat(np.arange(len(rare)), tiles.count[rare]).astype(np.int32)
     class_index = np.unique(tiles.class_index[rare], return_inverse=True)[1].ravel()
     model = Model(problem, groups=Groups(group, class_index, tiles.matrix[np.ix_(rare, rare)]))
@@ -197,7 +197,7 @@ def relax(
     try:
         for _ in range(steps):
             descent.step.play()
-        if math.isnan(descent.residual()):
+        if math.isnan(descent.direction.residual()):
             raise ProblemError(
                 "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
             )
@@ -344,7 +344,7 @@ def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: 
                 replace(domain, inset=domain.inset and keep_apart),
                 classes,
                 balance,
-                seed,
+                seed=seed,
                 avoid_overlap=keep_apart,
                 regularity=plan.problem.regularity,
                 obstacles=kept_off,

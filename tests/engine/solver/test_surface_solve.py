@@ -257,8 +257,9 @@ def test_cover_asks_for_as_many_as_fit(density):
 def test_a_residual_that_is_no_finite_number_is_said_as_in_the_plane(squares):
     with Solver(on_surface(meshes.sphere(1), 20), device="cpu") as solver:
         solver.step()
-        assert 0.0 < solver.descent.residual() < 1.0
-        direction = solver.descent.direction.numpy()
-        direction[3] = squares
-        solver.descent.direction.assign(direction)
-        assert np.isnan(solver.descent.residual())
+        direction = solver.descent.direction
+        assert 0.0 < direction.residual() < 1.0
+        factors = direction.factors.numpy()
+        factors[3] = squares
+        direction.factors.assign(factors)
+        assert np.isnan(direction.residual())
