@@ -277,7 +277,8 @@ def prepare_density(body_class: BodyClass) -> PreparedDensity:
 
 def _sharpened(image: np.ndarray, body_class: BodyClass, where: str) -> tuple[np.ndarray, tuple[str, ...]]:
     assert body_class.unsharp is not None
-    sharpened, clipped = unsharp_mask(image, body_class.unsharp.amount, body_class.unsharp.radius)
+    given = body_class.unsharp
+    sharpened, clipped = unsharp_mask(image, given.amount, given.radius, given.overshoot)
     with np.errstate(over="ignore"):
         image = sharpened.astype(np.float32)
     if not np.isfinite(image).all():

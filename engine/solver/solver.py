@@ -16,10 +16,12 @@ from ..errors import ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from .body_flags import BodyFlags
 from .carried_over import CarriedOver
 from .descent import Descent
 from .edit import carry_lines, carry_over
 from .final_placement import facing_turns, placement_of, position_in_meters
+from .ink import with_widths
 from .memory import check_memory
 from .model import Model
 from .spread import spread
@@ -395,6 +397,11 @@ class Solver:
             placement = placement_of(self.model, self.descent.state)
         if not np.isfinite(placement.position).all():
             raise ProblemError(OVERFLOW)
+        # Ghosts, of which a placement has none, would be missing; and what is kept apart does not overlap.
+        alone = isinstance(self.descent, SurfaceDescent) or (self.model.body.flags & BodyFlags.GHOST).any()
+        if self.model.kinds and not alone and not self.model.problem.avoid_overlap:
+            with self.launcher.phase("widths"):
+                placement = replace(placement, width=with_widths(placement, self.launcher))
         return placement
 
     def close(self) -> None:

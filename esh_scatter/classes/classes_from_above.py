@@ -202,9 +202,11 @@ class ClassesFromAbove:
 
         Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
         """
-        # A level disc keeps off more than one that leans, but on gentle slopes less than the polygon around one that leans.
-        if slope is not None and np.sqrt(1.0 + (slope**2).sum(axis=-1).max()) < DISC_IN_POLYGON:
-            slope = None
+        # A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
+        if slope is not None:
+            longer = np.sqrt(1.0 + (slope**2).sum(axis=-1))
+            if np.average(longer, weights=self._chart.area) < DISC_IN_POLYGON:
+                slope = None
         if slope is None and (factor == 1.0).all():
             return size
         shape = self._shapes[where[0]][where[1]]

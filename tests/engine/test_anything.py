@@ -94,7 +94,7 @@ USUAL = {
         "look_at": None,
     },
     esh.LookAt: {"point": (0.0, 0.0, 0.0), "spread": 0.0, "front": "-y"},
-    esh.Unsharp: {"amount": 1.0, "radius": 2.0},
+    esh.Unsharp: {"amount": 1.0, "radius": 2.0, "overshoot": 0.0},
     esh.Problem: {
         "domain": esh.Domain((4.0, 3.0)),
         "classes": [esh.BodyClass("a", [esh.Size("a", 0.01, 5)])],

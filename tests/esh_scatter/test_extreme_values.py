@@ -136,7 +136,7 @@ ASKED = {
     "class.color": lambda s, v: s.scatter(of_class={"color": (v, 0.0, 0.0)}),
     "class.look_at": lambda s, v: s.scatter(of_class={"look_at": LookAt((v, 0.0, 0.0))}),
     "class.gap": lambda s, v: s.scatter(of_class={"gap": v}),
-    "ImageDensity.scale": lambda s, v: s.scatter(of_class={"density": ImageDensity(s.image, scale=(v, 1.0))}),
+    "ImageDensity.tiling": lambda s, v: s.scatter(of_class={"density": ImageDensity(s.image, tiling=(v, 1.0))}),
     "ImageDensity.offset": lambda s, v: s.scatter(of_class={"density": ImageDensity(s.image, offset=(v, 1.0))}),
     "size_emphasis": lambda s, v: s.scatter(size_emphasis=v),
     "pinned": lambda s, v: s.scatter(pinned=[v]),
@@ -194,7 +194,7 @@ def test_counts_that_no_machine_holds_are_refused_before_anything_is_made_for_th
 ):
     scene = Scene()
     monkeypatch.setattr("esh.engine.solver.memory.machine_memory", lambda: 10**11)
-    with pytest.raises(EshError, match="is too large|cannot keep footprints apart"):
+    with pytest.raises(EshError, match=r"is too large|cannot keep footprints apart"):
         scene.scatter({"count": count}, avoid_overlap=not overlap, surface=surface)
 
 

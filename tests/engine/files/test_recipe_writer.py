@@ -50,7 +50,7 @@ SAMPLES = {
         "look_at": [LookAt(), LookAt((1.0 / 3.0, -2.0, 0.0), 0.1 + 0.2, "x")],
     },
     LookAt: {"point": [(1.0, 2.0, 1.0 / 3.0)], "spread": [0.1 + 0.2], "front": ["x"]},
-    Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5]},
+    Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5], "overshoot": [0.25]},
     Size: {
         "name": ["größer ⌀ ≥ 1"],
         "area": [0.1 + 0.2, (0.1, 1.0 / 3.0)],
