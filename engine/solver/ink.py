@@ -52,8 +52,9 @@ FAINTEST = 0.01
 def with_widths(placement: Placement, launcher: Launcher) -> np.ndarray:
     """Thickness of every body [m], shape ``[n]``, with which lines cover what the densities of their classes ask for.
 
-    Only lines that have no width and no outline of their own are changed; a class that lacks nothing is left as it is, and one
-    that covers the domain many times or has bodies longer than it. Lines cover each other within a class: those of others have other colors.
+    Only lines that have no width and no outline of their own are changed. A class that lacks nothing is left as it is, and so is one
+    that covers the domain many times, or has bodies longer than it. Lines cover each other within a class: those of others have other
+    colors.
     """
     width = placement.width.copy()
     for index, body_class in enumerate(placement.problem.classes):

@@ -28,7 +28,9 @@ from .direction import Direction
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
+from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
+from .surface_own_forces import own_forces
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_state import SurfaceState
 
@@ -85,16 +87,20 @@ class SurfaceDescent:
         column = model.groups.class_index
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
+        self._own_forces, interaction = own_forces(model, launcher, self.facets, on_device, share)
         self.cascade = Cascade(
             launcher,
             self.facets,
             on_device,
             share=share,
-            attraction=model.interaction @ of_group,
-            interaction=model.interaction,
+            attraction=interaction @ of_group,
+            interaction=interaction,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
         )
+        potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
+        if potential is not None:
+            self.cascade.set_offset(potential)
         self.ground = self._make_ground(on_device, share, model.interaction @ of_group)
         n, charge_count = model.body_count, model.charge_count
         self.charges = kernels_on_surface.Charges()
@@ -126,6 +132,8 @@ class SurfaceDescent:
         """Launch a whole step."""
         charges = self.charges
         self.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+        for own in self._own_forces:
+            own.add(charges)
         with self.launcher.phase("update"):
             self._propose()
             self.direction.decide(self.state.length_factor)

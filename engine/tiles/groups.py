@@ -59,6 +59,11 @@ class TileGroups:
         return np.unique(self.first_of_size, return_inverse=True)[1].ravel()
 
     @property
+    def layers(self) -> int:
+        """Number of sizes, counted over all classes."""
+        return len(np.unique(self.first_of_size))
+
+    @property
     def body_count(self) -> int:
         """Number of bodies."""
         return int(self.first[-1])

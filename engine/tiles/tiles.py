@@ -42,8 +42,8 @@ __all__ = ["STEPS", "TileState", "solve_tiles"]
 
 PLAN = "tiles.json"
 INDEX = "index.json"
-# Steps of the descent in the three passes.
-STEPS = (60, 40, 40)
+# Steps of the descent in the three passes. What is beside the cuts of one pass has the steps of the others only.
+STEPS = (55, 45, 45)
 # Blur of the coarse warp in spacings of a group, or of all bodies, and in cells at least. What is finer only windows settle, but
 # not beside their cuts: with 12 spacings errors there at k = 4 are half as large again, with 6 a tenth.
 BLUR, BLUR_IN_CELLS = 4.0, 2.0
