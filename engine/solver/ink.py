@@ -38,6 +38,8 @@ GAIN = 0.6
 BACK, ON = 0.5, 1.2
 # Widths are changed by these factors at most.
 NARROWEST, WIDEST = 0.4, 3.0
+# Times that bodies cover the domain at most; what is beyond that is black in any case, and would take long to draw.
+MOST_LAYERS = 8.0
 # Share of its darkness that a picture may lack or have too much of for its widths to stay as they are: where lines do not overlap,
 # they all have one.
 UNNOTICED = 0.02
@@ -50,8 +52,9 @@ FAINTEST = 0.01
 def with_widths(placement: Placement, launcher: Launcher) -> np.ndarray:
     """Thickness of every body [m], shape ``[n]``, with which lines cover what the densities of their classes ask for.
 
-    Only lines that have no width and no outline of their own are changed; a class that lacks nothing is left as it is, and one with
-    bodies longer than the domain. Lines cover each other within a class: those of others have other colors.
+    Only lines that have no width and no outline of their own are changed. A class that lacks nothing is left as it is, and so is one
+    that covers the domain many times, or has bodies longer than it. Lines cover each other within a class: those of others have other
+    colors.
     """
     width = placement.width.copy()
     for index, body_class in enumerate(placement.problem.classes):
@@ -60,8 +63,11 @@ def with_widths(placement: Placement, launcher: Launcher) -> np.ndarray:
             continue
         own = np.flatnonzero(placement.class_index == index)
         adapts = np.isin(placement.size_index[own], adapting)
-        longest = float((placement.length + 2.0 * placement.radius)[own].max(initial=0.0))
-        if adapts.any() and longest <= max(placement.problem.rectangle.size):
+        domain = placement.problem.rectangle
+        thickness = 2.0 * placement.radius[own]
+        extent = placement.length[own] + thickness
+        drawable = (extent * thickness).sum() <= MOST_LAYERS * domain.area and extent.max() <= max(domain.size)
+        if adapts.any() and drawable:
             width[own] *= _factors(placement, index, own, adapts, launcher)
     return width
 

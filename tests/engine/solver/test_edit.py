@@ -10,6 +10,7 @@ from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Probl
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.carried_over import CarriedOver
 from esh.engine.solver.edit import carry_over
+from esh.engine.solver.line_rules import length_blocks
 from esh.engine.solver.model import Model
 
 DOMAIN = Domain((64.0, 64.0))
@@ -387,3 +388,28 @@ def test_edits_leave_nothing_behind():
     print(counts, tables)
     assert counts[0] == counts[-1]
     assert tables < 10
+
+
+def test_what_lengths_were_pressed_by_is_known_after_an_edit():
+    """Block by block, also where there are more blocks than before, and where lengths were a number."""
+    wanted = np.tile(np.linspace(1.0, 3.0, 40), (30, 1))
+    ramp = np.tile(np.linspace(1.0, 0.2, 40), (30, 1))
+
+    def problem_of(count, length):
+        return Problem(DOMAIN, [BodyClass("k", [Size("a", 0.3, count, line=Line(length, "none"))], ramp)])
+
+    def by_halves(solver):
+        factor = solver.state.length_factor.numpy()
+        ((rows, columns),) = length_blocks(solver.model)
+        return factor[1:].reshape(rows, columns)[:, [0, -1]].mean(axis=0)
+
+    with Solver(problem_of(600, wanted), device="cpu") as solver:
+        solver.run(60)
+        before = by_halves(solver)
+        assert abs(before[0] - before[1]) > 0.02
+        solver.edit(problem_of(800, wanted), steps=0)
+        np.testing.assert_allclose(by_halves(solver), before, atol=0.3 * abs(before[0] - before[1]))
+        solver.edit(problem_of(800, 2.0), steps=5)
+        one = float(solver.state.length_factor.numpy()[0])
+        solver.edit(problem_of(800, wanted), steps=0)
+        np.testing.assert_allclose(by_halves(solver), one, rtol=1e-6)

@@ -217,3 +217,10 @@ def test_lengths_of_an_image_are_met_place_by_place(boundary):
         here = block == k
         if here.sum() > 30:
             assert placement.length[here].mean() == pytest.approx(asked[here].mean(), rel=0.1)
+
+
+def test_lines_that_cover_the_ground_many_times_are_left_as_they_are():
+    """They would take long to draw, and are black in any case."""
+    size = Size("s", 30.0, 400, line=Line(4.0, "none"))
+    placement = solve(Problem(DOMAIN, [BodyClass("a", [size])]), device="cpu", max_steps=5)
+    assert np.ptp(placement.width) == 0.0
