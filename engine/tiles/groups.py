@@ -30,7 +30,6 @@ class TileGroups:
         first_of_size: Number of the first body of its size, int64, shape ``[g]``.
         mean_area: Mean area of its bodies [m²], shape ``[g]``.
         matrix: Interaction factors, shape ``[g, g]``.
-        matrix_spread: The same where rare classes have been spread already, and no longer count for more than their share.
         sizes: The size that each belongs to.
         seed: The problem's.
     """
@@ -41,7 +40,6 @@ class TileGroups:
     first_of_size: np.ndarray
     mean_area: np.ndarray
     matrix: np.ndarray
-    matrix_spread: np.ndarray
     sizes: tuple[Size, ...]
     seed: int
 
@@ -102,9 +100,7 @@ class TileGroups:
 def group_tiles(problem: Problem) -> TileGroups:
     """Return the groups of a problem of any number of bodies."""
     sample = _sample(problem)
-    counts = [c.body_count for c in problem.classes]
-    groups = group_bodies(sample, counts=counts)
-    alike = Problem(sample.domain, sample.classes, replace(problem.balance, rare_emphasis=0.0), seed=sample.seed)
+    groups = group_bodies(sample, counts=[c.body_count for c in problem.classes])
     sampled = np.bincount(groups.body_group, minlength=groups.count)
     rows = []
     areas = sample.body_areas()
@@ -127,7 +123,6 @@ def group_tiles(problem: Problem) -> TileGroups:
         np.array([row[3] for row in rows], np.int64),
         np.array([row[4] for row in rows]),
         groups.matrix,
-        group_bodies(alike, counts=counts).matrix,
         tuple(row[5] for row in rows),
         problem.seed,
     )

@@ -392,11 +392,7 @@ def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: 
     domain = Domain(box.size, whole.boundary if at_edge else "open", inset=whole.inset and at_edge)
     obstacles = _obstacles_near(plan, box, classes[0].density_image.shape)
     class_index = np.unique(tiles.class_index[present], return_inverse=True)[1].ravel()
-    # A window sees too few of rare bodies to spread them again, and would push those from its cuts that are there.
-    rare = np.isin(present, plan.rare)
-    chosen = np.ix_(present, present)
-    matrix = np.where(rare[:, None] | rare, tiles.matrix_spread[chosen], tiles.matrix[chosen])
-    groups = Groups(own.ravel().astype(np.int32), class_index, matrix)
+    groups = Groups(own.ravel().astype(np.int32), class_index, tiles.matrix[np.ix_(present, present)])
     # Group factors are those of the whole problem; sizes are weighed nowhere else.
     balance = Balance(size_emphasis=1.0)
 

@@ -309,12 +309,3 @@ def test_the_warp_takes_back_a_wave_of_bodies(tmp_path, wavelength):
     assert fit == pytest.approx(kept, rel=0.05)
     left = moved[inside] + kept * wave[inside, None] * [1.0, 0.0]
     assert math.sqrt((left**2).mean()) < 0.1 * kept * 0.2
-
-
-def test_windows_leave_rare_bodies_as_even_as_they_were_spread(tmp_path):
-    classes = [esh.BodyClass(n, [esh.Size("one", area=1.0, count=k)]) for n, k in (("many", 22400), ("rare", 100))]
-    problem = esh.Problem(esh.Domain((150.0, 150.0)), classes, seed=7)
-    bodies = solved(problem, tmp_path / "out", tile=50.0, steps=(40, 30, 30))
-    place = bodies["position"][bodies["class_index"] == 1]
-    nearest = spatial.cKDTree(place).query(place, 2)[0][:, 1]
-    assert nearest.min() > 0.7 * math.sqrt(150.0**2 / 100)
