@@ -175,7 +175,7 @@ class ClassesFromAbove:
         factor, turn = draw(standing, identity, long, self._settings.seed)
         slope = self._chart.slope(standing.align_to_normal)
         if not shape.own_outlines:
-            return self._with_discs(where, size, identity, factor, slope)
+            return self._with_discs(size, factor, slope)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
         if isinstance(shape.area, tuple):
@@ -191,9 +191,7 @@ class ClassesFromAbove:
         drawn = with_count(size, left).areas([self._settings.seed, 2, *where])
         return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
 
-    def _with_discs(
-        self, where: tuple[int, int], size: Size, identity: np.ndarray, factor: np.ndarray, slope: np.ndarray | None
-    ) -> Size:
+    def _with_discs(self, size: Size, factor: np.ndarray, slope: np.ndarray | None) -> Size:
         """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
 
         Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
@@ -205,16 +203,8 @@ class ClassesFromAbove:
                 slope = None
         if slope is None and (factor == 1.0).all():
             return size
-        shape = self._shapes[where[0]][where[1]]
-        area = self._areas(where, size)
-        own, variant = np.array([size.mean_area]), np.zeros(len(identity), np.int64)
-        if isinstance(shape.area, tuple) and shape.outlines[0] is not None:
-            # Objects are scaled from their own areas to those of the range.
-            own = np.array([outline.area for outline in shape.outlines if outline is not None])
-            variant = variants_of(identity, len(own), shape.weights, self._settings.seed)
-        discs = [disc_of_area(one, leans=slope is not None) for one in own]
-        scale = factor * np.sqrt(area / own[variant])
-        return replace(size, footprint=Footprints(discs, variant=variant, scale=scale, turn=0.0, slope=slope))
+        disc = disc_of_area(size.mean_area, leans=slope is not None)
+        return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope))
 
 
 def _share_of_cover(asked: list[_Asked]) -> float:

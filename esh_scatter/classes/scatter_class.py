@@ -94,7 +94,8 @@ class ScatterSize(Settings):
             "Whether bodies are long, so that they are turned along a direction",
             more="None decides by the outline seen from above (its length over 2.5 times its width), True and False insist, a "
             ":class:`~esh.Line` sets everything itself. Instances are turned so that the long axis of their outline lies along the "
-            "body. Bodies that are not long count as discs of their area, also where they must not overlap",
+            "body. Where objects must not overlap, True and a Line make them capsules, and one `area` for all makes those discs of it "
+            "that are not long; all others keep their own outlines apart",
             check=as_given,
         ),
     )

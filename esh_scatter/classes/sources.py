@@ -194,7 +194,8 @@ def measure_size(
     line = size.line if isinstance(size.line, Line) else None
     if size.line is True or (size.line is None and measured and all(outline.is_long for outline in measured)):
         line = _line_around(measured, direction, area)
-    own = size.line is None and (size.area is None or isinstance(area, tuple)) and len(measured) == len(outlines)
+    # One area for all asks for discs of it, and a line for capsules; what is only told not to be long keeps its outline.
+    own = not size.line and (size.area is None or isinstance(area, tuple)) and len(measured) == len(outlines)
     return SizeShape(source.objects, own, outlines, area, line, source.weights)
 
 

@@ -145,7 +145,7 @@ class ESH_PG_size(PropertyGroup):
         description="Whether the object is round or long, seen from above. Long objects are turned along the direction of the class",
         items=(
             ("AUTO", "From the Mesh", "Long if the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
-            ("DOT", "Round", "Treat the object as a disc, turned at random", "MESH_CIRCLE", 1),
+            ("DOT", "Round", "The object is not turned along the direction, however long it is", "MESH_CIRCLE", 1),
             ("LINE", "Long", "Treat the object as a rod along the longer side of its outline", "FIXED_SIZE", 2),
         ),
         default="AUTO",

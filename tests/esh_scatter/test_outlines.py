@@ -230,6 +230,17 @@ def test_the_capsules_of_a_line_that_was_given_stay_capsules():
     assert job.problem.classes[0].sizes[0].footprint is None
 
 
+@pytest.mark.parametrize("area", [None, (0.25, 0.45)], ids=["measured", "a range"])
+def test_long_objects_that_are_not_to_be_lines_keep_their_outlines_apart(area):
+    """As discs of their area, which the report then counted, hundreds of planks lay over each other."""
+    item = rectangle("Ground", 9.0, 8.0)
+    size = esh.ScatterSize("all", 82, rectangle("Plank", 1.4, 0.25), area=area, line=False)
+    result = esh.scatter(item, [esh.ScatterClass("plank", [size])], device="cpu", seed=41)
+    assert (result.placement.length == 0.0).all()
+    seen = outlines_in_the_scene()
+    assert len(seen) == 82 and result.report.overlaps == overlapping(seen) == 0
+
+
 @pytest.mark.parametrize("area", [math.pi * 0.25, (0.3, 0.9)], ids=["one area", "a range"])
 @pytest.mark.parametrize("ground", ["plane", "slope", "hills"])
 def test_discs_that_were_asked_for_are_as_large_as_their_objects_and_lean_with_them(ground, area):
