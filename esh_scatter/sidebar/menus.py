@@ -20,8 +20,8 @@ _ONLY_BUTTONS = {
     "esh.layer_move",
     "esh.preset_apply",
 }
-# Presets in a row of their menu, and how large their pictures are, in units of its lines.
-PRESETS_IN_A_ROW, PICTURE_SCALE = 4, 5.0
+# Presets in a column of their menu, and how large their pictures are, in units of its lines.
+PRESETS_IN_A_COLUMN, PICTURE_SCALE = 3, 5.0
 # Where groups of layers begin in the menu.
 _GROUPS = tuple(list(KINDS).index(name) for name in ("SLOPE", "DISTANCE"))
 
@@ -69,17 +69,20 @@ class ESH_MT_presets(bpy.types.Menu):
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the menu."""
         layout = self.layout
-        grid = layout.grid_flow(row_major=True, columns=PRESETS_IN_A_ROW, even_columns=True, align=True)
-        for path, name in built_in_presets().items():
-            cell = grid.column(align=True)
-            picture = picture_of(path)
-            if picture:
-                cell.template_icon(icon_value=picture, scale=PICTURE_SCALE)
-            cell.operator("esh.preset_apply", text=name).filepath = path
-        layout.separator()
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("esh.preset_import", icon="IMPORT")
         layout.operator("esh.preset_export", icon="EXPORT")
+        layout.separator()
+        # Blender lays a menu out column by column, in the order in which its parts are added.
+        row = layout.row()
+        presets = list(built_in_presets().items())
+        for first in range(0, len(presets), PRESETS_IN_A_COLUMN):
+            column = row.column()
+            for path, name in presets[first : first + PRESETS_IN_A_COLUMN]:
+                picture = picture_of(path)
+                if picture:
+                    column.template_icon(icon_value=picture, scale=PICTURE_SCALE)
+                column.operator("esh.preset_apply", text=name).filepath = path
 
 
 class ESH_MT_scatters(bpy.types.Menu):

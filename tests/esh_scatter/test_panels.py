@@ -35,7 +35,7 @@ class Layout:
     def _nested(self, **_options):
         return Layout(self.drawn)
 
-    row = column = split = box = grid_flow = _nested
+    row = column = split = box = _nested
 
     def template_icon(self, *, icon_value, scale):
         assert icon_value > 0 and scale > 0.0
