@@ -123,7 +123,7 @@ def test_two_scatters_never_coincide(ground, tree):
 
 
 def test_what_covers_everything_is_said(ground, tree):
-    with pytest.raises(EshError, match="must leave (room|some ground)"):
+    with pytest.raises(EshError, match=r"must leave (room|some ground)"):
         placed(ground, tree, obstacles=[house(size=100.0)])
     result = placed(ground, tree, obstacles=[house((500, 0, 0))])
     np.testing.assert_array_equal(xy(result), xy(placed(ground, tree)))

@@ -195,7 +195,7 @@ def test_a_size_that_fits_nowhere_is_refused_by_name():
     sizes = [Size("small", 0.1, 5), Size("large", 900.0, 1)]
     problem = Problem(WIDE, [BodyClass("k", sizes)], obstacles=[POND, HOUSE], avoid_overlap=True)
     with pytest.raises(
-        ProblemError, match='`obstacles` must leave room for size "large" of class "k", which keeps [0-9.]+ m away'
+        ProblemError, match=r'`obstacles` must leave room for size "large" of class "k", which keeps [0-9.]+ m away'
     ):
         Solver(problem, device="cpu")
 
