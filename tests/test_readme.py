@@ -256,6 +256,22 @@ def test_contributing_has_the_rooms_as_they_are_held():
     assert tuple(re.findall(r"^\| `(\w+)(?:/|\.py)` \|", table, re.MULTILINE)) == rooms.BLENDER_ORDER
 
 
+def test_the_glossary_is_in_order_and_its_words_are_those_of_the_code():
+    words = re.findall(
+        r"^\| ([^|]+) \|", TEXT["CONTRIBUTING.md"].partition("| word | meaning |\n|---|---|\n")[2], re.MULTILINE
+    )
+    keys = [re.sub(r"[()]", "", word.lower()) for word in words]
+    assert keys == sorted(set(keys)) and len(keys) > 80
+    code = "\n".join(
+        path.read_text(encoding="utf-8").lower()
+        for room in ("engine", "esh_scatter")
+        for path in (ROOT / room).rglob("*.py")
+    )
+    for word in words:
+        for name in re.sub(r"\(.*\)", "", word).strip().split(", "):
+            assert re.search(rf"\b{re.escape(name.lower())}", code), f"nothing in the code is called {name}"
+
+
 def test_contributing_names_every_file_that_draws_random_numbers():
     for folder in ("engine", "esh_scatter"):
         for path in (ROOT / folder).rglob("*.py"):
