@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .engine.problem.fixed_bodies import FixedBodies, FixedBody
     from .engine.problem.footprint import Footprint, Footprints
     from .engine.problem.line import Line
+    from .engine.problem.look_at import LookAt
     from .engine.problem.obstacles import Obstacle
     from .engine.problem.placement import Placement
     from .engine.problem.prepared_class import PreparedClass
@@ -107,6 +108,7 @@ __all__ = [
     "InsideDensity",
     "Instances",
     "Line",
+    "LookAt",
     "NoiseDensity",
     "Outline",
     "Obstacle",
@@ -201,6 +203,7 @@ _MODULES = {
     "InsideDensity": ".esh_scatter.densities.kinds",
     "Instances": ".engine.surface.instances",
     "Line": ".engine.problem.line",
+    "LookAt": ".engine.problem.look_at",
     "NoiseDensity": ".esh_scatter.densities.kinds",
     "Outline": ".engine.surface.mesh_outline",
     "Obstacle": ".engine.problem.obstacles",

@@ -80,6 +80,22 @@ def report_lines(run: Run, figure: str, name: str, placement: Placement, lines: 
     run.row(figure, f"{name}: coverage error of the charges, k = 2", f"{covered:.4f}", "<= 0.03", covered <= 0.03)
 
 
+def report_tone(run: Run, name: str, placement: Placement) -> None:
+    """Rows on how dark a picture of lines is, where and in the mean, beside the density that they follow."""
+    body_class = placement.problem.classes[0]
+    asked = np.asarray(body_class.density_image, np.float64)
+    asked = asked * (placement.area.sum() / (asked.mean() * placement.problem.rectangle.area))
+    height, width = asked.shape
+    drawn = 1.0 - render_halftone(placement, pixels_per_metre=4.0)[..., 0]
+    drawn = drawn.reshape(height, 4, width, 4).mean(axis=(1, 3))
+    off = float(drawn.mean() - np.minimum(asked, 1.0).mean())
+    run.row("16", f"{name}: mean ink off by", f"{off:.4f}", "within 0.01", abs(off) <= 0.01)
+    for tone, least in ((0.96, 0.93), (0.79, 0.77)):
+        near = np.abs(asked - tone) <= 0.02
+        found = float((drawn - asked)[near].mean() + tone)
+        run.row("16", f"{name}: drawn where {tone:g} is asked", f"{found:.3f}", f">= {least:g}", found >= least)
+
+
 def hatching(run: Run) -> None:
     """Figure 16: a portrait in 20,000 lines of 2 and of 4 pixels; then bent ones, and colored ones."""
     image = face(200)
@@ -90,6 +106,7 @@ def hatching(run: Run) -> None:
         size = Size("line", area_for(image, count), count, line=Line(length))
         placement = run.solve(Problem(domain, [BodyClass("ink", [size], image, unsharp=Unsharp(1.0, 2.0))]))
         report_lines(run, "16", f"length {length:g}", placement, np.ones(count, dtype=bool), length)
+        report_tone(run, f"length {length:g}", placement)
         pictures.append((f"lines of {length:g} pixels", render_halftone(placement, pixels_per_metre=3.0)))
     size = Size("line", area_for(image, 8_000), 8_000, line=Line(8.0, charges=5, straightness=0.05))
     placement = run.solve(Problem(domain, [BodyClass("ink", [size], image, unsharp=Unsharp(1.0, 2.0))]))

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sparse
 import scipy.special as special
 import trimesh
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 Density = Callable[[np.ndarray], np.ndarray]
@@ -100,10 +101,22 @@ class SurfaceMetric:
             k += 1
 
 
-def spacing(position: np.ndarray, normal: np.ndarray, number_density: np.ndarray | float) -> tuple[float, float]:
-    """Smallest and mean distance to the nearest neighbor on the same side, over that of a hexagonal lattice."""
-    distance, near = cKDTree(position).query(position, k=min(12, len(position)))
+def parts_of(faces: np.ndarray) -> np.ndarray:
+    """Number of the part that each face is in: faces that share a vertex are in one."""
+    pair = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    count = int(faces.max()) + 1
+    graph = sparse.csr_matrix((np.ones(len(pair)), (pair[:, 0], pair[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1][faces[:, 0]]
+
+
+def spacing(
+    position: np.ndarray, normal: np.ndarray, number_density: np.ndarray | float, part: np.ndarray | None = None
+) -> tuple[float, float]:
+    """Smallest and mean distance to the nearest neighbor on the same side and part, over that of a hexagonal lattice."""
+    distance, near = cKDTree(position).query(position, k=min(24, len(position)))
     same = (normal[near] * normal[:, None]).sum(axis=2) > 0.0
+    if part is not None:
+        same &= part[near] == part[:, None]
     same[:, 0] = False
     nearest = np.where(same, distance, np.inf).min(axis=1)
     ratio = nearest / np.sqrt(2.0 / np.sqrt(3.0) / number_density)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import esh
 import numpy as np
 import surface_meshes as meshes
-from surface_metric import SurfaceMetric, spacing
+from surface_metric import SurfaceMetric, parts_of, spacing
 
 COUNT = 4096
 KS = (0.5, 1.0, 2.0, 4.0)
@@ -60,7 +60,8 @@ def one_class(name: str, parts: list, whole: tuple, density: Density, device: st
     metric = SurfaceMetric(*whole, COUNT)
     mean = (metric.areas @ density(metric.vertices[metric.faces].mean(axis=1))) / metric.area
     number = COUNT / metric.area * density(placement.position) / mean
-    apart = spacing(placement.position, placement.normal, number)
+    part = parts_of(parts[0][1])[placement.triangle] if len(parts) == 1 else None
+    apart = spacing(placement.position, placement.normal, number, part)
     row(name, metric.coverage(placement.position, density, KS), None if density is meshes.checker else apart, placement)
 
 

@@ -125,7 +125,7 @@ class Tiles:
         self.values.assign(even.ravel())
 
     def run(self) -> np.ndarray:
-        self._transforms.apply(self._influence, self.values)
+        self._transforms.apply(self._influence, self.values, self.values)
         return self.values.numpy().reshape(self._shape)[: self.mesh.shape[0]]
 
 

@@ -471,24 +471,6 @@ def _add_lights(holder: bpy.types.Collection) -> None:
     _link("Bulbs", _joined_by(pieces), holder, bulb, wire)
 
 
-def turn_towards(result: esh.ScatterResult, point: tuple[float, float], spread: float, seed: int) -> None:
-    """Turn the objects of a result, which look along their y axis, to a point seen from above, give or take ``spread`` [rad].
-
-    A point's ``rotation`` is a quaternion (w, x, y, z), which the result's node group gives to the object that it places there.
-    """
-    mesh = result.object.data
-    count = len(mesh.vertices)
-    place = np.empty(3 * count, np.float32)
-    mesh.vertices.foreach_get("co", place)
-    to = np.array(point) - place.reshape(-1, 3)[:, :2]
-    aside = spread * (2.0 * np.random.default_rng(seed).beta(2.0, 2.0, count) - 1.0)
-    half = 0.5 * (np.arctan2(to[:, 1], to[:, 0]) - 0.5 * math.pi + aside)
-    rotation = np.zeros((count, 4), np.float32)
-    rotation[:, 0], rotation[:, 3] = np.cos(half), np.sin(half)
-    mesh.attributes["rotation"].data.foreach_set("value", rotation.ravel())
-    mesh.update()
-
-
 def build(device: str = "auto", quick: bool = False) -> Built:
     """Build the square in an empty file."""
     scene = bpy.context.scene
@@ -556,6 +538,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
             ],
             density=near_the_stage,
             color=color,
+            look_at=esh.LookAt((*LOOK_AT, 0.0), SPREAD, front="y"),
         )
         for coat, (color, *counts) in coats.items()
     ]
@@ -566,13 +549,11 @@ def build(device: str = "auto", quick: bool = False) -> Built:
         class_separation=0.7,
         align_to_normal=0.0,
         scale_jitter=0.07,
-        random_turn=0.0,
         seed=SEED,
         device=device,
         max_steps=30 if quick else 60,
         name="Crowd",
     )
-    turn_towards(result, LOOK_AT, SPREAD, SEED)
     # end: scatter
     set_light(scene, (-0.42, -0.72, 0.60), 4.6, (0.46, 0.58, 0.86), 0.7, (1.0, 0.74, 0.48))
     scene.view_settings.exposure = 0.3

@@ -170,6 +170,12 @@ class RecipeMaker:
             made["clustering"] = self._sometimes(choose.pick([0.0, 0.3, 1.0]), -1, "much")
             made["clump_size"] = self._sometimes(choose.between(0.01, 10.0), -1.0, 1e-9)
         if choose.pick([False] * 4 + [True]):
+            made["look_at"] = {
+                "point": self._sometimes([choose.pick([-9.0, 0.0, 2.5]), choose.pick([-1.0, 0.5, 9.0]), 0.0], [1.0], 3),
+                "spread": self._sometimes(choose.pick([0.0, 0.1, 3.0]), -1.0, math.inf),
+                "front": self._sometimes(choose.pick(["x", "-x", "y", "-y"]), "z"),
+            }
+        if choose.pick([False] * 4 + [True]):
             made["unsharp"] = {
                 "amount": self._sometimes(choose.between(0.1, 5), 1e300),
                 "radius": self._sometimes(2.0, 1e-9, 1e300),

@@ -54,6 +54,8 @@ BLUR = 0.37
 # Corners of tiles are in one place, in units, and look to one side, in lengths of a normal, where they differ by less.
 SAME_PLACE = 1e-3
 SAME_SIDE = 0.125
+# Parts of a tile that :func:`.locate_quarters` finds.
+QUARTERS = 4
 # Distance of what the near part of the target's force is summed over where there is far more of it.
 SOURCE_DISTANCE = 0.3
 MANY_SOURCES = 4.0
@@ -126,7 +128,14 @@ class Cascade:
         full = np.flatnonzero(share.max(axis=0) > 0.0)
         sources = chosen(launcher, tiles, full)
         self._target_nearby = kernels_cascade.NearTarget()
-        self._target_nearby.force = self._find_near_target(facets, tiles, full, share[:, full], table_of_target)
+        quarters = empty_points(launcher, QUARTERS * len(full))
+        launcher.launch(
+            kernels_facets.locate_quarters,
+            QUARTERS * len(full),
+            [wp.array(full.astype(np.int32), dtype=wp.int32, device=device), facets.count, on_device],
+            [quarters.position, quarters.normal, quarters.label],
+        )
+        self._target_nearby.force = self._find_near_target(facets, tiles, quarters, share[:, full], table_of_target)
         self._target_nearby.corner_count, self._target_nearby.column_count = facets.corner_count, len(share)
         self._target_nearby.attraction = wp.array(attraction.ravel(), dtype=float, device=device)
 
@@ -143,7 +152,7 @@ class Cascade:
         self._nearby.start, self._nearby.pair = pairs.start, pairs.entry
         self._nearby.table, self._nearby.interaction = table, self._interaction
         columns = np.concatenate([share[:, full], facets.tile_area[None, full]])
-        on_nodes = self._shared_out(sources, home, columns)
+        on_nodes = self._shared_out(quarters, home, columns)
         self.node_share, self.node_area = on_nodes[:-1], on_nodes[-1]
         target = attraction @ self.node_share
         self._target = wp.array(target.T.ravel(), dtype=float, device=device)
@@ -260,24 +269,18 @@ class Cascade:
         self,
         facets: Facets,
         tiles: Points,
-        full: np.ndarray,
+        quarters: Points,
         share: np.ndarray,
         table: kernels_cascade.NearTable,
     ) -> wp.array:
         """The near part of the target's force at the corners of all tiles, image after image, ``wp.vec3``."""
         launcher, count, device = self.launcher, facets.corner_count, self.launcher.device
-        position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
-        launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], [position, tile])
-        sources = empty_points(launcher, 4 * len(full))
-        launcher.launch(
-            kernels_facets.locate_quarters,
-            4 * len(full),
-            [wp.array(full.astype(np.int32), dtype=wp.int32, device=device), facets.count, self._facets],
-            [sources.position, sources.normal, sources.label],
-        )
+        position, normal, tile = (launcher.empty(count, kind) for kind in (wp.vec3, wp.vec3, wp.int32))
+        launcher.launch(kernels_facets.locate_corners, count, [facets.count, self._facets], [position, normal, tile])
+        sources = quarters
         # On a mesh that is finer than bodies can tell, many quarters count as one.
-        charge = np.repeat(0.25 * share, 4, axis=1)
-        if 4 * len(full) * SOURCE_DISTANCE**2 > MANY_SOURCES * facets.area.sum():
+        charge = np.repeat(share / QUARTERS, QUARTERS, axis=1)
+        if len(sources.position) * SOURCE_DISTANCE**2 > MANY_SOURCES * facets.area.sum():
             few = thinned(launcher, sources, SOURCE_DISTANCE)
             representatives = chosen(launcher, sources, few)
             nearest = nearest_of(launcher, sources, representatives, 2.0 * SOURCE_DISTANCE, SOURCE_DISTANCE).numpy()
@@ -287,16 +290,18 @@ class Cascade:
             representatives.position.assign(middle.astype(np.float32))
             sources = representatives
         # Corners of neighboring facets that lie in one place, and look to nearly the same side, have the same force.
-        at, look, of_tile = position.numpy(), tiles.normal.numpy(), tile.numpy()
-        first, which = _alike(at, look[of_tile], tiles.label.numpy()[of_tile])
+        at, look, label = position.numpy(), normal.numpy(), tiles.label.numpy()[tile.numpy()]
+        first, which = _alike(at, look, label)
+        corners = empty_points(launcher, len(first))
+        corners.position.assign(at[first])
+        corners.normal.assign(look[first])
+        corners.label.assign(label[first])
         force = launcher.empty(len(share) * len(first), wp.vec3)
         launcher.launch(
             kernels_cascade.near_target,
             len(first),
             [
-                wp.array(at[first], dtype=wp.vec3, device=device),
-                wp.array(of_tile[first], dtype=wp.int32, device=device),
-                tiles,
+                corners,
                 sources,
                 wp.array(charge.ravel(), dtype=float, device=device),
                 len(share),
@@ -309,33 +314,39 @@ class Cascade:
         everywhere = force.numpy().reshape(len(share), len(first), 3)[:, which]
         return wp.array(everywhere.reshape(-1, 3), dtype=wp.vec3, device=device)
 
-    def _shared_out(self, points: Points, home: wp.array, columns: np.ndarray) -> np.ndarray:
-        """Share numbers at points out among the nodes, as charges are, column by column."""
+    def _shared_out(self, quarters: Points, home: wp.array, columns: np.ndarray) -> np.ndarray:
+        """Share numbers of tiles out among the nodes, as charges are, column by column; every quarter of a tile by itself.
+
+        From the middles of tiles alone, large ones would be blurred less than small ones, and bodies would follow where the two meet.
+        """
         launcher, device = self.launcher, self.launcher.device
-        count = len(points.position)
+        count = len(home)
         sort = CellSort(launcher, count, self.node_count)
         sort.sort(kernels_cascade.find_homes, [home])
-        homed, in_order = _homed(points, home, sort), _room_for_sorted(launcher, count)
+        in_order = _room_for_sorted(launcher, count)
         group = launcher.zeros(count, wp.int32)
-        result = np.empty((len(columns), self.node_count))
-        for column, values in enumerate(columns):
-            number = wp.array(values, dtype=float, device=device)
-            launcher.launch(
-                kernels_cascade.fit_rows,
-                count,
-                [homed, number, group, self._weights],
-                [in_order],
-                grain=GRAIN_OF_NEIGHBORS,
-            )
-            received = launcher.empty(self.node_count, float)
-            launcher.launch(
-                kernels_cascade.deposit,
-                self.node_count,
-                [in_order, homed.start, self._weights, 1],
-                [received],
-                grain=GRAIN_OF_NEIGHBORS,
-            )
-            result[column] = received.numpy()
+        result = np.zeros((len(columns), self.node_count))
+        for quarter in range(QUARTERS):
+            points = chosen(launcher, quarters, QUARTERS * np.arange(count) + quarter)
+            homed = _homed(points, home, sort)
+            for column, values in enumerate(columns):
+                number = wp.array(values / QUARTERS, dtype=float, device=device)
+                launcher.launch(
+                    kernels_cascade.fit_rows,
+                    count,
+                    [homed, number, group, self._weights],
+                    [in_order],
+                    grain=GRAIN_OF_NEIGHBORS,
+                )
+                received = launcher.empty(self.node_count, float)
+                launcher.launch(
+                    kernels_cascade.deposit,
+                    self.node_count,
+                    [in_order, homed.start, self._weights, 1],
+                    [received],
+                    grain=GRAIN_OF_NEIGHBORS,
+                )
+                result[column] += received.numpy()
         return result
 
     def _make_levels(self, nodes: Points, diagonal: float) -> None:

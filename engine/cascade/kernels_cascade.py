@@ -636,9 +636,7 @@ def near_force(square: float, table: NearTable):
 @wp.kernel
 def near_target(
     first: int,
-    position: wp.array(dtype=wp.vec3),
-    tile: wp.array(dtype=wp.int32),
-    tiles: Points,
+    corners: Points,
     sources: Points,
     source_charge: wp.array(dtype=float),
     column_count: int,
@@ -649,10 +647,10 @@ def near_target(
 ):
     """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off."""
     i = first + wp.tid()
-    own = position[i]
-    normal = tiles.normal[tile[i]]
-    label = tiles.label[tile[i]]
-    corner_count = position.shape[0]
+    own = corners.position[i]
+    normal = corners.normal[i]
+    label = corners.label[i]
+    corner_count = corners.position.shape[0]
     for c in range(column_count):
         force[c * corner_count + i] = wp.vec3(0.0, 0.0, 0.0)
     cell = cell_at(own, grid.inverse_size)
@@ -752,7 +750,8 @@ def evaluate(
     """The force per unit charge at every charge, along the surface."""
     s = first + wp.tid()
     i = charges.order[s]
-    normal = sorted_charges.points.normal[s]
+    # Bodies move in the plane of their facet.
+    normal = facets.normal[facet[i]]
     group = sorted_charges.points.label[s]
     home = charges.home[i]
     force = force_of_nodes(s, home, sorted_charges, weights, potential, group_count)

@@ -204,10 +204,12 @@ class Field:
         with self.launcher.phase("FFT"):
             self._solve_far_field()
         with self.launcher.phase("near field, interpolation"):
+            at_once = 1 if self.launcher.device.is_cuda else kernels_field.LANES
             self.launcher.launch(
                 kernels_field.evaluate_field,
-                self.charge_count,
+                -(-self.charge_count // at_once),
                 [
+                    at_once,
                     self._sorted,
                     self._blurred,
                     self.cells,
@@ -217,7 +219,7 @@ class Field:
                     self._corrected,
                 ],
                 [field],
-                grain=GRAIN_OF_NEIGHBORS,
+                grain=GRAIN_OF_NEIGHBORS // at_once,
             )
 
     def _sort(self, position: wp.array) -> None:

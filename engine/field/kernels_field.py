@@ -13,13 +13,14 @@ from ..space.kernels_space import period
 from . import splitting
 from .blur import LARGEST_Q
 from .kernels_blur import level_of
-from .kernels_splines import potential_gradient
+from .kernels_splines import potential_gradient, potential_gradients
 
 __all__ = ["COLUMNS_PER_CUTOFF", "LANES", "ROWS_PER_CUTOFF", "evaluate_field"]
 
 wp.set_module_options({"enable_backward": False})
 
-# Neighbors that the CPU takes at once. Arrays of neighbors are longer by so many, since the last of them may read beyond.
+# Neighbors that the CPU takes at once, and charges whose neighbors it looks up at once. Arrays of neighbors are longer by so many,
+# since the last of them may read beyond.
 LANES = 8
 # Cells along the cut-off, from row to row and along a row: narrow cells follow its circle, high ones keep ranges long.
 ROWS_PER_CUTOFF = 1
@@ -97,100 +98,99 @@ def _add_ranges(variance: str) -> str:
 """
 
 
+# Where the neighbors of a few charges are is found for all of them at once; cells of a row are neighbors in memory: those within the
+# cut-off are one range, or two where it reaches round the domain.
 _SUM_NEAR = f"""
-    const float tiny = 1e-18f, narrower = 1.0f / sharper, half_per_core = 0.5f * per_core;
-    const float* __restrict__ xs = sorted_x.data;
-    const float* __restrict__ ys = sorted_y.data;
-    const float* __restrict__ ws = weight.data + row_start;
-    const float* __restrict__ vs = variance.data;
-    const int* __restrict__ fs = family.data;
+    const float tiny = 1e-18f, narrower = 1.0f / blurred.sharper, core = blurred.core, half_per_core = 0.5f * blurred.per_core;
+    const float* __restrict__ xs = charges.x.data;
+    const float* __restrict__ ys = charges.y.data;
+    const float* __restrict__ vs = blurred.variance.data;
+    const int* __restrict__ fs = blurred.family.data;
 #if defined(__CUDA_ARCH__)
     enum {{ L = 1 }};
     typedef float V;
     typedef int I;
+    auto whole = [](V v) -> I {{ return (int)v; }};
+    auto real = [](I i) -> V {{ return (float)i; }};
+    auto root_of = [](V v) -> V {{ return sqrtf(v); }};
+    auto lesser = [](I i, I j) -> I {{ return i < j ? i : j; }};
+    auto larger = [](V v, V w) -> V {{ return fmaxf(v, w); }};
 #else
     enum {{ L = {LANES} }};
     typedef float V __attribute__((ext_vector_type({LANES}), aligned(4)));
     typedef int I __attribute__((ext_vector_type({LANES}), aligned(4)));
     const I lane = {{{", ".join(map(str, range(LANES)))}}};
+    auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
+    auto real = [](I i) -> V {{ return __builtin_convertvector(i, V); }};
+    auto root_of = [](V v) -> V {{ return __builtin_elementwise_sqrt(v); }};
+    auto lesser = [](I i, I j) -> I {{ return __builtin_elementwise_min(i, j); }};
+    auto larger = [](V v, V w) -> V {{ return __builtin_elementwise_max(v, w); }};
 #endif
     const float cutoff2 = cutoff * cutoff, per_cutoff = 1.0f / cutoff2;
     const float per_column = grid.inverse_size[0], per_row = grid.inverse_size[1];
     const float height = 1.0f / per_row;
     const int columns = grid.count_x, rows = grid.count_y;
-    const bool repeats_x = period[0] > 0.0f, repeats_y = period[1] > 0.0f;
-    // Cells of a row are neighbors in memory: those within the cut-off are one range, or two where it reaches round the domain.
-    enum {{ MOST = 2 * {2 * ROWS_PER_CUTOFF + 1} }};
-    int begins[MOST], ends[MOST], ranges = 0;
-    float from_x[MOST], from_y[MOST];
-    const int own_row = wp::min((int)(y * per_row), rows - 1);
-    for (int row = own_row - {ROWS_PER_CUTOFF}; row <= own_row + {ROWS_PER_CUTOFF}; ++row)
+    const float period_x = space_period[0], period_y = space_period[1];
+    const bool repeats_x = period_x > 0.0f, repeats_y = period_y > 0.0f;
+    enum {{ ROWS = {2 * ROWS_PER_CUTOFF + 1} }};
+    I lefts[ROWS], rights[ROWS];
+    const V all_x = *(const V*)(xs + start), all_y = *(const V*)(ys + start);
+    const I own_rows = lesser(whole(all_y * per_row), (I)(rows - 1));
+    for (int k = 0; k < ROWS; ++k)
     {{
-        const int across = row < 0 ? -1 : row >= rows ? 1 : 0;
-        if (across != 0 && !repeats_y) continue;
-        const float beyond = wp::max(wp::max(row * height - y, y - (row + 1) * height), 0.0f);
-        const float beside = sqrtf(wp::max(cutoff2 - beyond * beyond, 0.0f));
-        const int* __restrict__ starts = cell_start.data + (size_t)(row - across * rows) * columns;
+        const V row = real(own_rows + (k - {ROWS_PER_CUTOFF}));
+        const V below = row * height - all_y, above = all_y - (row + 1.0f) * height;
+        const V beyond = larger(larger(below, above), (V)0.0f);
+        const V beside = root_of(larger(cutoff2 - beyond * beyond, (V)0.0f));
         // Rounded down: what is cut off is positive.
-        const int left = (int)((x - beside) * per_column + (float)columns) - columns;
-        const int right = (int)((x + beside) * per_column);
-        begins[ranges] = starts[wp::max(left, 0)];
-        ends[ranges] = starts[wp::min(right, columns - 1) + 1];
-        from_x[ranges] = x;
-        from_y[ranges++] = y - across * period[1];
-        if (repeats_x && (left < 0 || right >= columns))
+        lefts[k] = whole((all_x - beside) * per_column + (float)columns) - columns;
+        rights[k] = whole((all_x + beside) * per_column);
+    }}
+    for (int own = start; own < stop; ++own)
+    {{
+        const float x = xs[own], y = ys[own], own_variance = vs[own];
+        const int own_family = fs[own];
+        const float* __restrict__ ws = charges.weight.data + (size_t)charges.group.data[own] * charges.weight_stride;
+        int begins[2 * ROWS], ends[2 * ROWS], ranges = 0;
+        float from_x[2 * ROWS], from_y[2 * ROWS];
+        for (int k = 0; k < ROWS; ++k)
         {{
-            begins[ranges] = starts[left < 0 ? left + columns : 0];
-            ends[ranges] = starts[left < 0 ? columns : right - columns + 1];
-            from_x[ranges] = left < 0 ? x + period[0] : x - period[0];
-            from_y[ranges++] = y - across * period[1];
+            const int row = ((const int*)&own_rows)[own - start] + k - {ROWS_PER_CUTOFF};
+            const int across = row < 0 ? -1 : row >= rows ? 1 : 0;
+            if (across != 0 && !repeats_y) continue;
+            const int* __restrict__ starts = charges.cell_start.data + (size_t)(row - across * rows) * columns;
+            const int left = ((const int*)&lefts[k])[own - start], right = ((const int*)&rights[k])[own - start];
+            begins[ranges] = starts[wp::max(left, 0)];
+            ends[ranges] = starts[wp::min(right, columns - 1) + 1];
+            from_x[ranges] = x;
+            from_y[ranges++] = y - across * period_y;
+            if (repeats_x && (left < 0 || right >= columns))
+            {{
+                begins[ranges] = starts[left < 0 ? left + columns : 0];
+                ends[ranges] = starts[left < 0 ? columns : right - columns + 1];
+                from_x[ranges] = left < 0 ? x + period_x : x - period_x;
+                from_y[ranges++] = y - across * period_y;
+            }}
         }}
+        V sum_x = (V)0.0f, sum_y = (V)0.0f;
+        if (blurred.alike != 0)
+        {{
+            const V of_all = own_variance + own_variance;
+            {_add_ranges("of_all")}
+        }}
+        else
+        {{
+            {_add_ranges("(own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower)")}
+        }}
+        float total_x = 0.0f, total_y = 0.0f;
+        for (int l = 0; l < L; ++l)
+        {{
+            total_x += ((const float*)&sum_x)[l];
+            total_y += ((const float*)&sum_y)[l];
+        }}
+        field.data[charges.order.data[own]] = wp::vec2(total_x, total_y);
     }}
-    V sum_x = (V)0.0f, sum_y = (V)0.0f;
-    if (alike != 0)
-    {{
-        const V of_all = own_variance + own_variance;
-        {_add_ranges("of_all")}
-    }}
-    else
-    {{
-        {_add_ranges("(own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower)")}
-    }}
-#if defined(__CUDA_ARCH__)
-    return wp::vec2(sum_x, sum_y);
-#else
-    float total_x = 0.0f, total_y = 0.0f;
-    for (int l = 0; l < {LANES}; ++l)
-    {{
-        total_x += sum_x[l];
-        total_y += sum_y[l];
-    }}
-    return wp::vec2(total_x, total_y);
-#endif
 """
-
-
-@wp.func_native(_SUM_NEAR)
-def sum_near(
-    x: float,
-    y: float,
-    row_start: wp.int64,
-    cell_start: wp.array(dtype=wp.int32),
-    grid: CellGrid,
-    period: wp.vec2,
-    cutoff: float,
-    own_variance: float,
-    own_family: int,
-    alike: int,
-    sharper: float,
-    core: float,
-    per_core: float,
-    variance: wp.array(dtype=float),
-    family: wp.array(dtype=wp.int32),
-    weight: wp.array(dtype=float),
-    sorted_x: wp.array(dtype=float),
-    sorted_y: wp.array(dtype=float),
-) -> wp.vec2: ...
 
 
 @wp.struct
@@ -207,6 +207,21 @@ class Blurred:
     sharper: wp.float32
     core: wp.float32
     per_core: wp.float32
+
+
+@wp.func_native(_SUM_NEAR)
+def sum_near(
+    start: int,
+    stop: int,
+    charges: SortedCharges,
+    blurred: Blurred,
+    grid: CellGrid,
+    space_period: wp.vec2,
+    cutoff: float,
+    field: wp.array(dtype=wp.vec2),
+):
+    """Write the near part of the field at the sorted charges ``start .. stop - 1``, to where they were given."""
+    ...
 
 
 @wp.struct
@@ -232,15 +247,16 @@ def correction_at(at: wp.vec2, group: int, variance: float, correction: Correcti
     else:
         level, place = level_of(variance, correction.levels)
         base += level * nodes
-        below = potential_gradient(at, base, correction.mesh, correction.potential)
-        above = potential_gradient(at, base + nodes, correction.mesh, correction.potential)
-        total = scale * (below + place * (above - below))
+        both = potential_gradients(at, base, nodes, correction.mesh, correction.potential)
+        below = wp.vec2(both[0], both[1])
+        total = scale * (below + place * (wp.vec2(both[2], both[3]) - below))
     return total
 
 
 @wp.kernel
 def evaluate_field(
     first: int,
+    at_once: int,
     charges: SortedCharges,
     blurred: Blurred,
     grid: CellGrid,
@@ -251,33 +267,15 @@ def evaluate_field(
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
-    """Force per unit charge on every charge, written in the order in which the charges were given."""
-    i = first + wp.tid()
-    x = charges.x[i]
-    y = charges.y[i]
-    group = charges.group[i]
-    at = wp.vec2(x, y)
-    total = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
-    # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
-    total += correction_at(at, group, blurred.variance[i], correction)
-    total += sum_near(
-        x,
-        y,
-        wp.int64(group) * wp.int64(charges.weight_stride),
-        charges.cell_start,
-        grid,
-        period(grid.space),
-        cutoff,
-        blurred.variance[i],
-        blurred.family[i],
-        blurred.alike,
-        blurred.sharper,
-        blurred.core,
-        blurred.per_core,
-        blurred.variance,
-        blurred.family,
-        charges.weight,
-        charges.x,
-        charges.y,
-    )
-    field[charges.order[i]] = total
+    """Force per unit charge on ``at_once`` charges an element, written in the order in which the charges were given."""
+    start = (first + wp.tid()) * at_once
+    stop = wp.min(start + at_once, charges.group.shape[0])
+    sum_near(start, stop, charges, blurred, grid, period(grid.space), cutoff, field)
+    for i in range(start, stop):
+        group = charges.group[i]
+        at = wp.vec2(charges.x[i], charges.y[i])
+        far = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
+        # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
+        far += correction_at(at, group, blurred.variance[i], correction)
+        to = charges.order[i]
+        field[to] = far + field[to]

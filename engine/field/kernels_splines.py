@@ -200,20 +200,28 @@ _GRADIENT = """
         dx[k] = (3.0f * cubic.at[k] * u + 2.0f * square.at[k]) * u + linear.at[k];
         dy[k] = (3.0f * cubic.at[k] * v + 2.0f * square.at[k]) * v + linear.at[k];
     }
-    float along = 0.0f, across = 0.0f;
-    for (int b = 0; b < 4; ++b)
+    wp::vec4 result;
+    for (int k = 0; k < 2; ++k)
     {
-        float value = 0.0f, slope = 0.0f;
-        for (int a = 0; a < 4; ++a)
+        const float* __restrict__ q = p + (size_t)k * above;
+        float along = 0.0f, across = 0.0f;
+        for (int b = 0; b < 4; ++b)
         {
-            const float node = p[b * stride + a];
-            value += wx[a] * node;
-            slope += dx[a] * node;
+            float value = 0.0f, slope = 0.0f;
+            for (int a = 0; a < 4; ++a)
+            {
+                const float node = q[b * stride + a];
+                value += wx[a] * node;
+                slope += dx[a] * node;
+            }
+            along += slope * wy[b];
+            across += value * dy[b];
         }
-        along += slope * wy[b];
-        across += value * dy[b];
+        result[2 * k] = along;
+        result[2 * k + 1] = across;
+        if (above == 0) break;
     }
-    return wp::vec2(along, across);
+    return result;
 #else
     typedef float V __attribute__((ext_vector_type(4), aligned(4)));
     const V cubic = {-1.0f / 6.0f, 0.5f, -0.5f, 1.0f / 6.0f}, square = {0.5f, -1.0f, 0.5f, 0.0f};
@@ -222,46 +230,69 @@ _GRADIENT = """
     const V wy = ((cubic * v + square) * v + linear) * v + constant;
     const V dx = (3.0f * cubic * u + 2.0f * square) * u + linear;
     const V dy = (3.0f * cubic * v + 2.0f * square) * v + linear;
-    V value = (V)0.0f, slope = (V)0.0f;
-    for (int b = 0; b < 4; ++b)
+    wp::vec4 result;
+    for (int k = 0; k < 2; ++k)
     {
-        const V row = *(const V*)(p + b * stride);
-        value += dy[b] * row;
-        slope += wy[b] * row;
+        const float* __restrict__ q = p + (size_t)k * above;
+        V value = (V)0.0f, slope = (V)0.0f;
+        for (int b = 0; b < 4; ++b)
+        {
+            const V row = *(const V*)(q + b * stride);
+            value += dy[b] * row;
+            slope += wy[b] * row;
+        }
+        const V weighed = value * wx;
+        const V sloped = slope * dx;
+        result[2 * k] = (sloped[0] + sloped[1]) + (sloped[2] + sloped[3]);
+        result[2 * k + 1] = (weighed[0] + weighed[1]) + (weighed[2] + weighed[3]);
+        if (above == 0) break;
     }
-    const V weighed = value * wx;
-    const V sloped = slope * dx;
-    return wp::vec2(
-        (sloped[0] + sloped[1]) + (sloped[2] + sloped[3]), (weighed[0] + weighed[1]) + (weighed[2] + weighed[3]));
+    return result;
 #endif
 """
 
 
 @wp.func_native(_GRADIENT)
-def gradient_of_rows(potential: wp.array(dtype=float), start: int, stride: int, u: float, v: float) -> wp.vec2: ...
+def gradients_of_rows(
+    potential: wp.array(dtype=float), start: int, stride: int, above: int, u: float, v: float
+) -> wp.vec4: ...
 
 
 @wp.func
-def potential_gradient(position: wp.vec2, base: int, mesh: Mesh, potential: wp.array(dtype=float)):
-    """Gradient of the mesh potential that starts at element ``base``."""
+def potential_gradients(position: wp.vec2, base: int, above: int, mesh: Mesh, potential: wp.array(dtype=float)):
+    """Gradients of the mesh potential that starts at element ``base``, and of the one that starts ``above`` elements later.
+
+    Four numbers, along x and y of each; only the first where ``above`` is 0.
+    """
     u = position[0] * mesh.inverse_spacing[0] + float(mesh.margin)
     v = position[1] * mesh.inverse_spacing[1] + float(mesh.margin)
     iu = int(wp.floor(u))
     iv = int(wp.floor(v))
     fu = u - float(iu)
     fv = v - float(iv)
+    per = mesh.inverse_spacing
+    of_both = wp.vec4(per[0], per[1], per[0], per[1])
     if iu >= 1 and iv >= 1 and iu + 2 < mesh.count_x and iv + 2 < mesh.count_y:
         start = base + (iv - 1) * mesh.count_x + iu - 1
-        return wp.cw_mul(gradient_of_rows(potential, start, mesh.count_x, fu, fv), mesh.inverse_spacing)
+        return wp.cw_mul(gradients_of_rows(potential, start, mesh.count_x, above, fu, fv), of_both)
     wx = spline_weights(fu)
     wy = spline_weights(fv)
     dx = spline_slopes(fu)
     dy = spline_slopes(fv)
     # Only splines on a periodic mesh reach round it.
-    gradient = wp.vec2(0.0, 0.0)
+    gradients = wp.vec4(0.0, 0.0, 0.0, 0.0)
     for b in range(4):
         row = wrap(iv + b - 1, mesh.count_y)
         for a in range(4):
-            p = potential[base + row * mesh.count_x + wrap(iu + a - 1, mesh.count_x)]
-            gradient += p * wp.vec2(dx[a] * wy[b], wx[a] * dy[b])
-    return wp.cw_mul(gradient, mesh.inverse_spacing)
+            at = base + row * mesh.count_x + wrap(iu + a - 1, mesh.count_x)
+            p = potential[at]
+            q = potential[at + above]
+            gradients += wp.vec4(p * (dx[a] * wy[b]), p * (wx[a] * dy[b]), q * (dx[a] * wy[b]), q * (wx[a] * dy[b]))
+    return wp.cw_mul(gradients, of_both)
+
+
+@wp.func
+def potential_gradient(position: wp.vec2, base: int, mesh: Mesh, potential: wp.array(dtype=float)):
+    """Gradient of the mesh potential that starts at element ``base``."""
+    both = potential_gradients(position, base, 0, mesh, potential)
+    return wp.vec2(both[0], both[1])

@@ -116,15 +116,16 @@ class TargetCorrection:
         levels = self.blur.levels
         # What the mesh is too coarse for would be aliases.
         least = (FINEST_BLUR_OVER_MESH * max(self.layout.spacing)) ** 2
+        part = launcher.empty(len(targets), float)
         for of_target, target_variance in enumerate(levels):
+            blurred_alike = self.blur.take_level(of_target, targets)
             for of_charge, charge_variance in enumerate(levels):
-                part = self.blur.take_level(of_target, targets)
                 variance = max((charge_variance + target_variance) / sharper, least)
                 influence = launcher.kept(
                     ("influence", self.layout, variance, cutoff),
                     partial(rest_influence, convolution, self.layout, variance, cutoff),
                 )
-                convolution.apply(influence, part)
+                convolution.apply(influence, blurred_alike, part)
                 launcher.launch(
                     kernels_blur.add_meshes,
                     len(part),

@@ -20,6 +20,7 @@
     density_correction = false     # default; true: densities are covered shares, and dark ones come out dark
     unsharp = { amount = 1.0, radius = 2.0 }   # default: none
     clustering = 0.0               # default; 1: nearly all stand in clumps; clump_size = 4.0, in meters
+    look_at = { point = [30.0, 0.0, 0.0], spread = 0.0, front = "-y" }   # default: none
     color = [0.0, 0.6, 0.3]        # of a halftone's ink: red, green and blue 0..1; default: black
     count = 300                    # of all sizes, which then have shares; or "cover"; default: every size has a count
     [[class.size]]

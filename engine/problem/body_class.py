@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .look_at import LookAt
 from .settings import Settings, described, setting, settle
 from .size import Size
 from .surface_density import SurfaceDensity, check_density
@@ -22,7 +23,7 @@ __all__ = ["BodyClass", "ClassSettings", "Unsharp"]
 @described
 @dataclass(frozen=True)
 class Unsharp(Settings):
-    """Unsharp masking of a density: ``image + amount * (image - blurred)``, clipped at 0."""
+    """Unsharp masking of a density: ``image + amount * (image - blurred)``, kept between the pixels around, and at 0 or more."""
 
     amount: float = field(
         default=1.0,
@@ -34,6 +35,15 @@ class Unsharp(Settings):
             "How far the sharpening reaches: standard deviation of the blur, in pixels of the density image",
             more="Above 0",
             check=validation.check_positive,
+        ),
+    )
+    overshoot: float = field(
+        default=0.0,
+        metadata=setting(
+            "How far beyond the densities nearby it may go. 0: edges are steeper, without halos beside them. 1: plain unsharp masking",
+            unit="share",
+            low=0.0,
+            high=1.0,
         ),
     )
 
@@ -104,6 +114,15 @@ class ClassSettings(Settings):
             low=0.0,
             high=validation.LARGEST_LENGTH,
             soft_high=2.0,
+        ),
+    )
+    look_at: LookAt | None = field(
+        default=None,
+        metadata=setting(
+            "Turn objects so that they look at a point or an object",
+            more="Long bodies lie along their direction instead",
+            label="Look At",
+            of=LookAt,
         ),
     )
 

@@ -145,7 +145,8 @@ def footprints_of(problem: Problem) -> BodyFootprints:
         factor[own] = np.concatenate([drawn.scale, np.where(np.isnan(scale), by_area, scale)])
         first[own] = len(shapes)
         shapes.extend(given.outlines)
-        free[own] = not size.kind.has_axis and isinstance(given.turn, str) and given.turn == "free"
+        turned = isinstance(given.turn, str) and given.turn == "free" and problem.classes[c].look_at is None
+        free[own] = turned and not size.kind.has_axis
         is_outline[own] = True
         if given.slope is not None:
             known = [k for k, image in enumerate(slopes) if image is given.slope]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-__all__ = ["gaussian_blur", "luminance", "unsharp_mask"]
+__all__ = ["gaussian_blur", "local_range", "luminance", "unsharp_mask"]
 
 # Red, green and blue of Rec. 709, the primaries of sRGB and of Blender's default color space.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
@@ -16,6 +16,11 @@ TRUNCATE = 4.0
 # Below this many pixels on either side a direct sum is the faster way. It is also the only right one for narrow Gaussians, whose
 # samples have another spectrum than the Gaussian itself.
 LONGEST_DIRECT_REACH = 12
+# A sharpened value goes at most this share of the way to the smallest or the largest one around it, so far around over the radius of
+# the sharpening. Measured two pixels on the bright side of the strongest hundredth of the edges of five photographs: densities there
+# fall by 0.01 to 0.02 with this, by 0.02 to 0.04 with all of the way, by 0.07 to 0.1 without limits; twice as far around adds 0.005.
+SHARE_OF_RANGE = 0.45
+RANGE_OVER_RADIUS = 0.5
 # Bytes of the rows that are blurred at once: with their intermediate results they stay in a processor's cache.
 BLOCK_BYTES = 1 << 20
 # exp(-0.5 * x²) is below 1e-300 beyond, and x² must not overflow.
@@ -42,22 +47,50 @@ def gaussian_blur(image: np.ndarray, sigma: float) -> np.ndarray:
     return np.ascontiguousarray(_blur_rows(_blur_rows(image, sigma).T, sigma).T)
 
 
-def unsharp_mask(image: np.ndarray, amount: float, radius: float) -> tuple[np.ndarray, float]:
-    """Enhance edges: ``image + amount * (image - blurred)``, clipped at 0.
+def unsharp_mask(image: np.ndarray, amount: float, radius: float, overshoot: float = 0.0) -> tuple[np.ndarray, float]:
+    """Enhance edges: ``image + amount * (image - blurred)``, within the range of what is nearby, clipped at 0.
 
     Args:
         image: Density, shape ``[height, width]``.
         amount: Strength.
         radius: Standard deviation of the blur [pixels].
+        overshoot: Share that is kept of what lies beyond that range, 0..1: the halos beside edges.
 
     Returns:
         The sharpened density, float64, and the share of its pixels that would have been negative.
     """
     image = np.asarray(image, dtype=np.float64)
     sharpened = image + amount * (image - gaussian_blur(image, radius))
+    if overshoot < 1.0:
+        reach = math.ceil(RANGE_OVER_RADIUS * min(radius, max(image.shape)))
+        low, high = (image + SHARE_OF_RANGE * (end - image) for end in local_range(image, reach))
+        within = np.clip(sharpened, low, high)
+        sharpened = within + overshoot * (sharpened - within)
     # What only rounding puts below zero is no loss.
     negative = sharpened < -1e-9 * max(float(image.max()), 1e-300)
     return np.maximum(sharpened, 0.0), float(negative.mean())
+
+
+def local_range(image: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest value of an image in the square around every pixel that reaches so many pixels beyond it."""
+    return tuple(  # type: ignore[return-value]
+        _extreme_of_rows(_extreme_of_rows(image, reach, extreme).T, reach, extreme).T
+        for extreme in (np.minimum, np.maximum)
+    )
+
+
+def _extreme_of_rows(image: np.ndarray, reach: int, extreme: np.ufunc) -> np.ndarray:
+    """Smallest or largest value in a window along the second axis."""
+    count = image.shape[1]
+    reach = min(reach, count - 1)
+    result = np.pad(image, ((0, 0), (reach, reach)), mode="edge")
+    # Windows twice as wide from two that overlap, until they are as wide as they are to be.
+    width = 1
+    while width < 2 * reach + 1:
+        step = min(width, 2 * reach + 1 - width)
+        result = extreme(result[:, : result.shape[1] - step], result[:, step:])
+        width += step
+    return result
 
 
 def _blur_rows(image: np.ndarray, sigma: float) -> np.ndarray:

@@ -65,7 +65,8 @@ class Line(Settings):
         metadata=setting(
             "Thickness",
             unit="m",
-            more="None makes it the area over the mean length reached, so that the average gray is kept",
+            more="None makes it the area over the mean length reached, so that the average gray is kept; where lines lie on each "
+            "other and may do so, wider, until they cover what the density asks for",
             check=validation.check_length,
         ),
     )

@@ -18,6 +18,7 @@ from .body_class import BodyClass
 from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
+from .look_at import LookAt
 from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
 from .packing import packable_share
 from .size import Size
@@ -63,6 +64,7 @@ class PreparedClass:
         gap: Distance that footprints keep from each other [m].
         clustering: How much of it stands in clumps.
         clump_size: Their diameter [m]; 0 for the usual.
+        look_at: Where its bodies look; None where they do not.
         most: Largest density that is followed on a surface, where it is a share of the ground to cover.
         base: The class before its density got clumps, obstacles were cut out of it and fixed bodies added to its counts; None if
             it is that.
@@ -80,6 +82,7 @@ class PreparedClass:
     clustering: float = 0.0
     clump_size: float = 0.0
     most: float = math.inf
+    look_at: LookAt | None = None
 
     @property
     def body_count(self) -> int:
@@ -144,6 +147,7 @@ def prepare_on_surface(body_class: BodyClass, surface: Surface, most: float, sha
         clustering=body_class.clustering,
         clump_size=body_class.clump_size,
         most=most,
+        look_at=body_class.look_at,
     )
 
 
@@ -191,6 +195,7 @@ def prepare(
         gap=body_class.gap,
         clustering=body_class.clustering,
         clump_size=body_class.clump_size,
+        look_at=body_class.look_at,
     )
 
 
@@ -272,7 +277,8 @@ def prepare_density(body_class: BodyClass) -> PreparedDensity:
 
 def _sharpened(image: np.ndarray, body_class: BodyClass, where: str) -> tuple[np.ndarray, tuple[str, ...]]:
     assert body_class.unsharp is not None
-    sharpened, clipped = unsharp_mask(image, body_class.unsharp.amount, body_class.unsharp.radius)
+    given = body_class.unsharp
+    sharpened, clipped = unsharp_mask(image, given.amount, given.radius, given.overshoot)
     with np.errstate(over="ignore"):
         image = sharpened.astype(np.float32)
     if not np.isfinite(image).all():

@@ -94,6 +94,8 @@ class Descent:
         room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
         self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
         self._totals = launcher.zeros(kinds, wp.int64)
+        blocks = (launcher.thread_count, max(2 * self.rules.block_count, 1))
+        self._sums_of_blocks = launcher.zeros(blocks, wp.int64)
         # See kernels_direction.decide_direction.
         self.direction = launcher.zeros(4, float)
         self.contact: Contact | None = None
@@ -189,7 +191,7 @@ class Descent:
                 kernels_descent.propose_lines,
                 self.model.body_count,
                 [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
-                [self._motion, self.state.bend, self._sums],
+                [self._motion, self.state.bend, self._sums, self._sums_of_blocks],
                 grain=GRAIN_OF_NEIGHBORS,
                 per_thread=True,
             )
@@ -205,6 +207,13 @@ class Descent:
             [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
             [self._totals, self.direction, self.rules.lines.length_factor],
         )
+        if self.rules.block_count:
+            self.launcher.launch(
+                kernels_direction.adapt_blocks,
+                self.rules.block_count,
+                [self.rules.kind_count],
+                [self._sums_of_blocks, self.rules.lines.length_factor],
+            )
 
     def move(self) -> None:
         """Move them."""

@@ -18,6 +18,7 @@ from ..problem.problem import Problem
 from ..space.density import box_integrals, move_into_support, sample_density
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
+from .line_rules import length_blocks
 from .model import Model
 from .state import State
 from .targets import BLUR_OF_FIXED, vacancy
@@ -260,7 +261,24 @@ def carry_lines(old: Model, state: State, model: Model, new_state: State, carrie
         bend[model.charge.first[rows][:, None] + place] = bend_before[from_place] * (old.unit / model.unit)
     new_state.bend.assign(bend)
     if len(old.kinds) == len(model.kinds):
-        new_state.length_factor.assign(state.length_factor.numpy())
+        new_state.length_factor.assign(_length_factors(old, state.length_factor.numpy(), model))
+
+
+def _length_factors(old: Model, factor: np.ndarray, model: Model) -> np.ndarray:
+    """Factors on lengths for the blocks of another model with as many kinds: every block has that of the one at its place."""
+    kinds = len(model.kinds)
+    before, start = length_blocks(old), kinds
+    result = [factor[:kinds]]
+    for kind, (rows, columns) in enumerate(length_blocks(model)):
+        height, width = before[kind]
+        stored = factor[start : start + height * width].reshape(height, width)
+        start += height * width
+        if not height:
+            stored = factor[kind : kind + 1, None]
+            height = width = 1
+        at = np.ix_(np.arange(rows) * height // max(rows, 1), np.arange(columns) * width // max(columns, 1))
+        result.append(stored[at].reshape(-1))
+    return np.concatenate(result)
 
 
 def _seats(rows: np.ndarray, staying: int, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

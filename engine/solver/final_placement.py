@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..problem.look_at import facing
 from ..problem.placement import Placement
 from ..space.density import move_into_support
 from ..space.space import Space
@@ -13,7 +14,7 @@ from .body_flags import BodyFlags
 from .model import Model
 from .state import State
 
-__all__ = ["placement_of", "position_in_meters"]
+__all__ = ["facing_turns", "placement_of", "position_in_meters"]
 
 
 def placement_of(model: Model, state: State) -> Placement:
@@ -33,6 +34,9 @@ def placement_of(model: Model, state: State) -> Placement:
         angle[turned] = _within(pose[turned, 2] + angle[turned], 2.0 * math.pi)
         length = pose[:, 3] * model.unit
         width = model.widths(length)
+    looking = _looking(model) & ~given
+    if looking.any():
+        angle[looking] = facing_turns(model, position)[looking]
     fixed = model.problem.fixed
     # As they were given, not as float32 holds them.
     position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
@@ -63,6 +67,26 @@ def placement_of(model: Model, state: State) -> Placement:
         variant=shown(model.footprints.variant),
         scale=made(model.footprints.scale),
     )
+
+
+def facing_turns(model: Model, position: np.ndarray) -> np.ndarray:
+    """Turns with which bodies look where their class does [rad], shape ``[n]``; 0 of those that look nowhere."""
+    turn = np.zeros(model.body_count)
+    looking = _looking(model)
+    for number, c in enumerate(model.problem.classes):
+        if c.look_at is None:
+            continue
+        own = np.flatnonzero(looking & (model.body.class_index == number))
+        turn[own] = _within(
+            facing(c.look_at, position[own], model.body.identity[own], model.problem.seed), 2.0 * math.pi
+        )
+    return turn
+
+
+def _looking(model: Model) -> np.ndarray:
+    """Which bodies look at a point, shape ``[n]``: those of its class that are no lines, and that nobody has put there."""
+    classes = np.array([c.look_at is not None for c in model.problem.classes])
+    return classes[model.body.class_index] & (model.body.kind < 0) & ~model.fixed
 
 
 def _within(angle: np.ndarray, period: float) -> np.ndarray:

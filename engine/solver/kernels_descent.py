@@ -9,9 +9,9 @@ import warp as wp
 
 from ..space.kernels_images import Images, density_pixel, in_support, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
-from ..space.kernels_space import Space, confine, difference, overhang, wrapped
+from ..space.kernels_space import Space, confine, difference, number_inside, overhang, wrapped
 from .body_flags import BodyFlags
-from .kernels_direction import LENGTHS, add, add_products
+from .kernels_direction import LENGTHS, add, add_length, add_products
 
 wp.set_module_options({"enable_backward": False})
 
@@ -59,7 +59,8 @@ class Lines:
 
     Weights of forces and preferences in turns and stretches, the share of a bend that is taken back (below 0: no bends), the factor
     on the preferred length that makes up for the pressure of the charges; and images of the preferred direction, (cos 2a, sin 2a)
-    times its weight, and length.
+    times its weight, and length. Kinds whose preferred length is an image have such a factor for every block of the domain, behind
+    those of the kinds; others have no blocks.
     """
 
     turn_by_force: wp.array(dtype=float)
@@ -68,6 +69,9 @@ class Lines:
     stretch_by_preference: wp.array(dtype=float)
     straightness: wp.array(dtype=float)
     length_factor: wp.array(dtype=float)
+    block_start: wp.array(dtype=wp.int32)
+    block_rows: wp.array(dtype=wp.int32)
+    block_columns: wp.array(dtype=wp.int32)
     direction: wp.array(dtype=wp.vec2)
     direction_start: wp.array(dtype=wp.int32)
     direction_height: wp.array(dtype=wp.int32)
@@ -359,10 +363,44 @@ def weigh_turn(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, l
 
 
 @wp.func
-def weigh_stretch(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, lines: Lines):
+def length_factor_at(center: wp.vec2, kind: int, lines: Lines, space: Space):
+    """What a kind's preferred length is multiplied by at ``center``: linear between the middles of blocks."""
+    rows = lines.block_rows[kind]
+    columns = lines.block_columns[kind]
+    factor = lines.length_factor[kind]
+    if rows > 0:
+        start = lines.block_start[kind]
+        u = center[0] / space.size[0] * float(columns) - 0.5
+        v = center[1] / space.size[1] * float(rows) - 0.5
+        left = int(wp.floor(u))
+        low = int(wp.floor(v))
+        fu = u - float(left)
+        fv = v - float(low)
+        x0 = number_inside(left, columns, space)
+        x1 = number_inside(left + 1, columns, space)
+        lower = start + number_inside(low, rows, space) * columns
+        upper = start + number_inside(low + 1, rows, space) * columns
+        of_lower = (1.0 - fu) * lines.length_factor[lower + x0] + fu * lines.length_factor[lower + x1]
+        of_upper = (1.0 - fu) * lines.length_factor[upper + x0] + fu * lines.length_factor[upper + x1]
+        factor = (1.0 - fv) * of_lower + fv * of_upper
+    return factor
+
+
+@wp.func
+def block_at(center: wp.vec2, kind: int, lines: Lines, space: Space):
+    """The block that ``center`` lies in, counted from the first of all kinds' blocks."""
+    columns = lines.block_columns[kind]
+    column = wp.clamp(int(center[0] / space.size[0] * float(columns)), 0, columns - 1)
+    row = wp.clamp(int(center[1] / space.size[1] * float(lines.block_rows[kind])), 0, lines.block_rows[kind] - 1)
+    return lines.block_start[kind] - lines.block_start.shape[0] + row * columns + column
+
+
+@wp.func
+def weigh_stretch(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, lines: Lines, space: Space):
     """The change of length that the forces and the preferred length ask for together."""
     stretch = lines.stretch_by_force[kind] * 2.0 * fit.tension / fit.inertia
-    stretch += lines.stretch_by_preference[kind] * (preferred_length * lines.length_factor[kind] - axis.length)
+    wanted = preferred_length * length_factor_at(axis.center, kind, lines, space)
+    stretch += lines.stretch_by_preference[kind] * (wanted - axis.length)
     return stretch
 
 
@@ -409,6 +447,7 @@ def propose_lines(
     motion: Motion,
     bend: wp.array(dtype=float),
     sums: wp.array3d(dtype=wp.int64),
+    sums_of_blocks: wp.array2d(dtype=wp.int64),
 ):
     """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
     i = first + wp.tid()
@@ -421,7 +460,7 @@ def propose_lines(
     preferred_length = preferred_length_at(axis.center, kind, lines, space)
     shift = limited(fit.shift, limit)
     turn = weigh_turn(kind, axis, fit, preferred_length, lines, space)
-    stretch = weigh_stretch(kind, axis, fit, preferred_length, lines)
+    stretch = weigh_stretch(kind, axis, fit, preferred_length, lines, space)
     if lines.straightness[kind] >= 0.0:
         bend_line(axis, fit, shift, turn, lines.straightness[kind], charges, bodies, steps, bend)
 
@@ -440,7 +479,10 @@ def propose_lines(
     squared_displacement = wp.dot(wp.cw_mul(metric, last), last)
     rest = squared_residual(squared_move, squared_displacement, limit, in_contact)
     add_products(sums, thread, i, weight * metric, last, changed, new, rest)
-    add(sums, thread, LENGTHS + kind, i, axis.length / preferred_length)
+    if lines.block_rows[kind] > 0:
+        add_length(sums_of_blocks, thread, block_at(axis.center, kind, lines, space), axis.length / preferred_length)
+    else:
+        add(sums, thread, LENGTHS + kind, i, axis.length / preferred_length)
 
 
 @wp.func

@@ -91,6 +91,13 @@ def add(sums: wp.array3d(dtype=wp.int64), thread: int, kind: int, i: int, value:
 
 
 @wp.func
+def add_length(sums: wp.array2d(dtype=wp.int64), thread: int, block: int, ratio: float):
+    """Add a line's length over the preferred one to the sum of its block, and count it."""
+    wp.atomic_add(sums, thread, 2 * block, wp.int64(wp.min(ratio, LARGEST_SUMMAND) * SUM_SCALE))
+    wp.atomic_add(sums, thread, 2 * block + 1, wp.int64(1))
+
+
+@wp.func
 def add_products(
     sums: wp.array3d(dtype=wp.int64),
     thread: int,
@@ -146,6 +153,39 @@ def sum_of(totals: wp.array(dtype=wp.int64), kind: int):
     return wp.float64(totals[kind]) / wp.float64(SUM_SCALE)
 
 
+@wp.func
+def adapted(factor: float, ratio: float):
+    """A factor on preferred lengths, nearer to the one with which lines have them; ``ratio`` is that of their lengths to these."""
+    result = factor
+    # While lines still grow, what is missing is no pressure.
+    if ratio > GROWN:
+        raised = factor + LENGTH_GAIN * wp.max(1.0, 2.0 - 2.0 * factor) * (1.0 - ratio)
+        result = wp.clamp(raised, SMALLEST_FACTOR, LARGEST_FACTOR)
+    return result
+
+
+@wp.kernel
+def adapt_blocks(
+    first: int,
+    kind_count: int,
+    # outputs
+    sums: wp.array2d(dtype=wp.int64),
+    length_factor: wp.array(dtype=float),
+):
+    """What makes up for compressed lines block by block; ``length_factor`` has those behind the kinds'. Leaves the sums empty."""
+    i = first + wp.tid()
+    total = wp.int64(0)
+    count = wp.int64(0)
+    for thread in range(sums.shape[0]):
+        total += sums[thread, 2 * i]
+        count += sums[thread, 2 * i + 1]
+        sums[thread, 2 * i] = wp.int64(0)
+        sums[thread, 2 * i + 1] = wp.int64(0)
+    if count > wp.int64(0):
+        ratio = float(wp.float64(total) / (wp.float64(SUM_SCALE) * wp.float64(count)))
+        length_factor[kind_count + i] = adapted(length_factor[kind_count + i], ratio)
+
+
 @wp.kernel
 def decide_direction(
     first: int,
@@ -191,11 +231,8 @@ def decide_direction(
         direction[3] = wp.NAN
     for kind in range(kind_count):
         ratio = float(sum_of(totals, LENGTHS + kind)) / wp.max(line_count[kind], 1.0)
-        # While lines still grow, what is missing is no pressure.
-        if pressed[kind] > 0.0 and ratio > GROWN:
-            factor = length_factor[kind]
-            raised = factor + LENGTH_GAIN * wp.max(1.0, 2.0 - 2.0 * factor) * (1.0 - ratio)
-            length_factor[kind] = wp.clamp(raised, SMALLEST_FACTOR, LARGEST_FACTOR)
+        if pressed[kind] > 0.0:
+            length_factor[kind] = adapted(length_factor[kind], ratio)
     # What is broken once stays so, however many steps are taken before somebody looks.
     for kind in range(totals.shape[0]):
         if kind != BROKEN:

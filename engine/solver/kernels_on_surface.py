@@ -11,6 +11,7 @@ from ..surface.kernels_facets import (
     Spot,
     carried,
     facet_of_tile,
+    smooth_normal,
     spot_at,
     step_along,
     tangential,
@@ -216,7 +217,7 @@ def put_charge(j: int, facet: int, weight: wp.vec2, ground: Ground, charges: Cha
     charges.facet[j] = facet
     charges.weight[j] = weight
     charges.points.position[j] = spot.position
-    charges.points.normal[j] = ground.facets.normal[facet]
+    charges.points.normal[j] = smooth_normal(facet, weight, ground.facets)
     charges.home[j] = ground.home[tile_of(facet, weight, ground.facets)]
 
 

@@ -17,10 +17,12 @@ from . import kernels_descent
 from .body_flags import BodyFlags
 from .model import LineKind, Model
 
-__all__ = ["LineRules"]
+__all__ = ["LineRules", "length_blocks"]
 
 # Lines start at this share of their preferred length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
+# Side of the blocks in which lines get the lengths of an image, in spacings of lines: a block has some dozens of them.
+BLOCK = 6.0
 
 
 class LineRules:
@@ -35,6 +37,7 @@ class LineRules:
         lines: The rules as kernels take them.
         line_count: Number of bodies of every kind that are not pinned, on the device.
         pressed: 1 for kinds whose length the forces change, on the device.
+        block_count: Blocks of all kinds in which lines get lengths of their own.
     """
 
     def __init__(self, model: Model, launcher: Launcher) -> None:
@@ -56,7 +59,14 @@ class LineRules:
         lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
         lines.stretch_by_preference = numbers_of([line.stretch_weights[1] for line in rules])
         lines.straightness = numbers_of([-1.0 if line.straightness is None else line.straightness for line in rules])
-        lines.length_factor = numbers_of([1.0] * len(rules))
+        blocks = length_blocks(model)
+        self.block_count = sum(rows * columns for rows, columns in blocks)
+        lines.length_factor = numbers_of([1.0] * (len(rules) + self.block_count))
+        starts = np.cumsum([len(rules)] + [rows * columns for rows, columns in blocks])[: len(rules)]
+        lines.block_start, lines.block_rows, lines.block_columns = (
+            launcher.array(np.array(values, np.int32).reshape(-1), wp.int32)
+            for values in (starts, [rows for rows, _ in blocks], [columns for _, columns in blocks])
+        )
         lines.direction, *shape = _joined(self._directions, wp.vec2, device)
         lines.direction_start, lines.direction_height, lines.direction_width = shape
         lines.length, *shape = _joined([length / model.unit for length in self._lengths], float, device)
@@ -101,6 +111,22 @@ class LineRules:
             length = np.where(np.isnan(table.length[own]), asked, table.length[own])
             result[own] = np.stack([table.angle[own], length / model.unit], axis=1)
         return result
+
+
+def length_blocks(model: Model) -> list[tuple[int, int]]:
+    """Rows and columns of blocks in which kinds of lines get their lengths; none for a number, and where no force changes them."""
+    result = []
+    domain = model.problem.rectangle
+    count = np.bincount(model.body.kind + 1, minlength=len(model.kinds) + 1)[1:]
+    for kind, many in zip(model.kinds, count.tolist(), strict=True):
+        line = kind.line
+        if line.longest == line.shortest or line.stretch_weights[0] <= 0.0:
+            result.append((0, 0))
+            continue
+        side = BLOCK * math.sqrt(domain.area / max(many, 1))
+        width, height = (max(1, round(length / side)) for length in domain.size)
+        result.append((height, width))
+    return result
 
 
 def _directions_of(kind: LineKind, domain: Domain, made: dict[tuple[object, ...], np.ndarray]) -> np.ndarray:

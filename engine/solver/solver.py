@@ -16,10 +16,12 @@ from ..errors import ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from .body_flags import BodyFlags
 from .carried_over import CarriedOver
 from .descent import Descent
 from .edit import carry_lines, carry_over
-from .final_placement import placement_of, position_in_meters
+from .final_placement import facing_turns, placement_of, position_in_meters
+from .ink import with_widths
 from .memory import check_memory
 from .model import Model
 from .spread import spread
@@ -46,6 +48,10 @@ EDIT_STEPS = 5
 MOST_GROWTH = 1.5
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
 STEPS_UNWATCHED = 10
+# Outlines that look at a point may look past it by this much [rad], 2 degrees, before they are turned and parted again, so many times
+# at most: in crowds one body or the other is always moved far, and trading places is what makes room.
+LOOKS_AWAY = 0.035
+MOST_FACINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,14 +352,38 @@ class Solver:
                 return True
             with self.launcher.phase("contact"):
                 return self.descent.separate(go_on)
+        self._face(0.0)
         contact = self.descent.contact
         if contact is None or not self.model.problem.avoid_overlap:
             return True
         state = self.descent.state
         with self.launcher.phase("contact"):
             parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
+            for _ in range(MOST_FACINGS):
+                # Who was parted looks from elsewhere now.
+                if not self._face(LOOKS_AWAY) or (go_on is not None and not go_on()):
+                    break
+                parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=True, guided=False)
             self.descent.place_charges()
         return parted
+
+    def _face(self, past: float) -> bool:
+        """Turn outlines that look past the point of their class by more than this [rad]; tell whether there were any.
+
+        They keep these turns while they are parted.
+        """
+        model, descent = self.model, self.descent
+        assert isinstance(descent, Descent)
+        looking = np.array([c.look_at is not None for c in model.problem.classes])[model.body.class_index]
+        looking &= model.footprints.is_outline & (model.body.kind < 0) & ~model.fixed
+        if not looking.any():
+            return False
+        turn = descent.state.turn.numpy().copy()
+        wanted = facing_turns(model, position_in_meters(model, descent.state))
+        away = looking & (np.abs(np.mod(wanted - turn + math.pi, 2.0 * math.pi) - math.pi) > past)
+        turn[away] = wanted[away]
+        descent.state.turn.assign(turn)
+        return bool(away.any())
 
     def placement(self) -> Placement:
         """The bodies where they are now; its report is empty.
@@ -367,6 +397,11 @@ class Solver:
             placement = placement_of(self.model, self.descent.state)
         if not np.isfinite(placement.position).all():
             raise ProblemError(OVERFLOW)
+        # Ghosts, of which a placement has none, would be missing; and what is kept apart does not overlap.
+        alone = isinstance(self.descent, SurfaceDescent) or (self.model.body.flags & BodyFlags.GHOST).any()
+        if self.model.kinds and not alone and not self.model.problem.avoid_overlap:
+            with self.launcher.phase("widths"):
+                placement = replace(placement, width=with_widths(placement, self.launcher))
         return placement
 
     def close(self) -> None:

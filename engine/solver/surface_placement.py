@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..problem.look_at import facing_on_surface
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
@@ -41,6 +42,14 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
     angle = np.where(half > 0.0, np.arctan2((tangent * second).sum(axis=1), (tangent * first).sum(axis=1)), 0.0)
     # A line has no front.
     angle = angle - np.pi * np.round(angle / np.pi)
+    for number, c in enumerate(model.problem.classes):
+        if c.look_at is not None:
+            own = np.flatnonzero((body.class_index == number) & (body.kind < 0) & ~model.fixed)
+            turn = facing_on_surface(
+                c.look_at, points.position[own], first[own], second[own], body.identity[own], model.problem.seed
+            )
+            angle[own] = np.mod(turn + np.pi, 2.0 * np.pi) - np.pi
+            tangent[own] = np.cos(turn)[:, None] * first[own] + np.sin(turn)[:, None] * second[own]
     length = 2.0 * half * model.unit
     width = model.widths(length) if model.kinds else np.zeros(len(length))
     mesh, triangle, barycentric = points.source()

@@ -37,6 +37,7 @@ def weigh_pixels(
 @wp.kernel
 def apply_band(
     first: int,
+    at_once: int,
     source: wp.array(dtype=float),
     source_rows: int,
     source_columns: int,
@@ -47,27 +48,35 @@ def apply_band(
     # outputs
     result: wp.array(dtype=float),
 ):
-    """Weigh the rows of ``source`` (or its columns) into those of ``result``, each row's few pixels by a band of weights."""
-    i = first + wp.tid()
-    row = i / columns
-    column = i - row * columns
+    """Weigh the rows of ``source`` (or its columns) into those of ``result``, each row's few pixels by a band of weights.
+
+    An element is ``at_once`` nodes of a row: all of them on the CPU, where it costs to find out which node this is.
+    """
+    to = (first + wp.tid()) * at_once
+    row = to / columns
+    begin = to - row * columns
     node = row
     count = rows
     pixels = source_rows
-    start = column
     step = source_columns
     if along_columns != 0:
-        node = column
         count = columns
         pixels = source_columns
-        start = row * source_columns
         step = 1
-    total = float(0.0)
-    for period in range(3):
-        entry = node + band.fold + (period - 1) * count
-        if entry >= 0 and entry < count + 2 * band.fold:
-            total = weigh_pixels(total, entry, band, source, start, step, pixels)
-    result[i] = total
+    for column in range(begin, begin + at_once):
+        start = column
+        if along_columns != 0:
+            node = column
+            start = row * source_columns
+        total = float(0.0)
+        if band.fold == 0:
+            total = weigh_pixels(total, node, band, source, start, step, pixels)
+        else:
+            for period in range(3):
+                entry = node + band.fold + (period - 1) * count
+                if entry >= 0 and entry < count + 2 * band.fold:
+                    total = weigh_pixels(total, entry, band, source, start, step, pixels)
+        result[row * columns + column] = total
 
 
 @wp.kernel

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher
+from ..device.launcher import GRAIN, Launcher
 from . import kernels_density
 from .density import FOLD, Band, overlap_bands, spline_bands
 from .mesh_layout import MeshLayout
@@ -71,11 +71,13 @@ def _apply_bands(
         band.first = wp.array(first, dtype=wp.int32, device=device)
         band.weight = wp.array(weight.ravel(), dtype=float, device=device)
         band.reach, band.fold = weight.shape[1], fold
+        at_once = 1 if device.is_cuda else made_shape[1]
         launcher.launch(
             kernels_density.apply_band,
-            made_shape[0] * made_shape[1],
-            [given, *given_shape, band, along, *made_shape],
+            made_shape[0] * made_shape[1] // at_once,
+            [at_once, given, *given_shape, band, along, *made_shape],
             [made],
+            grain=max(1, GRAIN // at_once),
         )
 
 

@@ -10,6 +10,7 @@ import warp as wp
 
 from ..problem.surface import Surface
 from . import kernels_facets
+from .smooth_normals import corner_normals
 
 __all__ = ["Facets"]
 
@@ -38,6 +39,7 @@ class Facets:
         triangle: Triangle of the surface that each is part of, shape ``[f]``.
         weight: Where its corners lie in that triangle, shape ``[f, 3, 3]``: weights of the triangle's corners for each.
         normal: Shape ``[f, 3]``.
+        corner_normal: Where the smooth surface that the mesh stands for looks to at every corner, shape ``[f, 3, 3]``.
         area: Shape ``[f]``.
         label: Shape ``[f]``.
         open_side: Whether the surface ends at the side opposite of each corner, shape ``[f, 3]``.
@@ -57,6 +59,8 @@ class Facets:
         order = _order(corner.mean(axis=1), normal, label[triangle])
         self.corner, self.triangle, self.weight = corner[order], triangle[order], weight[order]
         self.normal, self.label = normal[order], label[self.triangle]
+        smooth = np.einsum("fkc,fcd->fkd", self.weight, corner_normals(surface)[self.triangle])
+        self.corner_normal = smooth / np.linalg.norm(smooth, axis=2, keepdims=True)
         self.open_side = self._open_sides(open_side)
         side = self.corner - np.roll(self.corner, 1, axis=1)
         self.area = 0.5 * np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
@@ -131,6 +135,8 @@ class Facets:
         facets.mesh = self.mesh.id
         facets.corner = self.mesh.points
         facets.normal = wp.array(self.normal.astype(np.float32), dtype=wp.vec3, device=device)
+        smooth = self.corner_normal.reshape(-1, 3).astype(np.float32)
+        facets.corner_normal = wp.array(smooth, dtype=wp.vec3, device=device)
         facets.label = wp.array(self.label.astype(np.int32), dtype=wp.int32, device=device)
         sides = (self.open_side * np.array([1, 2, 4])).sum(axis=1)
         facets.open_sides = wp.array(sides.astype(np.int32), dtype=wp.int32, device=device)

@@ -22,13 +22,14 @@ ON_SIDE = wp.constant(1.0e-4)
 class Facets:
     """See :class:`~.facets.Facets`.
 
-    Corners, three for each; normal; label; the sides where the surface ends (bit k: opposite of corner k); cuts; and the numbers
-    of the first tile and of its first corner.
+    Corners, three for each; normal; where the smooth surface looks to at every corner; label; the sides where the surface ends (bit k:
+    opposite of corner k); cuts; and the numbers of the first tile and of its first corner.
     """
 
     mesh: wp.uint64
     corner: wp.array(dtype=wp.vec3)
     normal: wp.array(dtype=wp.vec3)
+    corner_normal: wp.array(dtype=wp.vec3)
     label: wp.array(dtype=wp.int32)
     open_sides: wp.array(dtype=wp.int32)
     cuts: wp.array(dtype=wp.int32)
@@ -55,6 +56,15 @@ def spot_at(facet: int, weight: wp.vec2, facets: Facets):
     spot.weight = weight
     spot.position = a + weight[0] * (b - a) + weight[1] * (c - a)
     return spot
+
+
+@wp.func
+def smooth_normal(facet: int, weight: wp.vec2, facets: Facets):
+    """Where the smooth surface that the mesh stands for looks to at a point of a facet."""
+    a = facets.corner_normal[3 * facet]
+    b = facets.corner_normal[3 * facet + 1]
+    c = facets.corner_normal[3 * facet + 2]
+    return wp.normalize(a + weight[0] * (b - a) + weight[1] * (c - a))
 
 
 @wp.func
@@ -238,7 +248,7 @@ def locate_tiles(
     weight = weights_in_tile(i - facets.first_tile[facet], facets.cuts[facet], third)
     spot = spot_at(facet, weight, facets)
     position[i] = spot.position
-    normal[i] = facets.normal[facet]
+    normal[i] = smooth_normal(facet, weight, facets)
     label[i] = facets.label[facet]
 
 
@@ -264,9 +274,10 @@ def locate_quarters(
         within = wp.vec2(2.0 / 3.0, 1.0 / 6.0)
     elif i % 4 == 3:
         within = wp.vec2(1.0 / 6.0, 2.0 / 3.0)
-    spot = spot_at(facet, weights_in_tile(own - facets.first_tile[facet], facets.cuts[facet], within), facets)
+    weight = weights_in_tile(own - facets.first_tile[facet], facets.cuts[facet], within)
+    spot = spot_at(facet, weight, facets)
     position[i] = spot.position
-    normal[i] = facets.normal[facet]
+    normal[i] = smooth_normal(facet, weight, facets)
     label[i] = facets.label[facet]
 
 
@@ -277,9 +288,10 @@ def locate_corners(
     facets: Facets,
     # outputs
     position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
     tile: wp.array(dtype=wp.int32),
 ):
-    """Where the corners of all tiles are, and a tile that each is a corner of."""
+    """Where the corners of all tiles are, where the surface looks to there, and a tile that each is a corner of."""
     number = first + wp.tid()
     facet = facet_of_tile(number, facet_count, facets.first_corner)
     cuts = facets.cuts[facet]
@@ -291,6 +303,7 @@ def locate_corners(
     weight = wp.vec2(float(rest), float(j)) / float(cuts)
     spot = spot_at(facet, weight, facets)
     position[number] = spot.position
+    normal[number] = smooth_normal(facet, weight, facets)
     # A little towards the facet's middle.
     inside = weight + (wp.vec2(1.0 / 3.0, 1.0 / 3.0) - weight) * 1.0e-3
     tile[number] = tile_of(facet, inside, facets)

@@ -30,7 +30,7 @@ class CoarseGrid:
 
     Attributes:
         size: Extent of the domain along x and y [m].
-        shape: Rows and columns.
+        shape: Rows and columns, 2 of either at least.
     """
 
     size: tuple[float, float]
@@ -42,7 +42,9 @@ class CoarseGrid:
         return self.size[0] / self.shape[1], self.size[1] / self.shape[0]
 
     def deposit(self, position: np.ndarray, group: np.ndarray, groups: int) -> Patch:
-        """Count bodies between the centers of cells, linearly.
+        """Count bodies in the cells around them, by cubic splines.
+
+        Linear weights would make a regular pattern of bodies look uneven, by as much as there is to be warped.
 
         Args:
             position: [m], shape ``[n, 2]``.
@@ -54,19 +56,22 @@ class CoarseGrid:
         scaled = position / self.cell - 0.5
         corner = np.floor(scaled).astype(np.int64)
         share = scaled - corner
-        low = np.maximum(corner.min(axis=0), 0)
-        high = np.minimum(corner.max(axis=0) + 2, self.shape[::-1])
-        low = np.minimum(low, high - 1)
-        columns, rows = (high - low).tolist()
+        weights = [_spline(share[:, axis]) for axis in (0, 1)]
+        # What lies beyond an edge of the domain is mirrored, as cosines are.
+        around = [corner[:, axis] + np.arange(-1, 3)[:, None] for axis in (0, 1)]
+        places = [
+            np.where(place < 0, -1 - place, np.where(place < cells, place, 2 * cells - 1 - place))
+            for place, cells in zip(around, self.shape[::-1], strict=True)
+        ]
+        low = [int(place.min()) for place in places]
+        columns, rows = (int(place.max()) + 1 - least for place, least in zip(places, low, strict=True))
         result = np.zeros(groups * rows * columns, np.int64)
-        for right in (0, 1):
-            for up in (0, 1):
-                weight = (share[:, 0] if right else 1.0 - share[:, 0]) * (share[:, 1] if up else 1.0 - share[:, 1])
-                column = np.clip(corner[:, 0] + right, low[0], high[0] - 1) - low[0]
-                row = np.clip(corner[:, 1] + up, low[1], high[1] - 1) - low[1]
-                place = (group * rows + row) * columns + column
-                np.add.at(result, place, np.rint(weight * SCALE).astype(np.int64))
-        return Patch(int(low[1]), int(low[0]), result.reshape(groups, rows, columns))
+        for up in range(4):
+            first = (group * rows + places[1][up] - low[1]) * columns - low[0]
+            for right in range(4):
+                weight = weights[1][up] * weights[0][right]
+                np.add.at(result, first + places[0][right], np.rint(weight * SCALE).astype(np.int64))
+        return Patch(low[1], low[0], result.reshape(groups, rows, columns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +92,12 @@ class Patch:
         """Add it to the whole grid, shape ``[layers, rows, columns]``."""
         _, rows, columns = self.values.shape
         whole[:, self.row : self.row + rows, self.column : self.column + columns] += self.values
+
+
+def _spline(t: np.ndarray) -> np.ndarray:
+    """Weights of the four points around a place that is a share ``t`` of a cell after the second of them, shape ``[4, n]``."""
+    middle = [3.0 * t**3 - 6.0 * t**2 + 4.0, -3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0]
+    return np.stack([(1.0 - t) ** 3, *middle, t**3]) / 6.0
 
 
 def cell_sums(
@@ -140,7 +151,10 @@ def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: fl
     factor = np.exp(-0.5 * blur**2 * squared) / squared
     factor[0, 0] = 0.0
     area = width * height
-    potential = _from_cosines(_to_cosines((count - target) / area) * -factor)
+    # Counting has blurred the bodies by a spline, and the target by cells.
+    of_cells = np.sinc(0.5 * np.arange(columns) / columns)[None, :] * np.sinc(0.5 * np.arange(rows) / rows)[:, None]
+    difference = _to_cosines(count) / of_cells**4 - _to_cosines(target) / of_cells
+    potential = _from_cosines(difference * (-factor / area))
     flow_x, flow_y = np.zeros((rows, columns + 1), np.float32), np.zeros((rows + 1, columns), np.float32)
     flow_x[:, 1:-1] = np.diff(potential, axis=1) / width
     flow_y[1:-1] = np.diff(potential, axis=0) / height

@@ -12,7 +12,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size, with_count
 
-__all__ = ["TileGroups", "group_tiles", "random_shares"]
+__all__ = ["TileGroups", "group_tiles", "in_turns", "random_shares"]
 
 # Bodies of a size that say how its range is cut into levels: enough for as many levels as any number would have.
 SAMPLE = 4096
@@ -75,7 +75,7 @@ class TileGroups:
         turn = np.arange(begin, end, dtype=np.int64)
         count = int(self.count[group])
         if self.sizes[group].is_range:
-            turn = np.sort(turn * _stride(count) % count)
+            turn = np.sort(in_turns(turn, count))
         return self.first[group] + turn
 
     def areas(self, identity: np.ndarray) -> np.ndarray:
@@ -163,9 +163,9 @@ def random_shares(number: np.ndarray, seed: list[int]) -> np.ndarray:
     return (z >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
-def _stride(count: int) -> int:
-    """Step that visits all of ``count`` places, one after the other far apart."""
+def in_turns(place: np.ndarray, count: int) -> np.ndarray:
+    """A permutation of ``count`` places, of which those that follow one another are far apart and spread over all."""
     stride = max(1, round(GOLDEN * count))
     while math.gcd(stride, count) > 1:
         stride += 1
-    return stride
+    return place * stride % count

@@ -32,9 +32,10 @@ MOST_IN_TILE = {"cpu": 90_000, "cuda": 2_000_000}
 # Of shorter tiles, in spacings, the margins of all passes meet somewhere, and bodies there are never free; with contact and without.
 FEWEST_SPACINGS = {True: 60.0, False: 30.0}
 # Windows are shifted along the diagonal, so that every place is far from the cuts of one pass at least; the last pass is of the tiles
-# themselves. Where contact parts footprints, one more pass comes after the last warp.
+# themselves. Where contact parts footprints, one more pass comes after the last warp; the cuts of the last two are as far apart as can
+# be, because nothing settles again what the last one pins.
 SHIFTS = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (0.0, 0.0))
-SHIFTS_OF_CONTACT = ((1.0 / 3.0, 1.0 / 3.0), (2.0 / 3.0, 2.0 / 3.0), (1.0 / 6.0, 5.0 / 6.0), (0.0, 0.0))
+SHIFTS_OF_CONTACT = ((0.25, 0.25), (0.75, 0.75), (0.5, 0.5), (0.0, 0.0))
 # Cells of the coarse grid over the spacing of all bodies, and how many there are at most of all groups.
 CELL = 2.0
 MOST_CELLS = 24_000_000
@@ -137,6 +138,8 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     if len(problem.fixed.id):
         raise ProblemError("`fixed` bodies are not supported in tiles; give them as `obstacle` discs instead")
     for c in problem.classes:
+        if c.look_at is not None:
+            raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
         if c.clustering > 0.0:
             raise ProblemError(f'`clustering` of class "{c.name}" must be 0 for tiles; got {c.clustering:g}')
         for size in c.sizes:

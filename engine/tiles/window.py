@@ -31,6 +31,7 @@ from ..space.density import move_into_support
 from ..space.support import images_for_kernels
 from .bodies import PartBodies
 from .density_windows import into_pixels, sample_source
+from .groups import in_turns
 from .layout import Box
 from .plan import Plan
 
@@ -137,6 +138,9 @@ def start_bodies(
     images = images_for_kernels(launcher, model.supports, model.size, to_support=False)
     images.to_support = launcher.zeros(int(images.pixel.shape[0]), wp.vec2)
     pose = first_pose(launcher, model, images).numpy().astype(np.float64)
+    # Areas of a level grow with the numbers, and these along the curve: one end of a tile would hold more than the other.
+    for own in _levels_of_ranges(plan, identity):
+        pose[own] = pose[own[in_turns(np.arange(len(own)), len(own))]]
     place = np.full((len(identity), 2), np.nan)
     place[len(identity) - len(rare[0]) :] = (rare[1] - box.low) / model.unit
     place = place[order]
@@ -146,6 +150,12 @@ def start_bodies(
     everybody = np.ones(len(identity), bool)
     position = _settled(plan, box, model, pose[:, :2] * model.unit, everybody)
     return PartBodies(identity, position, pose[:, 2], pose[:, 3] * model.unit)
+
+
+def _levels_of_ranges(plan: Plan, identity: np.ndarray) -> list[np.ndarray]:
+    """Indices of the bodies of every level of a range."""
+    group = plan.groups.group_of(identity)
+    return [np.flatnonzero(group == g) for g in np.unique(group).tolist() if plan.groups.sizes[g].is_range]
 
 
 def relax(

@@ -71,10 +71,11 @@ class Convolution:
         self._twiddles = {length: wp.array(_twiddle(length), dtype=float, device=device) for length in set(padded)}
         self._scratch = self.launcher.empty((launcher.thread_count, max(padded) * kernels_fft.LANES * 4), float)
 
-    def apply(self, influence: wp.array, meshes: wp.array) -> None:
-        """Convolve real ``meshes`` (flat, of ``shape``, one after the other) in place."""
+    def apply(self, influence: wp.array, meshes: wp.array, result: wp.array | None = None) -> None:
+        """Convolve real ``meshes`` (flat, of ``shape``, one after the other) in place, or into ``result``."""
+        result = meshes if result is None else result
         if self._gpu is not None:
-            self._gpu.apply(influence, meshes)
+            self._gpu.apply(influence, meshes, result)
             return
         rows, columns = self.shape
         self._transform_rows(self.count, rows, columns, meshes, self._halves)
@@ -90,7 +91,7 @@ class Convolution:
             kernels_fft.transform_rows_back,
             self.count * _whole_blocks(rows, 2),
             [self._twiddles[length], rows, columns, length, self._stride, self._halves],
-            [meshes],
+            [result],
         )
 
     def influence_of(self, quarter: wp.array) -> wp.array:

@@ -34,11 +34,11 @@ class GpuTransforms:
         self._pairs = wp.empty((count * shape[0] // 2, padded[1]), dtype=wp.vec2, device=device)
         self._columns = wp.empty((count * self.influence_shape[0], padded[0]), dtype=wp.vec2, device=device)
 
-    def apply(self, influence: wp.array, meshes: wp.array) -> None:
+    def apply(self, influence: wp.array, meshes: wp.array, result: wp.array) -> None:
         """See :meth:`.convolution.Convolution.apply`."""
         forward, back = kernels_fft_gpu.row_kernels(self._padded[1])
-        rows = meshes.reshape((self._count * self._shape[0], self._shape[1]))
-        self._transform(forward, self._pairs.shape, [rows, self._pairs])
+        rows = self._count * self._shape[0], self._shape[1]
+        self._transform(forward, self._pairs.shape, [meshes.reshape(rows), self._pairs])
         self._launch_tiles(kernels_fft_gpu.split_pairs, [self._pairs, self._shape[0]], self._columns)
         self._transform(
             kernels_fft_gpu.column_kernel(self._padded[0]),
@@ -46,7 +46,7 @@ class GpuTransforms:
             [influence.reshape(self.influence_shape), self._columns],
         )
         self._launch_tiles(kernels_fft_gpu.join_pairs, [self._columns, self._shape[0]], self._pairs)
-        self._transform(back, self._pairs.shape, [self._pairs, rows])
+        self._transform(back, self._pairs.shape, [self._pairs, result.reshape(rows)])
 
     def transform_even(self, quarter: wp.array, influence: wp.array) -> None:
         """See :meth:`.convolution.Convolution.influence_of`."""

@@ -13,6 +13,7 @@ from ...engine.problem.body_class import BodyClass, ClassSettings
 from ...engine.problem.direction_field import density_directions
 from ...engine.problem.footprint import Footprints
 from ...engine.problem.line import Line
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.packing import packable_share, scale_to_fit
 from ...engine.problem.prepared_class import PreparedClass, PreparedDensity, count_sizes, prepare_density
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
@@ -143,7 +144,15 @@ class ClassesFromAbove:
             gap=c.gap,
             clustering=c.clustering,
             clump_size=c.clump_size,
+            look_at=self._looking(c),
         )
+
+    def _looking(self, c: ScatterClass) -> LookAt | None:
+        """Return where a class looks, in the chart's rectangle."""
+        if c.look_at is None:
+            return None
+        x, y, z = c.look_at.point
+        return replace(c.look_at, point=(x - float(self._chart.origin[0]), y - float(self._chart.origin[1]), z))
 
     def _with_outlines(self, where: tuple[int, int], size: Size) -> Size:
         """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand.
@@ -186,9 +195,11 @@ class ClassesFromAbove:
 
         Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
         """
-        # A level disc keeps off more than one that leans, but on gentle slopes less than the polygon around one that leans.
-        if slope is not None and np.sqrt(1.0 + (slope**2).sum(axis=-1).max()) < DISC_IN_POLYGON:
-            slope = None
+        # A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
+        if slope is not None:
+            longer = np.sqrt(1.0 + (slope**2).sum(axis=-1))
+            if np.average(longer, weights=self._chart.area) < DISC_IN_POLYGON:
+                slope = None
         if slope is None and (factor == 1.0).all():
             return size
         shape = self._shapes[where[0]][where[1]]

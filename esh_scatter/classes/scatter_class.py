@@ -13,6 +13,7 @@ from ...engine.errors import ProblemError
 from ...engine.problem.body_class import BodyClass, ClassSettings
 from ...engine.problem.direction_field import direction_from_rg
 from ...engine.problem.line import Line
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import Settings, as_given, described, same_setting, setting, values_of
 from ...engine.problem.size import Size
@@ -20,6 +21,7 @@ from ...engine.problem.surface_directions import SLOPE
 from ...engine.problem.validation import as_float, check_class_count, check_count, check_direction, check_unique, show
 from ..densities.density_source import Density
 from ..densities.image_pixels import image_pixels
+from ..targets.target import check_exists
 from .amount import Amount
 
 __all__ = [
@@ -28,6 +30,7 @@ __all__ = [
     "check_classes",
     "color_of",
     "direction_of",
+    "point_of",
     "standing_of",
 ]
 
@@ -40,6 +43,21 @@ def _check_weights(value: object, key: str) -> dict[str, float]:
         if weight is None or not 0.0 <= weight < math.inf:
             raise ProblemError(f'{key} must be numbers of 0 or more; "{name}" has {show(value[name])}')
     return {name: weight for name, weight in weights.items() if weight is not None}
+
+
+def _check_look_at(value: object, key: str) -> LookAt:
+    if isinstance(value, LookAt):
+        return value
+    if not isinstance(value, bpy.types.Object):
+        raise ProblemError(f"{key} must be a LookAt, an object or None; got {show(value)}")
+    check_exists(value, key)
+    return LookAt(point_of(value))
+
+
+def point_of(item: bpy.types.Object) -> tuple[float, float, float]:
+    """Return where an object's origin is in the world [m]: what is looked at."""
+    x, y, z = item.matrix_world.translation
+    return float(x), float(y), float(z)
 
 
 @described
@@ -149,6 +167,18 @@ class ScatterClass(ClassSettings):
             "an angle [rad], an array of angles or vectors (see :class:`~esh.Line`), or an image of Blender whose red and green are x "
             "and y; images are stretched over the target. A size whose ``line`` is a :class:`~esh.Line` has its own",
             check=as_given,
+        ),
+    )
+
+    look_at: LookAt | bpy.types.Object | None = field(
+        default=None,
+        kw_only=True,
+        metadata=same_setting(
+            ClassSettings,
+            "look_at",
+            more="A :class:`~esh.LookAt`, or an object, whose origin in the world counts. Long objects lie along their direction "
+            "instead",
+            check=_check_look_at,
         ),
     )
 

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...engine.problem.look_at import LookAt, facing_on_surface
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal
 from ...engine.surface.instances import body_rotations, rotate
 
-__all__ = ["Ground", "Stand", "draw", "stand"]
+__all__ = ["Ground", "Stand", "draw", "stand", "turns_towards"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,7 @@ class Ground:
         axis: Of a long object, where its longer side points before it is turned [rad], shape ``[n]``, float32.
         laid: Whether the heading of a long object is the turn about its own axis all the same, as on a whole surface, which is not
             seen from above, shape ``[n]``, bool.
+        looks: Whether it looks somewhere, so that its heading is its whole turn, shape ``[n]``, bool.
     """
 
     identity: np.ndarray
@@ -43,6 +45,7 @@ class Ground:
     middle: np.ndarray
     axis: np.ndarray
     laid: np.ndarray
+    looks: np.ndarray
 
     def part(self, chosen: np.ndarray) -> Ground:
         """Return some of the points."""
@@ -66,6 +69,24 @@ def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) 
     return 1.0 + standing.scale_jitter * (2.0 * random[:, 2] - 1.0), turn
 
 
+def turns_towards(
+    look: LookAt, align: float, normal: np.ndarray, position: np.ndarray, identity: np.ndarray, seed: int
+) -> np.ndarray:
+    """Return the turns about their own axes with which objects look at a point [rad], shape ``[n]``.
+
+    Args:
+        look: Where they look.
+        align: How far they lean towards the normal.
+        normal: Of the surface, of length 1, shape ``[n, 3]``.
+        position: Where they are in the world [m], shape ``[n, 3]``.
+        identity: Numbers of the points, shape ``[n]``.
+        seed: Of the run.
+    """
+    upright = body_rotations(normal.astype(np.float64), align, np.zeros(len(normal)))
+    along, beside = (rotate(upright, np.broadcast_to(axis, upright[:, 1:].shape)) for axis in np.eye(3)[:2])
+    return facing_on_surface(look, position.astype(np.float64), along, beside, identity, seed)
+
+
 def _turn_seen_so(direction: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Return the turns with which axes in planes of these slopes have these directions [rad] seen from above."""
     way = lengthened(np.stack([np.cos(direction), np.sin(direction)], axis=1), slope)
@@ -81,7 +102,7 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     most = int(ground.identity.max(initial=-1)) + 1
     factor, turn = draw(standing, ground.identity, ground.long, seed)
     scale = (ground.fit * factor).astype(np.float32)
-    turn = ground.heading + turn
+    turn = ground.heading + np.where(ground.looks, 0.0, turn)
     long = np.flatnonzero(ground.long & ~ground.laid)
     if len(long) and standing.align_to_normal > 0.0:
         slope = slope_of_normal(ground.normal[long], standing.align_to_normal)

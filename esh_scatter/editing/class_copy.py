@@ -13,6 +13,7 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from ..densities.density_curve import copy_curve
 from ..properties.described import shown_settings
+from ..properties.influence import LOOKS
 
 __all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class", "copy_values"]
 
@@ -25,13 +26,13 @@ CLASS_PARTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "Where there are many and where few",
         ("layers", "layer_index"),
     ),
-    "STANDING": ("Rotation and Scale", "How objects stand, and how much they vary", tuple(settings_of(Standing))),
+    "STANDING": ("Rotation and Scale", "How objects stand, and how much they vary", (*settings_of(Standing), *LOOKS)),
     "DETAIL": (
         "Direction and Detail",
         "Where long ones point, and what is done to the density",
         (
             *("direction_kind", "direction_angle", "direction_image", "may_overlap"),
-            *(shown.name for shown in shown_settings(ClassSettings, KEPT_APART)),
+            *(shown.name for shown in shown_settings(ClassSettings, (*KEPT_APART, "look_at"))),
         ),
     ),
     "COUNT": (

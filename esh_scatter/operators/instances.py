@@ -104,7 +104,8 @@ class ESH_OT_instances_turn(_OnInstances):
         classes = {body_class.uid: body_class for body_class in scatter.classes}
         for number in np.unique(read_attribute(result.data, "class_index")[points]).tolist():
             if number < len(uids) and uids[number] in classes:
-                stand_anew(result, number, classes[uids[number]].standing())
+                one = classes[uids[number]]
+                stand_anew(result, number, one.standing(), one.look_at())
 
 
 class ESH_OT_instances_remove(_OnInstances):

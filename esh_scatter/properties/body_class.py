@@ -3,6 +3,7 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -19,6 +20,7 @@ from bpy.props import (
 from bpy.types import PropertyGroup
 
 from ...engine.problem.body_class import ClassSettings
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from .described import values_from, with_properties
@@ -60,6 +62,10 @@ DERIVED_COUNTS = {"PER_AREA": "per_area", "DISTANCE": "distance", "SHARE": "cove
         "min": 0.1,
         "soft_max": 200.0,
     },
+    use_look_at={"update": stand_class_anew},
+    look_at_point={"subtype": "TRANSLATION", "update": stand_class_anew},
+    look_at_spread={"update": stand_class_anew},
+    look_at_front={"update": stand_class_anew},
 )
 class ESH_PG_class(PropertyGroup):
     """One class of bodies: the density it follows and its sizes."""
@@ -129,6 +135,12 @@ class ESH_PG_class(PropertyGroup):
         type=bpy.types.Image,
         name="Flow Image",
         description="Flow image. It is stretched over the extent of the target in x and y",
+    )
+    look_at_object: PointerProperty(
+        type=bpy.types.Object,
+        name="Object",
+        description="The object that this class looks at: its origin. Empty: a point",
+        update=stand_class_anew,
     )
     may_overlap: StringProperty(
         name="May Overlap",
@@ -237,6 +249,20 @@ class ESH_PG_class(PropertyGroup):
         """Return how the objects of this class stand."""
         return Standing(**values_from(self, Standing))
 
+    def look_at(self) -> LookAt | None:
+        """Return where the objects of this class look, or None."""
+        from ..classes.scatter_class import point_of
+
+        look: LookAt | None = values_from(self, ClassSettings)["look_at"]
+        return (
+            look if look is None or self.look_at_object is None else replace(look, point=point_of(self.look_at_object))
+        )
+
+    @property
+    def is_round(self) -> bool:
+        """Whether its objects count as discs however they are turned: none that is measured, and none that is long."""
+        return all(size.area_kind == "VALUE" and size.shape == "DOT" for size in self.sizes)
+
     @property
     def active_size(self) -> ESH_PG_size | None:
         """The selected size, or None."""
@@ -311,7 +337,7 @@ class ESH_PG_class(PropertyGroup):
             count=count,
             standing=self.standing(),
             direction=direction.get(self.direction_kind, "density"),
-            **values_from(self, ClassSettings),
+            **{**values_from(self, ClassSettings), "look_at": self.look_at()},
         )
 
 

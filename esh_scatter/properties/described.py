@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING
 from typing import Any, NamedTuple, TypeVar
 
-import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy.types import PropertyGroup
 
@@ -132,4 +131,4 @@ def _value_from(group: PropertyGroup, one: Described, name: str) -> Any:
     value = getattr(group, name)
     if one.kind == "choice":
         return next(choice.value for choice in one.setting.choices if choice.identifier == value)
-    return tuple(value) if isinstance(value, bpy.types.bpy_prop_array) else value
+    return tuple(value) if one.kind == "numbers" else value

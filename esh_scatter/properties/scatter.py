@@ -22,7 +22,7 @@ from .entries import entry_at
 from .names import scatter_renamed, unused_name
 from .obstacle import ESH_PG_free_place, ESH_PG_obstacle
 from .placed import ESH_PG_placed, remember_placed, replaced
-from .shown_at_once import show_class_anew
+from .shown_at_once import show_class_anew, stand_class_anew
 from .size import in_a_scene
 from .target import WithTarget
 
@@ -282,6 +282,26 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         for body_class in ready:
             if not (body_class.show_viewport and body_class.show_render):
                 show_class_anew(body_class, None)
+
+    def turned_to_what_moved(self, before: dict, now: dict) -> bool:
+        """Turn objects at once to what they look at, where two records differ in nothing but in where that is; tell whether."""
+        if not settings_record.only_looks_differ(before, now):
+            return False
+        for body_class in self.ready_classes():
+            if settings_record.looks_of(body_class) is not None:
+                stand_class_anew(body_class, None)
+        return True
+
+    def remember_look(self, body_class: ESH_PG_class) -> None:
+        """Keep that the result shows where a class looks now."""
+        record = _parse_record(self.ran_with)
+        uid = str(body_class.uid)
+        if uid in record.get("classes", {}):
+            looks, kept = settings_record.looks_of(body_class), record["classes"][uid]
+            if kept.get("looks") != looks:
+                kept = {name: value for name, value in kept.items() if name != "looks"}
+                changed = {**record["classes"], uid: kept if looks is None else {**kept, "looks": looks}}
+                self.ran_with = json.dumps({**record, "classes": changed}, separators=(",", ":"))
 
     def forget_deleted_result(self) -> None:
         """Remove a result that was deleted in the viewport from the file, so that the next one can have its name."""

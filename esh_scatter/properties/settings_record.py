@@ -8,18 +8,20 @@ from typing import Any
 
 import bpy
 
+from ...engine.problem.look_at import LookAt
+from ...engine.problem.settings import settings_of
 from ..result import pins
 from ..targets import checksums
 from ..targets.target import members_of
 from .influence import WITHOUT_INFLUENCE
 
-__all__ = ["changes", "completed", "record", "same"]
+__all__ = ["changes", "completed", "looks_of", "only_looks_differ", "record", "same"]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
 
 # Settings that came after records were first kept: at their defaults they are as good as none, so that older results stay current.
-CAME_LATER = {"room": 1.0, "gap": 0.0, "align_to_normal": 1.0}
+CAME_LATER = {"room": 1.0, "gap": 0.0, "align_to_normal": 1.0, "use_look_at": False}
 # What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter")
 
@@ -43,7 +45,8 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         "scatter": _values(scatter, names, "scatter") | _kept_off(scatter),
         "classes": {
             str(c.uid): {
-                "values": _values(c, names, str(c.uid), more),
+                "values": _values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}),
+                **_where_it_looks(c),
                 "layers": [
                     _layer(layer, target, names, f"{c.uid}.layer {number}")
                     for number, layer in enumerate(layer for layer in c.layers if layer.use)
@@ -57,6 +60,39 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
         },
         "names": names,
     }
+
+
+def looks_of(body_class: Any) -> list[float] | None:
+    """Return where the object is that a class looks at; None where it looks at none."""
+    look = body_class.look_at() if body_class.look_at_object is not None else None
+    return None if look is None else [round(x, 4) for x in look.point]
+
+
+def only_looks_differ(before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Tell whether two records differ in nothing but in where objects are that classes look at."""
+
+    def without(record: dict[str, Any]) -> dict[str, Any]:
+        classes = {
+            uid: {k: v for k, v in one.items() if k != "looks"} for uid, one in record.get("classes", {}).items()
+        }
+        return {**record, "classes": classes}
+
+    return before != now and without(before) == without(now)
+
+
+def _where_it_looks(body_class: Any) -> dict[str, Any]:
+    """Return where the object is that a class looks at; the result shows it at once only where somebody sees it move."""
+    looks = looks_of(body_class)
+    return {} if looks is None else {"looks": looks}
+
+
+def _turned_to(body_class: Any) -> dict[str, Any]:
+    """Return where a class looks if that has an influence on who overlaps whom."""
+    look = None if body_class.is_round else body_class.look_at()
+    if look is None:
+        return {}
+    values = {f"look_at_{name}": getattr(look, name) for name in settings_of(LookAt)}
+    return {"use_look_at": True, **values, "look_at_point": [round(x, 4) for x in look.point]}
 
 
 def _state_of(scatter: Any) -> list[Any]:
@@ -103,6 +139,9 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
 
         for what in _differing(old[uid]["values"], one["values"], group, told):
             found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
+        if old[uid].get("looks") != one.get("looks"):
+            moved = group.look_at_object if one.get("looks") else None
+            found.append(f"place of {moved.name}" if moved else f"what {group.name} looks at")
         found += _differing_layers(old[uid].get("layers", []), one["layers"], group, told)
         if len(old[uid]["sizes"]) != len(one["sizes"]):
             found.append(f"sizes of {group.name}")

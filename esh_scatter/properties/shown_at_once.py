@@ -28,7 +28,8 @@ def stand_class_anew(body_class: PropertyGroup, _context: object) -> None:
 
     found = _points_of_class(body_class)
     if found and can_stand_anew(found[0]):
-        stand_anew(*found, body_class.standing())
+        stand_anew(*found, body_class.standing(), body_class.look_at())
+        scatter_of(body_class).remember_look(body_class)
     elif scatter_of(body_class).report_json and not body_class.mute:
         scatter_of(body_class).ran_with = "{}"
 

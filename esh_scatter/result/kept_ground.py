@@ -7,14 +7,16 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
-from ..classes.standing import Ground, stand
+from ..classes.standing import Ground, stand, turns_towards
 from .node_group import ALIGN, HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
 
 __all__ = [
     "BODY_ANGLE",
     "BODY_LENGTH",
     "CLASSES_OF_POINTS",
+    "PINNED",
     "PLACED_AT",
     "SEED",
     "TO_ORIGIN",
@@ -33,13 +35,15 @@ SEED = "esh_scatter_seed"
 CLASSES_OF_POINTS = "esh_scatter_classes"
 # How the placement has a body lie, and how long its axis is, where that is known: from here a run can go on.
 BODY_ANGLE, BODY_LENGTH = "body_angle", "body_length"
+# Attribute of a result's points: those that stay in the next run.
+PINNED = "pinned"
 # Where the last run has put every point [m]: one that is elsewhere was moved by hand.
 PLACED_AT = "placed_at"
 # The way from point to origin [m], under the name that saved files know.
 TO_ORIGIN = "lift"
 
 _NORMAL, _HEADING, _LONG, _FIT, _MIDDLE = "ground_normal", "heading", "long", "fit", "middle"
-_LAID = "laid"
+_LAID, _LOOKS = "laid", "looks"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
@@ -62,6 +66,8 @@ def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[
         kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
         if ground.laid.any():
             kept[_LAID] = ("BOOLEAN", ground.laid)
+    if ground.looks.any():
+        kept[_LOOKS] = ("BOOLEAN", ground.looks)
     if (ground.fit != 1.0).any():
         kept[_FIT] = ("FLOAT", ground.fit)
     return kept
@@ -76,11 +82,12 @@ def can_stand_anew(result: bpy.types.Object) -> bool:
     )
 
 
-def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) -> None:
+def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, look_at: LookAt | None = None) -> None:
     """Turn, tilt, move and scale the objects of one class of a result. Points that were moved by hand stay where they were put."""
     mesh = result.data
     own = _points_of(mesh, class_number)
     count = len(mesh.vertices)
+    _look_anew(result, own, standing, look_at)
     middle = read_attribute(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
     ground = Ground(
         read_attribute(mesh, "id"),
@@ -91,6 +98,7 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
         middle[:, :2],
         middle[:, 2],
         read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
+        read_attribute(mesh, _LOOKS) if _LOOKS in mesh.attributes else np.zeros(count, bool),
     ).part(own)
     new = stand(standing, ground, int(mesh[SEED]))
     to_origin, position = read_attribute(mesh, TO_ORIGIN), read_attribute(mesh, "position")
@@ -109,6 +117,41 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing) 
         align[own] = standing.align_to_normal
         write_attribute(mesh, ALIGN, align)
     mesh.update()
+
+
+def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, look_at: LookAt | None) -> None:
+    """Have points look somewhere, or nowhere; those that are pinned keep their turn, and long objects their direction."""
+    mesh = result.data
+    if look_at is None and _LOOKS not in mesh.attributes:
+        return
+    if _LOOKS not in mesh.attributes:
+        mesh.attributes.new(_LOOKS, "BOOLEAN", "POINT")
+    looks, heading = read_attribute(mesh, _LOOKS), read_attribute(mesh, _HEADING)
+    for name in (PINNED, _LONG):
+        if name in mesh.attributes:
+            own = own[~read_attribute(mesh, name)[own]]
+    if look_at is None:
+        heading[own[looks[own]]] = 0.0
+    else:
+        world = np.array(result.matrix_world)
+        position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[own]
+        heading[own] = turns_towards(
+            look_at,
+            standing.align_to_normal,
+            read_attribute(mesh, _NORMAL)[own],
+            position @ world[:3, :3].T + world[:3, 3],
+            read_attribute(mesh, "id")[own],
+            int(mesh[SEED]),
+        )
+        if BODY_ANGLE not in mesh.attributes:
+            mesh.attributes.new(BODY_ANGLE, "FLOAT", "POINT")
+        # The turn that a pin would keep.
+        angle = read_attribute(mesh, BODY_ANGLE)
+        angle[own] = heading[own]
+        write_attribute(mesh, BODY_ANGLE, angle)
+    looks[own] = look_at is not None
+    write_attribute(mesh, _LOOKS, looks)
+    write_attribute(mesh, _HEADING, heading)
 
 
 def paint_points(result: bpy.types.Object, class_number: int, color: tuple[float, ...]) -> None:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
-from .kept_ground import BODY_ANGLE, BODY_LENGTH, PLACED_AT, TO_ORIGIN, read_attribute, write_attribute
+from .kept_ground import BODY_ANGLE, BODY_LENGTH, PINNED, PLACED_AT, TO_ORIGIN, read_attribute, write_attribute
 from .node_group import INSTANCE_INDEX, SCALE, placed_objects
 
 # Warp is not imported before something is computed.
@@ -34,8 +34,6 @@ __all__ = [
     "unpin",
 ]
 
-# Attribute of a result's points: those that stay.
-PINNED = "pinned"
 # A point that is farther from where it was put was moved [m], and as a share of the result's extent.
 MOVED, MOVED_SHARE = 1e-4, 1e-6
 # Positions of pins are told apart by this much [m].

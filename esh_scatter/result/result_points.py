@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
@@ -19,7 +20,7 @@ from ...engine.surface.whole_surface import WholeSurface
 from ..classes.on_whole_surface import headings
 from ..classes.scatter_class import ScatterClass, color_of, standing_of
 from ..classes.sources import SizeShape, variants_of
-from ..classes.standing import Ground, draw, stand
+from ..classes.standing import Ground, draw, stand, turns_towards
 from ..targets.targets import stuck_attributes
 from .following import follow_attributes
 from .kept_ground import BODY_ANGLE, BODY_LENGTH, ground_attributes
@@ -77,14 +78,20 @@ def result_points(
     for number, shape in enumerate(shapes):
         own = np.flatnonzero(group == number)
         if len(own):
-            standing = standing_of(classes[int(placement.class_index[own[0]])], settings)
-            size = _Size(shape, outlined[number], standing, settings.seed)
+            asked = classes[int(placement.class_index[own[0]])]
+            # Long objects lie along their bodies, whatever they would look at.
+            look = asked.look_at if shape.line is None else None
+            size = _Size(shape, outlined[number], standing_of(asked, settings), look, settings.seed)
             variant = _variants(size, placement, own)
             source[own] = np.array(shape.objects)[variant]
             if size.outlined and isinstance(chart, Chart):
                 _take_known_normals(ground, size, placement, chart, own)
             _fit(ground, size, placement, own, variant, isinstance(chart, Chart))
             _lay_along(ground, size, own, variant)
+            if size.look is not None:
+                # Outlines were parted as they are turned, and what is pinned has the turn that it has.
+                free = own[:0] if size.own_outlines else own[~placement.fixed[own]]
+                _look(ground, size.look, size, surface.position, own, free)
     rotation, scale, to_origin = _stand(ground, placement, classes, settings)
     position = (surface.position + to_origin).astype(np.float32)
     instances = Instances(position, rotation, scale, source)
@@ -98,12 +105,14 @@ class _Size(NamedTuple):
         shape: Of what it places.
         outlined: Whether its bodies had outlines while they were placed; they were discs or lines otherwise.
         standing: How its objects stand.
+        look: What they look at.
         seed: Of what is drawn for each.
     """
 
     shape: SizeShape
     outlined: bool
     standing: Standing
+    look: LookAt | None
     seed: int
 
     @property
@@ -129,6 +138,7 @@ def _ground(placement: Placement, surface: SurfacePoints, chart: Chart | WholeSu
         np.zeros((count, 2), np.float32),
         np.zeros(count, np.float32),
         np.full(count, isinstance(chart, WholeSurface)),
+        np.zeros(count, bool),
     )
 
 
@@ -159,7 +169,7 @@ def _fit(
         # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
         # that were drawn for this body.
         factor, turn = draw(size.standing, placement.id[own], ground.long[own], size.seed)
-        if size.own_outlines:
+        if size.own_outlines and size.look is None:
             ground.heading[own] -= turn.astype(np.float32)
         ground.fit[own] = placement.scale[own] / factor
     elif ranged and outlines:
@@ -173,6 +183,14 @@ def _lay_along(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray
         ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
         ground.heading[own] -= ground.axis[own]
         ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
+
+
+def _look(ground: Ground, look: LookAt, size: _Size, position: np.ndarray, own: np.ndarray, free: np.ndarray) -> None:
+    """Turn those of a size's objects that are ``free`` towards what all of them look at."""
+    ground.looks[own] = True
+    ground.heading[free] = turns_towards(
+        look, size.standing.align_to_normal, ground.normal[free], position[free], ground.identity[free], size.seed
+    )
 
 
 def _stand(

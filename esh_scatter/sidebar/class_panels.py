@@ -92,8 +92,18 @@ class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw how each one stands."""
-        draw_settings(self._column(), selected_class(context), Standing)
+        """Draw how each one stands, and where it looks."""
+        column = self._column()
+        body_class = selected_class(context)
+        draw_settings(column, body_class, Standing)
+        column.separator()
+        column.prop(body_class, "use_look_at")
+        if body_class.use_look_at:
+            column.prop(body_class, "look_at_object")
+            if body_class.look_at_object is None:
+                column.prop(body_class, "look_at_point")
+            column.prop(body_class, "look_at_spread")
+            column.prop(body_class, "look_at_front")
 
 
 class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
@@ -112,7 +122,7 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         elif body_class.direction_kind == "IMAGE":
             draw_image(column, body_class, "direction_image")
         column.separator()
-        draw_settings(column, body_class, ClassSettings, KEPT_APART)
+        draw_settings(column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
 
 
 class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):

@@ -36,7 +36,7 @@ TICK, AT_REST = 0.05, 0.3
 ATTENTIVE = 0.6
 # Share of the time that may go into looking at contents, while something changes and while nothing does.
 SHARE_ATTENTIVE, SHARE_AT_REST = 0.25, 0.02
-# Seconds that reading may take for strokes to be followed before they end.
+# Seconds of the main thread that reading may take for strokes to be followed before they end; what other programs take does not count.
 FOLLOWS_STROKES = 0.05
 # Seconds that quitting waits for the thread.
 LONGEST_JOIN = 5.0
@@ -175,8 +175,12 @@ class _Live:
         made_with = json.dumps(record, separators=(",", ":"))
         if made_with == self._told:
             return
+        if self._told is not None and scatter.turned_to_what_moved(self._record, record):
+            self._told, self._record = made_with, record
+            self._points = _points_of(scatter.result)
+            return
         first = self._told is None
-        start = time.perf_counter()
+        start = time.thread_time()
         result = scatter.result_in(context.scene)
         try:
             positional, named = scatter.arguments(context.scene)
@@ -185,7 +189,7 @@ class _Live:
             self._told, self._record = made_with, record
             self._say(_sentence(error))
             return
-        self._reading = time.perf_counter() - start
+        self._reading = time.thread_time() - start
         self._say("")
         places = kept_places(result) if result is not None and (first or not self._worker.has_solver) else None
         anew = not first and _needs_a_new_start(self._record, record)
@@ -348,8 +352,8 @@ def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> 
         now = classes.get(uid)
         if now is None:
             continue
-        if made.standing != now.standing() and can_stand_anew(result):
-            stand_anew(result, number, now.standing())
+        if (made.standing, made.look_at) != (now.standing(), now.look_at()) and can_stand_anew(result):
+            stand_anew(result, number, now.standing(), now.look_at())
         if tuple(made.color or ()) != tuple(now.color):
             paint_points(result, number, tuple(now.color))
 

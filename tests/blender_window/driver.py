@@ -1,20 +1,16 @@
-"""Runs inside a windowed Blender: install the zip, press Scatter Selection, tune and change it, say what happened.
+"""Runs inside a windowed Blender: install the zip, press Scatter Selection, tune and change it, say what happened."""
 
-Arguments after ``--``: the zip, the folder for the answers.
-"""
-
-import json
-import shutil
-import subprocess
 import sys
 import time
-import traceback
 from pathlib import Path
 
 import bpy
 from mathutils import Euler
 
-ZIP, FOLDER = (Path(argument) for argument in sys.argv[sys.argv.index("--") + 1 :][:2])
+sys.path.insert(0, str(Path(__file__).parent))
+import window_steps as steps
+from window_steps import answer, take_screenshot, window_context
+
 LONGEST_RUN = 60.0
 # What is placed: how it is made, its scale, and its color; and the color of the ground.
 OBJECTS = {
@@ -27,37 +23,9 @@ OBJECTS = {
 GROUND = (0.42, 0.40, 0.30)
 
 
-def window_context():
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    return bpy.context.temp_override(window=window, area=area, region=region)
-
-
-def take_screenshot(name):
-    path = str(FOLDER / name)
-    if shutil.which("import"):
-        subprocess.run(["import", "-window", "root", path], check=True)
-    else:
-        bpy.ops.screen.screenshot(filepath=path)
-
-
-def install():
-    bpy.ops.extensions.package_install_files(
-        filepath=str(ZIP), repo="user_default", enable_on_install=True, overwrite=True
-    )
-
-
-def open_sidebar():
-    with window_context():
-        bpy.context.area.spaces.active.show_region_ui = True
-        bpy.ops.screen.screen_full_area()
-
-
 def fill_in():
     with window_context():
-        region = next(region for region in bpy.context.area.regions if region.type == "UI")
-        region.active_panel_category = "ESH Scatter"
+        steps.show_tab()
         # As the pictures of the documentation show it: from a little above, and filled by the ground.
         view = bpy.context.area.spaces.active.region_3d
         view.view_rotation = Euler((0.9, 0.0, 0.5)).to_quaternion()
@@ -148,43 +116,17 @@ def look_again():
         take_screenshot("changed.png")
 
 
-def end():
-    answer["done"] = True
-    write()
-    bpy.ops.wm.quit_blender()
-
-
-def write():
-    (FOLDER / "answer.json").write_text(json.dumps(answer), encoding="utf-8")
-
-
-# Each with the seconds to wait afterwards, so that the window is drawn; one that returns False is asked again.
-STEPS = [
-    (install, 2.0),
-    (open_sidebar, 2.0),
-    (fill_in, 3.0),
-    (press, 0.5),
-    (finished, 3.0),
-    (look, 0.5),
-    (tune, 1.0),
-    (change, 2.0),
-    (look_again, 0.5),
-    (end, 1.0),
-]
-answer = {"blender": bpy.app.version_string}
-
-
-def next_step():
-    step, wait = STEPS[0]
-    try:
-        if step() is not False:
-            STEPS.pop(0)
-    except Exception:
-        answer["error"] = traceback.format_exc()
-        write()
-        bpy.ops.wm.quit_blender()
-        return None
-    return wait if STEPS else None
-
-
-bpy.app.timers.register(next_step, first_interval=2.0)
+steps.run(
+    [
+        (steps.install, 2.0),
+        (steps.open_sidebar, 2.0),
+        (fill_in, 3.0),
+        (press, 0.5),
+        (finished, 3.0),
+        (look, 0.5),
+        (tune, 1.0),
+        (change, 2.0),
+        (look_again, 0.5),
+        (steps.end, 1.0),
+    ]
+)

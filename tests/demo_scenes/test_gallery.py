@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,23 +26,12 @@ def test_a_scene_keeps_its_promises(blender_module, name):
     assert measured["placed"] > 40 and measured["overlaps"] == 0
     if name == "crowd":
         # The checks find who looks away.
-        scene.turn_towards(made.results[0], (0.0, -40.0), scene.SPREAD, 1)
+        turned = made.results[0].object.data.attributes["rotation"].data
+        w, _, _, z = turned[0].value
+        turned[0].value = (-z, 0.0, 0.0, w)  # half a turn on
+        made.results[0].object.data.update()
         with pytest.raises(AssertionError, match="degrees past the stage"):
             scene.test_final(made)
-
-
-def test_people_look_where_they_are_told_to(blender_module):
-    crowd = blender_module("crowd")
-    import bpy
-    from mathutils import Quaternion, Vector
-
-    mesh = bpy.data.meshes.new("Points")
-    mesh.from_pydata([(0.0, 0.0, 0.0), (5.0, 5.0, 0.0), (-3.0, 0.0, 0.0)], [], [])
-    turned = mesh.attributes.new("rotation", "QUATERNION", "POINT").data
-    crowd.turn_towards(SimpleNamespace(object=SimpleNamespace(data=mesh)), (5.0, 0.0), 0.0, 1)
-    forward = [Quaternion(one.value) @ Vector((0.0, 1.0, 0.0)) for one in turned]
-    assert np.allclose(forward, [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0)], atol=1e-6)
-    bpy.data.meshes.remove(mesh)
 
 
 def test_nothing_of_the_path_is_left_out(blender_module):

@@ -91,8 +91,10 @@ USUAL = {
         "unsharp": None,
         "clustering": 0.0,
         "clump_size": 0.0,
+        "look_at": None,
     },
-    esh.Unsharp: {"amount": 1.0, "radius": 2.0},
+    esh.LookAt: {"point": (0.0, 0.0, 0.0), "spread": 0.0, "front": "-y"},
+    esh.Unsharp: {"amount": 1.0, "radius": 2.0, "overshoot": 0.0},
     esh.Problem: {
         "domain": esh.Domain((4.0, 3.0)),
         "classes": [esh.BodyClass("a", [esh.Size("a", 0.01, 5)])],
@@ -113,6 +115,8 @@ def problem_with(part: object) -> esh.Problem:
     body_class = part if isinstance(part, esh.BodyClass) else esh.BodyClass("a", [size], image)
     if isinstance(part, esh.Unsharp):
         body_class = esh.BodyClass("a", [size], image, unsharp=part)
+    if isinstance(part, esh.LookAt):
+        body_class = esh.BodyClass("a", [size], image, look_at=part)
     domain = part if isinstance(part, esh.Domain) else esh.Domain((4.0, 3.0))
     balance = part if isinstance(part, esh.Balance) else esh.Balance()
     return part if isinstance(part, esh.Problem) else esh.Problem(domain, [body_class], balance)

@@ -375,7 +375,7 @@ def test_long_bodies_follow_the_density_and_not_the_target_s_border():
 def test_what_sharpening_clipped_is_in_the_report():
     half = np.full((64, 64), 0.1, np.float32)
     half[:, 32:] = 1.0
-    sharpened = one_class(quad("Tree"), density=half, unsharp=Unsharp(3.0, 20.0))
+    sharpened = one_class(quad("Tree"), density=half, unsharp=Unsharp(3.0, 20.0, 1.0))
     assert any("unsharp" in note for note in scatter(quad(), sharpened, **OPTIONS).report.notes)
 
 

@@ -115,6 +115,29 @@ def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter):
     assert not active().outdated and active().report["classes"][0]["sizes"][0]["placed"] == 200
 
 
+def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, monkeypatch):
+    """Other programs may have the processors while it is read; that says nothing of how long reading takes."""
+    from esh.esh_scatter.solving.job import ScatterJob
+
+    switch_on(scatter)
+    read = ScatterJob._read
+
+    def slowly(job, context):
+        time.sleep(3.0 * live.FOLLOWS_STROKES)
+        return read(job, context)
+
+    monkeypatch.setattr(ScatterJob, "_read", slowly)
+    monkeypatch.setattr(live, "_stroke", lambda: "PAINT_OT_image_paint")
+    image = bpy.data.images["mask.png"]
+    pixels = np.empty(64 * 64 * 4, np.float32)
+    for columns, border in ((16, -10.6), (32, -0.6)):
+        image.pixels.foreach_get(pixels)
+        pixels.reshape(64, 64, 4)[:, :columns, :3] = 0.0
+        image.pixels.foreach_set(pixels)
+        follow()
+        assert min(place[0] for place in points("Pine").values()) > border, "the brush is still down"
+
+
 def test_counts_weights_and_the_target_are_followed(scatter):
     before = switch_on(scatter)
     scatter.classes["Beech"].sizes[0].count = 230

@@ -255,6 +255,15 @@ def test_discs_that_were_asked_for_are_as_large_as_their_objects_and_lean_with_t
     assert result.report.covered == pytest.approx(expected / surface, rel=0.2)
 
 
+def test_one_steep_spot_does_not_make_polygons_of_all_discs():
+    """Level discs are discs, and the solver parts them faster and more evenly than the polygons around discs that lean."""
+    item = terrain("Ground", 10.0, lambda x, y: np.maximum(0.0, 4.0 * (x - 9.95)))
+    size = esh.ScatterSize("all", 40, disc("Disc", 0.5, 96), area=math.pi * 0.25)
+    result = esh.scatter(item, [esh.ScatterClass("disc", [size])], device="cpu", avoid_overlap=True)
+    assert all(given.footprint is None for given in result.placement.problem.classes[0].sizes)
+    assert result.report.overlaps == 0 and overlapping(outlines_in_the_scene()) == 0
+
+
 def test_more_discs_fit_on_a_slope_than_in_its_plan():
     """Seen from above discs of their size would cover 105 %."""
     item = terrain("Ground", 10.0, lambda x, y: 1.2 * x)

@@ -180,6 +180,7 @@ def test_directions_ranges_and_sharpening_draw_their_own_fields():
         "direction_image",
         "unsharp_amount",
         "unsharp_radius",
+        "unsharp_overshoot",
         "area_largest",
         "area",
     }
@@ -188,7 +189,7 @@ def test_directions_ranges_and_sharpening_draw_their_own_fields():
     for group, name, value, fields in (
         (body_class, "direction_kind", "ANGLE", {"direction_angle"}),
         (body_class, "direction_kind", "IMAGE", {"direction_image"}),
-        (body_class, "use_unsharp", True, {"unsharp_amount", "unsharp_radius"}),
+        (body_class, "use_unsharp", True, {"unsharp_amount", "unsharp_radius", "unsharp_overshoot"}),
         (size, "area_kind", "VALUE", {"area"}),
         (size, "area_kind", "RANGE", {"area", "area_largest"}),
     ):

@@ -35,6 +35,7 @@ def points(count, normal=(0.0, 0.0, 1.0), long=False):
         np.zeros((count, 2), np.float32),
         np.zeros(count, np.float32),
         np.zeros(count, bool),
+        np.zeros(count, bool),
     )
 
 

@@ -138,11 +138,9 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     _, descent, _ = forces(launcher, Problem(surface, [BodyClass("a", [Size("s", 1e-4, 900)])]))
     near = descent.cascade._target_nearby.force.numpy() * 900
     count = descent.facets.corner_count
-    position, tile = launcher.empty(count, wp.vec3), launcher.empty(count, wp.int32)
-    launcher.launch(
-        kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], [position, tile]
-    )
-    place = position.numpy()
+    corners = [launcher.empty(count, kind) for kind in (wp.vec3, wp.vec3, wp.int32)]
+    launcher.launch(kernels_facets.locate_corners, count, [descent.facets.count, descent.ground.facets], corners)
+    place = corners[0].numpy()
     inside = np.abs(place[:, :2]).max(axis=1) < 11.0
     assert inside.sum() > 100
     assert np.linalg.norm(near[inside], axis=1).max() < 0.05

@@ -13,6 +13,7 @@ from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.line import Line
+from esh.engine.problem.look_at import LookAt
 from esh.engine.problem.prepared_class import PreparedClass
 from esh.engine.problem.problem import Problem, SamplingSettings
 from esh.engine.problem.settings import settings_of
@@ -46,8 +47,10 @@ SAMPLES = {
         "gap": [0.1],
         "clustering": [0.1 + 0.2, 1.0],
         "clump_size": [1.0 / 3.0],
+        "look_at": [LookAt(), LookAt((1.0 / 3.0, -2.0, 0.0), 0.1 + 0.2, "x")],
     },
-    Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5]},
+    LookAt: {"point": [(1.0, 2.0, 1.0 / 3.0)], "spread": [0.1 + 0.2], "front": ["x"]},
+    Unsharp: {"amount": [0.0, 1.0 / 3.0], "radius": [1e-5], "overshoot": [0.25]},
     Size: {
         "name": ["größer ⌀ ≥ 1"],
         "area": [0.1 + 0.2, (0.1, 1.0 / 3.0)],
@@ -108,6 +111,8 @@ def problem_with(cls, name, value):
         size |= own
     if cls is Unsharp:
         body_class |= {"density": IMAGE, "unsharp": Unsharp(**own)}
+    if cls is LookAt:
+        body_class |= {"look_at": LookAt(**own)}
     if cls in (BodyClass, ClassSettings):
         body_class |= own
     if name == "distribution" or isinstance(size["area"], tuple):

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from esh.engine.problem.image_filters import gaussian_blur, unsharp_mask
+from esh.engine.problem.image_filters import gaussian_blur, local_range, unsharp_mask
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -88,7 +88,7 @@ def test_an_amount_of_zero_and_a_constant_change_nothing():
 
 def test_unsharp_masking_overshoots_on_both_sides_of_an_edge():
     step = np.tile(np.where(np.arange(60) < 30, 0.4, 0.6), (10, 1))
-    sharpened, clipped = unsharp_mask(step, 1.0, 2.0)
+    sharpened, clipped = unsharp_mask(step, 1.0, 2.0, 1.0)
     assert clipped == 0.0
     assert sharpened[:, 29].max() < 0.4 < 0.6 < sharpened[:, 30].min()
     # An edge's overshoot is antisymmetric, and the mean stays what it was.
@@ -98,7 +98,7 @@ def test_unsharp_masking_overshoots_on_both_sides_of_an_edge():
 
 def test_the_share_that_is_clipped_is_counted():
     step = np.tile(np.where(np.arange(60) < 30, 0.0, 1.0), (10, 1))
-    sharpened, clipped = unsharp_mask(step, 1.0, 2.0)
+    sharpened, clipped = unsharp_mask(step, 1.0, 2.0, 1.0)
     unclipped = step + (step - gaussian_blur(step, 2.0))
     assert clipped == np.mean(unclipped < 0.0)
     # The 8 pixels left of the edge: 4 standard deviations.
@@ -106,3 +106,30 @@ def test_the_share_that_is_clipped_is_counted():
     assert sharpened.min() == 0.0
     np.testing.assert_allclose(sharpened[:, 30:], unclipped[:, 30:])
     assert unsharp_mask(np.zeros((5, 5)), 3.0, 1.0)[1] == 0.0
+
+
+@pytest.mark.parametrize("shape", [(31, 44), (1, 20), (3, 2), (1, 1)])
+@pytest.mark.parametrize("reach", [0, 1, 2, 5, 100])
+def test_the_local_range_is_scipys(shape, reach):
+    ndimage = pytest.importorskip("scipy.ndimage")
+    image = noise(*shape)
+    low, high = local_range(image, reach)
+    # A window that reaches beyond both borders sees no more than the whole.
+    size = 2 * min(reach, max(shape)) + 1
+    np.testing.assert_array_equal(low, ndimage.minimum_filter(image, size, mode="nearest"))
+    np.testing.assert_array_equal(high, ndimage.maximum_filter(image, size, mode="nearest"))
+
+
+def test_sharpening_leaves_no_halos_and_makes_soft_edges_steeper():
+    x = np.arange(80) - 39.5
+    step = np.tile(np.where(x < 0.0, 0.3, 0.9), (9, 1))
+    np.testing.assert_allclose(unsharp_mask(step, 1.0, 2.0)[0], step, atol=1e-12)
+    soft = np.tile(0.6 + 0.3 * np.tanh(x / 3.0), (9, 1))
+    sharpened, clipped = unsharp_mask(soft, 2.0, 2.0)
+    low, high = (soft + 0.45 * (end - soft) for end in local_range(soft, 1))
+    assert clipped == 0.0 and (low <= sharpened + 1e-12).all() and (sharpened <= high + 1e-12).all()
+    steepest = np.diff(soft[4]).max()
+    assert np.diff(sharpened[4]).max() > 1.05 * steepest
+    # Half of the overshoot is half of the way to plain unsharp masking.
+    plain, half = (unsharp_mask(soft, 2.0, 2.0, share)[0] for share in (1.0, 0.5))
+    np.testing.assert_allclose(half, 0.5 * (sharpened + plain), atol=1e-12)

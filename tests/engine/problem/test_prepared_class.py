@@ -21,7 +21,7 @@ def asked(**changes):
 
 
 def test_what_is_asked_is_kept_beside_what_is_placed():
-    request = asked(density_correction=True, unsharp=Unsharp(0.5, 2.0))
+    request = asked(density_correction=True, unsharp=Unsharp(0.5, 2.0, 1.0))
     problem = Problem(Domain((20.0, 10.0)), [request])
     (placed,) = problem.classes
     assert placed.asked is request

@@ -464,11 +464,11 @@ def test_a_cover_or_a_correction_needs_covered_shares():
 
 def test_unsharp_masking_that_goes_below_zero_is_clipped_and_said():
     step = np.repeat([[0.1, 1.0]], 16, axis=1) * np.ones((8, 1))
-    strong = prepare(BodyClass("k", [SIZE], step, unsharp=Unsharp(4.0, 2.0)), 1.0)
+    strong = prepare(BodyClass("k", [SIZE], step, unsharp=Unsharp(4.0, 2.0, 1.0)), 1.0)
     assert strong.density_image.min() == 0.0 and strong.density_image.max() > 1.5
     (note,) = strong.notes
     assert note.startswith('`unsharp` of class "k" made ') and note.endswith(", which counts as 0")
-    weak = prepare(BodyClass("k", [SIZE], step, unsharp=Unsharp(0.05, 2.0)), 1.0)
+    weak = prepare(BodyClass("k", [SIZE], step, unsharp=Unsharp(0.05, 2.0, 1.0)), 1.0)
     assert weak.notes == () and weak.density_image.min() > 0.0
     with pytest.raises(ProblemError, match=r"`unsharp\.radius` must be a number above 0"):
         Unsharp(1.0, 0.0)

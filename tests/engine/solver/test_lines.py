@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from esh.engine.problem.body_class import BodyClass
+from esh.engine.drawing.halftone import render_halftone
+from esh.engine.problem.body_class import BodyClass, Unsharp
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.image_filters import gaussian_blur
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -115,3 +117,103 @@ def test_lines_that_are_rare_beside_others_are_as_long_as_was_asked(many, charge
     length = solve(Problem(Domain((40.0, 40.0)), classes, seed=2), device="cpu").length[:30]
     assert length.mean() == pytest.approx(2.0, rel=0.05)
     assert (np.abs(length - 2.0) < 0.2).all()
+
+
+def photograph(side):
+    """Darkness of scikit-image's "camera" (CC0), means of blocks."""
+    data = pytest.importorskip("skimage.data")
+    block = 512 // side
+    gray = data.camera()[: side * block, : side * block] / 255.0
+    return 1.0 - gray.reshape(side, block, side, block).mean(axis=(1, 3))
+
+
+def darkness_drawn(placement, side):
+    """Share of every pixel of a picture that is covered, shape ``[side, side]``."""
+    drawn = 1.0 - render_halftone(placement, pixels_per_metre=4.0)[..., 0]
+    return drawn.reshape(side, 4, side, 4).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("length", [2.0, 4.0])
+def test_a_hatched_photograph_is_as_dark_as_was_asked(length):
+    """Lines that lie on each other cover less than they add up to: of 0.96 there was 0.79 or 0.73."""
+    image, count = photograph(102), 5000
+    size = Size("line", image.sum() / count, count, line=Line(length))
+    placement = solve(Problem(Domain((102.0, 102.0)), [BodyClass("ink", [size], image)]), device="cpu", max_steps=60)
+    # At a scale of some lines: single ones are as thick as the pixels.
+    drawn, asked = gaussian_blur(darkness_drawn(placement, 102), 1.5), gaussian_blur(image, 1.5)
+    assert drawn.mean() == pytest.approx(image.mean(), abs=0.01)
+    for tone, least in ((0.96, 0.93), (0.79, 0.77), (0.5, 0.48)):
+        near = np.abs(asked - tone) < 0.02
+        off = (drawn - asked)[near].mean()
+        assert near.sum() > 30 and least - tone <= off < 0.02
+    # Widths make up for it; what is placed where, and how, is as it was.
+    assert placement.width.max() > 1.3 * placement.width.min()
+
+
+def test_lines_beside_strong_edges_are_no_halos():
+    """Two pixels on the bright side of the strongest edges plain unsharp masking leaves half of the darkness."""
+    image, count = photograph(256)[20:120, 60:160], 5000
+    gradient = np.array(np.gradient(image))
+    steep = np.hypot(*gradient)
+    row, column = np.nonzero(steep[3:-3, 3:-3] >= np.quantile(steep, 0.99))
+    row, column = row + 3, column + 3
+    away = np.round(2.0 * gradient[:, row, column] / steep[row, column]).astype(int)
+    bright = (row - away[0], column - away[1])
+    off = []
+    for overshoot in (0.0, 1.0):
+        size = Size("line", image.sum() / count, count, line=Line(2.0))
+        body_class = BodyClass("ink", [size], image, unsharp=Unsharp(1.0, 2.0, overshoot))
+        placement = solve(Problem(Domain((100.0, 100.0)), [body_class]), device="cpu", max_steps=60)
+        off.append((darkness_drawn(placement, 100) - image)[bright].mean())
+    assert abs(off[0]) < 0.02 < 0.04 < -off[1]
+
+
+@pytest.mark.parametrize("thickness", [None, 0.2])
+def test_widths_stay_where_lines_do_not_overlap_and_where_they_are_given(thickness):
+    sparse = lines(Line(1.5, direction=0.4, width=thickness), count=300)
+    assert np.ptp(sparse.width) == 0.0
+    crowded = Size("s", 1.6, 600, line=Line(1.5, width=thickness))
+    for apart in (False, True):
+        problem = Problem(DOMAIN, [BodyClass("a", [crowded])], avoid_overlap=apart)
+        width = solve(problem, device="cpu", max_steps=20).width
+        assert (np.ptp(width) == 0.0) == (thickness is not None or apart)
+
+
+def test_every_size_and_class_is_drawn_by_itself():
+    """Dots and lines of given widths are as they are; lines beside them make up for what all of a class lack, wherever it wraps."""
+    sizes = [
+        Size("line", 0.6, 500, line=Line(2.0, 0.3)),
+        Size("thick", 0.3, 100, line=Line(1.0, 0.3, width=0.4)),
+        Size("dot", 0.5, 300),
+        Size("bent", 0.6, 200, line=Line(2.0, "none", straightness=0.2)),
+    ]
+    density = np.tile(0.4 + 0.35 * np.sin(2.0 * np.pi * np.arange(40) / 40.0), (30, 1))
+    domain = Domain((40.0, 30.0), "periodic")
+    problem = Problem(domain, [BodyClass("a", sizes, density), BodyClass("b", [Size("dot", 0.5, 100)])])
+    placement = solve(problem, device="cpu", max_steps=60)
+    of_class = placement.class_index == 0
+    drawn = 1.0 - render_halftone(placement, pixels_per_metre=8.0, chosen=of_class)[..., 0]
+    asked = density / density.mean() * placement.area[of_class].sum() / domain.area
+    columns = drawn.reshape(30, 8, 40, 8).mean(axis=(0, 1, 3))
+    assert np.abs(columns - asked.mean(axis=0)).max() < 0.06
+    assert drawn.mean() == pytest.approx(asked.mean(), abs=0.01)
+    width = [placement.width[of_class & (placement.size_index == k)] for k in range(4)]
+    assert np.ptp(width[0]) > 0.0 and np.ptp(width[1]) == 0.0 and (width[2] == 0.0).all() and np.ptp(width[3]) > 0.0
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_lengths_of_an_image_are_met_place_by_place(boundary):
+    """In the mean they were; where the density was low, lines were half as long again."""
+    y, x = np.mgrid[0:40, 0:40] / 40.0
+    wanted, count = 0.6 + 3.0 * y, 2500
+    size = Size("s", 0.3, count, line=Line(wanted, "density"))
+    body_class = BodyClass("a", [size], np.exp(-3.0 * x) + np.exp(-3.0 * (1.0 - x)) * (boundary == "periodic"))
+    placement = solve(Problem(Domain((50.0, 50.0), boundary), [body_class]), device="cpu")
+    column, row = (placement.position / 50.0 * 40).astype(int).T
+    asked = wanted[39 - row, column]
+    # Blocks of some 400 lines' ground.
+    block = (placement.position / 50.0 * 2.5).astype(int) @ [1, 3]
+    for k in np.unique(block):
+        here = block == k
+        if here.sum() > 30:
+            assert placement.length[here].mean() == pytest.approx(asked[here].mean(), rel=0.1)

@@ -75,6 +75,22 @@ def test_bodies_are_even_on_a_sphere(on_sphere):
     assert on_sphere.report.smallest_spacing == pytest.approx(smallest, rel=0.01)
 
 
+def test_neither_flat_triangles_nor_their_sizes_show_in_the_coverage():
+    # A coarse torus: its triangles are about as large as the spacing, on the inside smaller, and 15 degrees apart.
+    ring = trimesh.creation.torus(1.0, 0.4, major_sections=48, minor_sections=24)
+    mesh = np.array(ring.vertices), np.array(ring.faces)
+    placement = solve(on_surface(mesh, 1024), device="cpu")
+    measured = metric.SurfaceMetric(*mesh, 1024)
+    half, one, two, four = measured.coverage(placement.position, uniform)
+    assert half < 0.025
+    assert one < 0.0025
+    assert two < 0.0006
+    assert four < 0.0003
+    smallest, mean = metric.spacing(placement.position, placement.normal, 1024 / measured.area)
+    assert smallest > 0.82
+    assert mean > 0.92
+
+
 def test_bodies_follow_a_density_that_is_a_function_of_points():
     mesh = meshes.sphere(3)
     density = meshes.gradient(mesh[0])

@@ -73,9 +73,9 @@ def test_a_place_on_a_tile_is_found_again(launcher):
     facet, weight = facets.tiles(np.arange(facets.count), 3)
     inner = np.einsum("nk,nkd->nd", weight, facets.corner[facet]).reshape(count, 9, 3)
     np.testing.assert_allclose(inner.mean(axis=1), expected, atol=1e-9)
-    corners = launcher.empty(facets.corner_count, wp.vec3), launcher.empty(facets.corner_count, wp.int32)
+    corners = [launcher.empty(facets.corner_count, kind) for kind in (wp.vec3, wp.vec3, wp.int32)]
     launcher.launch(kernels_facets.locate_corners, facets.corner_count, [facets.count, on_device], corners)
-    far = np.linalg.norm(corners[0].numpy() - expected[corners[1].numpy()], axis=1)
+    far = np.linalg.norm(corners[0].numpy() - expected[corners[2].numpy()], axis=1)
     assert far.max() < TILE
 
 

@@ -10,7 +10,7 @@ import esh
 import numpy as np
 import pytest
 from esh.engine.tiles.bodies import PartBodies, read_bodies
-from esh.engine.tiles.coarse import cell_sums
+from esh.engine.tiles.coarse import SCALE, CoarseGrid, cell_sums, displacement, solve_flow
 from esh.engine.tiles.groups import group_tiles
 from esh.engine.tiles.plan import TileRun, make_plan
 from scipy import spatial
@@ -257,3 +257,55 @@ def test_nobody_strays_to_where_windows_fade(tmp_path):
 
     solved(problem, tmp_path / "out", tile=31.0, steps=(40, 2, 2), progress=look)
     assert len(worst) == 9 and min(worst) > 0.5 - 1e-4
+
+
+def test_ends_of_tiles_hold_areas_alike(tmp_path):
+    # If small areas stood at one end of the curve through a tile, windows across tiles would carry bodies from one tile to the other.
+    problem = problem_of(esh.Size("any", area=(0.4, 1.6), count=6400), (80.0, 80.0))
+    bodies = solved(problem, tmp_path / "out", tile=40.0, steps=(30, 20, 20))
+    quarter = (bodies["position"] > 40.0) @ np.array([1, 2])
+    held = np.bincount(quarter, weights=bodies["area"])
+    assert np.abs(held - 1600.0).max() < 5.0
+
+
+def test_the_coarse_grid_counts_every_body_once():
+    grid = CoarseGrid((20.0, 30.0), (15, 10))
+    rng = np.random.default_rng(3)
+    corners = [[0.0, 0.0], [20.0, 30.0], [20.0, 0.0]]
+    position = np.concatenate([rng.uniform(0.0, (20.0, 30.0), (500, 2)), corners])
+    group = rng.integers(0, 2, len(position))
+    whole = np.zeros((2, 15, 10), np.int64)
+    for chosen in (slice(0, 200), slice(200, None)):
+        grid.deposit(position[chosen], group[chosen], 2).add_to(whole)
+    assert np.allclose(whole.sum(axis=(1, 2)) / SCALE, np.bincount(group))
+    at_once = np.zeros_like(whole)
+    grid.deposit(position, group, 2).add_to(at_once)
+    assert np.array_equal(whole, at_once)
+    # The counts' mean place is the bodies', but for what the edges mirror.
+    column = (np.arange(10) + 0.5) * 2.0
+    assert (whole.sum(axis=(0, 1)) / SCALE) @ column / len(position) == pytest.approx(position[:, 0].mean(), abs=0.05)
+
+
+@pytest.mark.parametrize("wavelength", [40.0, 20.0])
+def test_the_warp_takes_back_a_wave_of_bodies(tmp_path, wavelength):
+    # A hexagonal lattice, which the grid's cells do not fit, displaced by a wave along x.
+    side, row = 120.0, math.sqrt(3.0) / 2.0
+    y, x = np.mgrid[0:138, 0:120].astype(float)
+    lattice = np.stack([x + 0.25 + 0.5 * (y % 2), (y + 0.5) * row], axis=-1).reshape(-1, 2)
+    size = (side, 138 * row)
+    wave = 0.2 * np.sin(2.0 * np.pi * lattice[:, 0] / wavelength)
+    position = lattice + wave[:, None] * [1.0, 0.0]
+    grid = CoarseGrid(size, (round(size[1] / 2.0), 60))
+    count = np.zeros((1, *grid.shape), np.int64)
+    grid.deposit(position, np.zeros(len(position), np.int64), 1).add_to(count)
+    blur = 4.0
+    flows = solve_flow(grid, count[0] / SCALE, np.full(grid.shape, len(position) / math.prod(grid.shape)), blur)
+    for name, values in zip(("x", "y", "density"), flows, strict=True):
+        np.save(tmp_path / f"{name}.npy", values)
+    moved = displacement(tmp_path, grid, position, 1.0)
+    inside = np.abs(lattice[:, 0] - 0.5 * side) < 45.0
+    kept = math.exp(-0.5 * (2.0 * math.pi * blur / wavelength) ** 2)
+    fit = -(moved[inside, 0] @ wave[inside]) / (wave[inside] @ wave[inside])
+    assert fit == pytest.approx(kept, rel=0.05)
+    left = moved[inside] + kept * wave[inside, None] * [1.0, 0.0]
+    assert math.sqrt((left**2).mean()) < 0.1 * kept * 0.2

@@ -1,0 +1,57 @@
+"""Directions that a smooth surface looks to, of which a mesh is an approximation; its creases stay sharp."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..problem.surface import Surface
+
+__all__ = ["corner_normals"]
+
+# Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
+SMOOTH_COSINE = math.cos(math.radians(20.0))
+# Around other vertices, triangles that look farther apart than this have a crease between them.
+CREASE_COSINE = math.cos(math.radians(40.0))
+# Around more triangles creases are not looked for: every one keeps its own direction.
+MOST_AROUND = 32
+
+
+def corner_normals(surface: Surface) -> np.ndarray:
+    """Return where the surface looks to at the corners of its triangles, of length 1, shape ``[t, 3, 3]``.
+
+    It is the mean of what the triangles around a vertex do, weighed by their angles there; across a crease, every side's own.
+    """
+    corner = surface.position[surface.triangle]
+    ahead = np.roll(corner, -1, axis=1) - corner
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-300)
+    cosine = -(ahead * np.roll(ahead, 1, axis=1)).sum(axis=2)
+    own = np.repeat(surface.normal, 3, axis=0)
+    weighed = own * np.arccos(np.clip(cosine, -1.0, 1.0)).reshape(-1, 1)
+    vertex = surface.welded.ravel()
+    count = int(vertex.max()) + 1
+    mean = _unit(np.stack([np.bincount(vertex, weighed[:, axis], count) for axis in range(3)], axis=1))
+    result = mean[vertex]
+    sharp = np.zeros(count, bool)
+    sharp[vertex[(result * own).sum(axis=1) < SMOOTH_COSINE]] = True
+    at_crease = np.flatnonzero(sharp[vertex])
+    if len(at_crease):
+        result[at_crease] = _within_creases(vertex[at_crease], own[at_crease], weighed[at_crease])
+    return result.reshape(-1, 3, 3)
+
+
+def _within_creases(vertex: np.ndarray, own: np.ndarray, weighed: np.ndarray) -> np.ndarray:
+    """Mean, for every corner, of the corners at its vertex that look to nearly the same side as its triangle."""
+    result = own.copy()
+    order = np.argsort(vertex, kind="stable")
+    first, around = np.unique(vertex[order], return_index=True, return_counts=True)[1:]
+    for number in np.unique(around[around <= MOST_AROUND]).tolist():
+        corner = order[first[around == number][:, None] + np.arange(number)]
+        alike = np.einsum("vid,vjd->vij", own[corner], own[corner]) > CREASE_COSINE
+        result[corner] = _unit(np.einsum("vij,vjd->vid", alike, weighed[corner]))
+    return result
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-300)

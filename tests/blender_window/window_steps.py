@@ -1,0 +1,128 @@
+"""What scripts that drive a windowed Blender share: its areas, screenshots, the mouse, and steps one after the other.
+
+Arguments after ``--``: the zip, the folder for the answers. Without a zip (``-``) the extension is there already.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import bpy
+
+ZIP, FOLDER = sys.argv[sys.argv.index("--") + 1 :][:2]
+FOLDER = Path(FOLDER)
+
+answer = {"blender": bpy.app.version_string}
+
+
+def view():
+    """The 3D viewport's window, area and region."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    return window, area, next(region for region in area.regions if region.type == "WINDOW")
+
+
+def window_context():
+    window, area, region = view()
+    return bpy.context.temp_override(window=window, area=area, region=region)
+
+
+def take_screenshot(name):
+    path = str(FOLDER / name)
+    if shutil.which("import"):
+        subprocess.run(["import", "-window", "root", path], check=True)
+    else:
+        bpy.ops.screen.screenshot(filepath=path)
+
+
+def take_screenshot_aside(name):
+    """Take one while Blender goes on, where that is possible."""
+    if shutil.which("import"):
+        subprocess.Popen(["import", "-window", "root", str(FOLDER / name)])
+
+
+def install():
+    if ZIP != "-":
+        bpy.ops.extensions.package_install_files(
+            filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
+        )
+    elif "bl_ext.user_default.esh_scatter" not in bpy.context.preferences.addons:
+        bpy.ops.preferences.addon_enable(module="bl_ext.user_default.esh_scatter")
+
+
+def open_sidebar():
+    with window_context():
+        bpy.context.area.spaces.active.show_region_ui = True
+        bpy.ops.screen.screen_full_area()
+
+
+def show_tab():
+    """Turn the sidebar to this extension's tab."""
+    _, area, _ = view()
+    next(region for region in area.regions if region.type == "UI").active_panel_category = "ESH Scatter"
+
+
+def on_screen(x, y):
+    """Where on the screen a place in the viewport is, in pixels from the upper left."""
+    window, _, region = view()
+    return round(region.x + x), round(window.height - (region.y + y))
+
+
+def drag(way, seconds):
+    """Drag the mouse along places on the screen, in a process of its own, while Blender goes on."""
+    pause = seconds / len(way)
+    moves = "; ".join(f"xdotool mousemove {x} {y}; sleep {pause:.3f}" for x, y in way[1:])
+    (x, y) = way[0]
+    return subprocess.Popen(
+        [
+            "sh",
+            "-c",
+            f"xdotool mousemove {x} {y}; sleep 0.5; xdotool mousedown 1; sleep 0.1; {moves}; xdotool mouseup 1",
+        ]
+    )
+
+
+def end():
+    answer["done"] = True
+    write()
+    bpy.ops.wm.quit_blender()
+
+
+def write():
+    (FOLDER / "answer.json").write_text(json.dumps(answer), encoding="utf-8")
+
+
+def within(seconds, step):
+    """Return a step that fails once it has answered False for so long."""
+    deadline = []
+
+    def limited():
+        deadline[:] = deadline or [time.time() + seconds]
+        if time.time() > deadline[0]:
+            raise TimeoutError(f"{step.__name__} took longer than {seconds:g} s")
+        return step()
+
+    return limited
+
+
+def run(steps):
+    """Take steps, each with the seconds to wait afterwards, so that the window is drawn; one that returns False is asked again."""
+
+    def next_step():
+        step, wait = steps[0]
+        try:
+            if step() is not False:
+                steps.pop(0)
+        except Exception:
+            answer["error"] = traceback.format_exc()
+            take_screenshot("error.png")
+            write()
+            bpy.ops.wm.quit_blender()
+            return None
+        return wait if steps else None
+
+    bpy.app.timers.register(next_step, first_interval=2.0)
