@@ -419,26 +419,14 @@ def _watch(options: argparse.Namespace, say: Callable[[str], None]) -> int:
         while time.time() < until:
             command = [sys.executable, __file__, "--seed", str(options.seed), "--first", str(first)]
             told.write_text(f"{first} 0 0\n", encoding="utf-8")
-            with (Path(name) / "said").open("w+") as said:
-                worker = subprocess.Popen(
-                    [*command, "--told", str(told), "--until", str(until)], stdout=said, stderr=subprocess.STDOUT
-                )
-                hung = False
-                while worker.poll() is None:
-                    time.sleep(0.2)
-                    if time.time() - told.stat().st_mtime > LONGEST_CASE:
-                        hung = True
-                        worker.kill()
-                        worker.wait()
-                said.seek(0)
-                end = said.read()[-3000:]
+            status, hung, end = _run_worker([*command, "--told", str(told), "--until", str(until)], told)
             head, _, text = told.read_text(encoding="utf-8").partition("\n")
             k, more_refused, more_placed = map(int, head.split())
             refused, placed = refused + more_refused, placed + more_placed
-            if worker.returncode == 0:
+            if status == 0:
                 break
             broken += 1
-            what = f"took more than {LONGEST_CASE:.0f} s" if hung else f"ended with status {worker.returncode}"
+            what = f"took more than {LONGEST_CASE:.0f} s" if hung else f"ended with status {status}"
             say(
                 f"recipe {k} of seed {options.seed} {what}:\n{end}\n{text}\nonce more: {command[0]} tools/fuzz.py "
                 f"--seed {options.seed} --only {k}\n"
@@ -446,6 +434,21 @@ def _watch(options: argparse.Namespace, say: Callable[[str], None]) -> int:
             first = k + 1
     say(f"{refused + placed + broken} recipes: {placed} placed, {refused} refused in a sentence, {broken} broken")
     return 1 if broken else 0
+
+
+def _run_worker(command: Sequence[str], told: Path) -> tuple[int, bool, str]:
+    """Run a process that writes into a file which recipe it is at; return its status, whether it hung, and the end of what it said."""
+    hung = False
+    with told.with_name("said").open("w+") as said:
+        worker = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT)
+        while worker.poll() is None:
+            time.sleep(0.2)
+            if time.time() - told.stat().st_mtime > LONGEST_CASE:
+                hung = True
+                worker.kill()
+                worker.wait()
+        said.seek(0)
+        return worker.returncode, hung, said.read()[-3000:]
 
 
 if __name__ == "__main__":

@@ -120,10 +120,9 @@ def draw_strokes(
                 along = float(0.0)
                 if squared > 0.0:
                     along = wp.clamp(wp.dot(d, axis) / squared, 0.0, 1.0)
-                if wp.length_sq(d - along * axis) <= radius * radius:
-                    there = sample_inside(column, samples.columns, samples.space)
-                    if there >= 0:
-                        covered[inside * samples.columns + there] = wp.uint8(1)
+                there = sample_inside(column, samples.columns, samples.space)
+                if there >= 0 and wp.length_sq(d - along * axis) <= radius * radius:
+                    covered[inside * samples.columns + there] = wp.uint8(1)
 
 
 @wp.kernel
