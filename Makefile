@@ -103,6 +103,7 @@ repository: $(VENV)/.with-blender
 wheel: $(VENV)/.with-release
 	rm -f dist/*.whl dist/*.tar.gz
 	$(RUN) -m build --outdir dist
+	$(RUN) tools/build_wheel.py dist/*-py3-none-any.whl
 	$(RUN) -m twine check --strict dist/*.whl dist/*.tar.gz
 
 # Nothing is downloaded once Sphinx is installed; a warning is an error.

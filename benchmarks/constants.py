@@ -110,7 +110,7 @@ def descents(word: str, bodies: int, seeds: int) -> dict[str, float]:
             with Solver(problem, device="cpu") as solver:
                 solver.run(100)
                 steps.append(int(solver.state.steps[0]))
-                left.append(1e3 * solver.descent.residual())
+                left.append(1e3 * solver.descent.direction.residual())
                 errors.append(measure(solver.placement(), solver.launcher).coverage_error)
     return {"error": float(np.mean(errors)), "steps": float(np.mean(steps)), "left": float(np.mean(left))}
 

@@ -209,7 +209,7 @@ def separation_sweep(run: Run) -> None:
         unions, classes, direct_unions, direct_classes = [], [], [], []
         for sixths in (1, 3, 5):
             two = [BodyClass(name, [Size("dot", 1.0, 512)]) for name in "ab"]
-            problem = Problem(SQUARE, two, Balance(class_separation=sixths / 6, rare_emphasis=0.0), seed)
+            problem = Problem(SQUARE, two, Balance(class_separation=sixths / 6, rare_emphasis=0.0), seed=seed)
             # Not to the very end: there both classes and their union freeze in lattices of their own, which one being luck.
             placement = run.solve(problem)
             direct = direct_solve(problem, run.launcher, steps=400)

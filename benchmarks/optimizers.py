@@ -195,7 +195,7 @@ class Lines(Dots):
         descent = self.descent
         descent.state.pose.assign(x.astype(np.float32))
         descent.state.move.assign((self.inside(ahead + self.limited(ahead, move)) - x).astype(np.float32))
-        descent.direction.assign(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32))
+        descent.direction.factors.assign(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32))
         # What keeps lines in the support and apart is the engine's.
         descent.move()
         descent.contact.push(descent.state.pose, descent.state.bend, descent.state.displacement)

@@ -73,7 +73,7 @@ def quality_cases(
         ),
         (
             "two classes of 1,024, separation 0.5",
-            Problem(SQUARE, [BodyClass(name, [Size("s", 1.0, 1024)]) for name in "ab"], Balance(0.5), seed),
+            Problem(SQUARE, [BodyClass(name, [Size("s", 1.0, 1024)]) for name in "ab"], Balance(0.5), seed=seed),
             [
                 ("union", lambda p: slice(None), UNIFORM, (0.070, 0.0069, 0.0017)),
                 ("one class", lambda p: p.class_index == 0, UNIFORM, (0.076, 0.019, 0.0067)),
@@ -82,7 +82,10 @@ def quality_cases(
         (
             "areas 1 and 3, 1,536 and 256, emphasis 2",
             Problem(
-                SQUARE, [BodyClass("a", [Size("s", 1.0, 1536), Size("l", 3.0, 256)])], Balance(size_emphasis=2.0), seed
+                SQUARE,
+                [BodyClass("a", [Size("s", 1.0, 1536), Size("l", 3.0, 256)])],
+                Balance(size_emphasis=2.0),
+                seed=seed,
             ),
             [
                 ("all", lambda p: slice(None), UNIFORM, (0.180, 0.020, 0.0055)),

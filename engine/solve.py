@@ -56,6 +56,7 @@ def solve(
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
         watched = _Watched(progress)
+        solver.choose_start(max_steps)
         steps, converged = solver.run(max_steps, None if progress is None else watched)
         solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):

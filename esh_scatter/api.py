@@ -93,7 +93,7 @@ def scatter(
         obstacles: What objects keep off, seen from above: objects, collections, results of other scatters, or a
             :class:`~esh.ScatterObstacle` of these, which gives curves a width and keeps a margin free.
         pinned: Whether objects of the replaced result stay where they are that were pinned, or moved by hand; they count. Or, by
-            class of that result, the index of the class that it is now, or None. On a whole surface none stays.
+            class of that result, the index of the class that it is now, or None.
         progress: Called after every step; returning False stops the run, and what is there is written.
         changes: Any of the following, by name, in place of that in ``settings``.
 

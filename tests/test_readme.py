@@ -197,11 +197,14 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
 def test_the_reference_of_recipes_has_every_key():
     from esh.engine.files.recipe import SCENE
     from esh.engine.files.recipe_keys import keys_of
+    from esh.engine.files.recipe_scene import ON_SURFACES
     from esh.engine.problem.balance import Balance
     from esh.engine.problem.body_class import BodyClass
     from esh.engine.problem.domain import Domain
+    from esh.engine.problem.fixed_bodies import FixedBodies
     from esh.engine.problem.line import Line
-    from esh.engine.problem.problem import SamplingSettings
+    from esh.engine.problem.obstacles import Obstacle
+    from esh.engine.problem.problem import ProblemSettings
     from esh.engine.problem.size import Size
 
     folder = ROOT / "engine" / "files"
@@ -211,10 +214,10 @@ def test_the_reference_of_recipes_has_every_key():
     ]
     reference = TEXT["docs/recipes.md"].partition("## Every key")[2]
     documented = {name.strip("[]").split(".")[-1] for name in re.findall(r"^\| `([^`]+)` \|", reference, re.MULTILINE)}
-    known = {key for cls in (SamplingSettings, Domain, Balance, BodyClass, Size, Line) for key in keys_of(cls)} - {
-        "sizes"
-    }
-    known |= set(SCENE)
+    known = {
+        key for cls in (ProblemSettings, Domain, Balance, BodyClass, Size, Line, Obstacle) for key in keys_of(cls)
+    } - {"sizes"}
+    known |= {*SCENE, *keys_of(FixedBodies, leave=ON_SURFACES)}
     for call in (node for tree in trees for node in ast.walk(tree)):
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "check_keys":
             known |= {argument.value for argument in call.args if isinstance(argument, ast.Constant)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,9 +18,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "transforms": {"device"},
     "space": {"device", "problem", "transforms"},
     "surface": {"device", "problem"},
-    "cascade": {"device", "problem", "space", "surface"},
-    "field": {"device", "problem", "space", "transforms"},
-    "solver": {"cascade", "device", "field", "problem", "space", "surface", "transforms"},
+    "cascade": {"device", "space", "surface"},
+    "field": {"device", "space", "transforms"},
+    "solver": {"cascade", "device", "field", "problem", "space", "surface"},
     "quality": {"device", "field", "problem", "space", "transforms"},
     "files": {"problem"},
     "drawing": {"files", "problem"},
@@ -81,6 +82,13 @@ def test_a_module_imports_only_rooms_below_its_own(path: Path):
         assert other in allowed, f"engine/{name_of(path)}.py, line {line}: {room} may not import {other}"
 
 
+@pytest.mark.parametrize("room", MAY_IMPORT)
+def test_a_room_imports_all_that_it_may(room: str):
+    """A permission that nothing needs says something wrong of the room."""
+    used = {other for path in (ENGINE / room).rglob("*.py") for _, other in imported(path)}
+    assert MAY_IMPORT[room] <= used, f"engine/{room} imports nothing of {sorted(MAY_IMPORT[room] - used)}"
+
+
 @pytest.mark.parametrize("path", BLENDER_MODULES, ids=lambda path: name_of(path, BLENDER))
 def test_a_module_of_blenders_side_imports_only_what_is_below(path: Path):
     room = path.relative_to(BLENDER).with_suffix("").parts[0]
@@ -103,13 +111,19 @@ def test_every_room_is_there_and_says_what_is_in_it():
     assert rooms == MAY_IMPORT.keys()
     for room in rooms:
         tree = ast.parse((ENGINE / room / "__init__.py").read_text(encoding="utf-8"))
-        assert ast.get_docstring(tree)
+        # What the room is for, and then what it may import.
+        told = " ".join((ast.get_docstring(tree) or "").split())
+        purpose, may, below = told.partition(" May import ")
+        assert set(re.findall(r"``(\w+)(?:\.py)?``", below)) == MAY_IMPORT[room], f"engine/{room}/__init__.py"
+        assert may or purpose.endswith(" Imports no other room.")
+        assert len(purpose.removesuffix(" Imports no other room.").split()) > 4, f"engine/{room}/__init__.py"
         assert len(tree.body) == 1, f"engine/{room}/__init__.py imports something"
     rooms = {path.parent.name for path in BLENDER.glob("*/__init__.py")}
     files = {path.stem for path in BLENDER.glob("*.py")} - {"__init__"}
     assert rooms | files == set(BLENDER_ORDER)
     for room in rooms:
-        assert ast.get_docstring(ast.parse((BLENDER / room / "__init__.py").read_text(encoding="utf-8")))
+        told = ast.get_docstring(ast.parse((BLENDER / room / "__init__.py").read_text(encoding="utf-8")))
+        assert told and len(told.split()) > 4, f"esh_scatter/{room}/__init__.py"
 
 
 def test_problems_and_files_need_no_warp():

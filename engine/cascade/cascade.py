@@ -89,6 +89,7 @@ class Cascade:
         interaction: M, shape ``[group_count, group_count]``.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
+        length: Spacing that it is to resolve, in units.
 
     Attributes:
         home: Node that is the home of charges on a tile, ``wp.int32``, shape ``[tile_count]``; -1 where no image asks for any.
@@ -108,8 +109,9 @@ class Cascade:
         interaction: np.ndarray,
         charge: np.ndarray,
         charge_group: np.ndarray,
+        length: float = 1.0,
     ) -> None:
-        self.launcher = launcher
+        self.launcher, self._length = launcher, length
         device = launcher.device
         self._facets = on_device
         self.group_count = len(interaction)
@@ -139,7 +141,7 @@ class Cascade:
         self._target_nearby.corner_count, self._target_nearby.column_count = facets.corner_count, len(share)
         self._target_nearby.attraction = wp.array(attraction.ravel(), dtype=float, device=device)
 
-        width, length = WIDTH, 1.0
+        width = WIDTH * length
         self._nodes = nodes = chosen(launcher, sources, thinned(launcher, sources, NODE_DISTANCE * length))
         self.node_count = len(nodes.position)
         home = nearest_of(launcher, sources, nodes, HOME_REACH * length, HOME_TURN * length)
@@ -162,6 +164,7 @@ class Cascade:
         self._sort = CellSort(launcher, n, self.node_count)
         self._sorted = _room_for_sorted(launcher, n)
         self._node_charge = launcher.zeros(self.node_count * self.group_count, float)
+        self._offset = launcher.zeros(self.node_count * self.group_count, float)
 
     def evaluate(self, charges: Points, facet: wp.array, weight: wp.array, home: wp.array, field: wp.array) -> None:
         """Write the force per unit charge at every charge.
@@ -214,6 +217,10 @@ class Cascade:
                 grain=GRAIN_OF_NEIGHBORS,
             )
 
+    def set_offset(self, offset: np.ndarray) -> None:
+        """Give every group a potential of its own at every node, shape ``[group_count, node_count]``, that is added to the others."""
+        self._offset.assign(offset.T.astype(np.float32).ravel())
+
     def _cascade(self) -> None:
         """From the charges at the nodes to the potential there."""
         levels, groups = self._levels, self.group_count
@@ -236,17 +243,18 @@ class Cascade:
 
         for fine, coarse in itertools.pairwise(levels):
             multiply(fine.down, fine.down_value, fine.charge, 0, coarse.charge)
+        self.launcher.launch(kernels_cascade.begin_with, len(self._offset), [self._offset], [levels[0].potential])
         for number in reversed(range(len(levels))):
             level = levels[number]
-            multiply(level.octave, level.octave_value, level.charge, 0, level.potential)
+            multiply(level.octave, level.octave_value, level.charge, int(number == 0), level.potential)
             if level.up is not None:
                 multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
 
     def _make_tables(self) -> tuple[kernels_cascade.NearTable, kernels_cascade.NearTable]:
         """The near part between charges, and that between a charge and the target, up to where they end."""
-        squares = 4.0 ** (0.5 - np.arange(1, NEAR_OCTAVES + 1))
-        blurred = squares + BLUR**2
-        near = self._tabulated(NEAR_REACH / math.sqrt(2.0), squares, np.ones(NEAR_OCTAVES), first=1.0)
+        squares = self._length**2 * 4.0 ** (0.5 - np.arange(1, NEAR_OCTAVES + 1))
+        blurred = squares + (BLUR * self._length) ** 2
+        near = self._tabulated(NEAR_REACH / math.sqrt(2.0) * self._length, squares, np.ones(NEAR_OCTAVES), first=1.0)
         of_target = self._tabulated(NEAR_REACH * math.sqrt(blurred[0]), blurred, squares / blurred)
         return near, of_target
 
@@ -280,10 +288,11 @@ class Cascade:
         sources = quarters
         # On a mesh that is finer than bodies can tell, many quarters count as one.
         charge = np.repeat(share / QUARTERS, QUARTERS, axis=1)
-        if len(sources.position) * SOURCE_DISTANCE**2 > MANY_SOURCES * facets.area.sum():
-            few = thinned(launcher, sources, SOURCE_DISTANCE)
+        apart = SOURCE_DISTANCE * self._length
+        if len(sources.position) * apart**2 > MANY_SOURCES * facets.area.sum():
+            few = thinned(launcher, sources, apart)
             representatives = chosen(launcher, sources, few)
-            nearest = nearest_of(launcher, sources, representatives, 2.0 * SOURCE_DISTANCE, SOURCE_DISTANCE).numpy()
+            nearest = nearest_of(launcher, sources, representatives, 2.0 * apart, apart).numpy()
             charge = np.stack([np.bincount(nearest, column, len(few)) for column in charge])
             place, number = sources.position.numpy().astype(np.float64), np.bincount(nearest, minlength=len(few))
             middle = np.stack([np.bincount(nearest, place[:, axis], len(few)) / number for axis in range(3)], axis=1)
@@ -352,9 +361,10 @@ class Cascade:
     def _make_levels(self, nodes: Points, diagonal: float) -> None:
         """Make nodes for one octave after the other, until one is as wide as the surface."""
         launcher, self._levels = self.launcher, []
-        length, width, level = 1.0, WIDTH, 0
+        length = self._length
+        width = WIDTH * length
         while True:
-            octave = 2.0 ** (level + 0.5)
+            octave = math.sqrt(2.0) * length
             # What the weights on both ways blur is left out of the Gaussian.
             rest = math.sqrt(octave**2 - 2.0 * width**2)
             near = lists_of(launcher, nodes, nodes, min(OCTAVE_REACH * rest, 2.0 * diagonal), LEAST_COSINE)
@@ -370,7 +380,7 @@ class Cascade:
             wider = math.sqrt(3.0) * width
             up, up_value, down, down_value = self._between(nodes, coarse, 2.0 * length, wider)
             self._levels.append(_Level(near, value, charge, potential, up, up_value, down, down_value))
-            nodes, length, width, level = coarse, 2.0 * length, 2.0 * width, level + 1
+            nodes, length, width = coarse, 2.0 * length, 2.0 * width
 
     def _between(self, fine: Points, coarse: Points, length: float, width: float) -> tuple:
         """What finer nodes share out among coarser ones, as lists by both."""

@@ -602,6 +602,18 @@ def mix_groups(
 
 
 @wp.kernel
+def begin_with(
+    first: int,
+    offset: wp.array(dtype=float),
+    # outputs
+    potential: wp.array(dtype=float),
+):
+    """The potential at the nodes before that of any charge is added."""
+    i = first + wp.tid()
+    potential[i] = offset[i]
+
+
+@wp.kernel
 def multiply(
     first: int,
     start: wp.array(dtype=wp.int32),

@@ -1,5 +1,5 @@
 """Fast forces.
 
 Particle-particle-particle-mesh (P3M) is a smooth far part on a mesh, and a near part between neighbors. May import
-``device``, ``problem``, ``space`` and ``transforms``.
+``device``, ``space`` and ``transforms``.
 """

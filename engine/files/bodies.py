@@ -331,7 +331,7 @@ def _rotation(columns: Mapping[str, Any], source: str) -> np.ndarray:
 def _disc_of(label: str, areas: np.ndarray, number: int) -> Prototype:
     """What stands for bodies of which only areas are known [m²], where they are: a disc of the mean one."""
     known = areas[np.isfinite(areas)]
-    radius = math.sqrt(float(known.mean()) / math.pi) if known.size else 0.5
+    radius = float(disc_radius(known.mean())) if known.size else 0.5
     return Prototype(label, _capsule(radius, 0.0), 2.0 * radius, PALETTE[number % len(PALETTE)])
 
 

@@ -89,7 +89,7 @@ from ..problem.body_class import BodyClass
 from ..problem.color_separation import MODELS, Ink, InkModel, halftone_problem
 from ..problem.domain import Domain
 from ..problem.ink_models import DEFAULT_MODEL
-from ..problem.problem import Problem, SamplingSettings
+from ..problem.problem import Problem, ProblemSettings
 from ..problem.size import Size
 from ..problem.surface import Surface
 from ..problem.validation import show
@@ -103,7 +103,7 @@ __all__ = ["ParsedRecipe", "parse_recipe", "read_recipe", "recipe_colors", "reci
 
 VERSION = 1
 # Keys of what is there before anything is placed.
-SCENE = ("fixed", "include_fixed", "obstacle")
+SCENE = ("fixed", "obstacle")
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,10 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     recipe = RecipeTable(parsed.path, "", "", parsed.entries)
     # The version comes first: a recipe of another one may well have other keys.
     recipe.take("version", _check_version)
-    recipe.check_keys("version", *keys_of(SamplingSettings), "domain", "surface", "balance", "class", "image", *SCENE)
-    sampling = read_settings(recipe, SamplingSettings)
+    recipe.check_keys("version", *keys_of(ProblemSettings), "domain", "surface", "balance", "class", "image", *SCENE)
+    settings = read_settings(recipe, ProblemSettings)
     if seed is not None:
-        sampling["seed"] = validation.check_seed(seed)
+        settings["seed"] = validation.check_seed(seed)
     domain: Domain | Surface
     if "surface" in recipe.entries:
         for other in ("domain", "image"):
@@ -151,7 +151,6 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
     else:
         domain = read_group(recipe.table("domain"), Domain)
     scene: dict[str, Any] = {"fixed": read_fixed(recipe), "obstacles": read_obstacles(recipe)}
-    scene["include_fixed"] = recipe.take("include_fixed", validation.check_switch, False)
 
     table = recipe.table("balance", optional=True)
     table.check_keys(*keys_of(Balance))
@@ -166,10 +165,10 @@ def read_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = None) -> 
         assert isinstance(domain, Domain)
         rectangle = domain
         problem = table.build(lambda: _read_image(table, rectangle, balance))
-        return recipe.build(lambda: replace(problem, **sampling, **scene))
+        return recipe.build(lambda: replace(problem, **settings, **scene))
     classes = [_read_class(table) for table in recipe.tables("class")]
     recipe.check_unique("class", [body_class.name for body_class in classes])
-    return recipe.build(lambda: Problem(domain, classes, Balance(**balance), **sampling, **scene))
+    return recipe.build(lambda: Problem(domain, classes, Balance(**balance), **settings, **scene))
 
 
 def recipe_colors(path: str | Path | ParsedRecipe, problem: Problem) -> list[tuple[float, float, float]] | None:

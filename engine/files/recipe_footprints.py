@@ -5,25 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ..errors import ProblemError
 from ..problem import validation
 from ..problem.footprint import Footprint, Footprints
+from ..problem.settings import settings_of
 from ..problem.validation import show
 
-__all__ = ["FOOTPRINT_KEYS", "check_footprint", "written_footprints"]
+__all__ = ["FOOTPRINT_KEYS", "OUTLINES", "check_footprint", "written_outlines"]
 
-# Keys that go with `footprint`, and what each is by default.
-FOOTPRINT_KEYS = {
-    "turn": "free",
-    "scale_jitter": 0.0,
-    "room": 1.0,
-    "gap": 0.0,
-    "variant": None,
-    "scale": None,
-    "slope": None,
-}
+# What the key `footprint` says itself, and the keys that go with it.
+OUTLINES = ("variants", "weights")
+FOOTPRINT_KEYS = tuple(name for name in settings_of(Footprints) if name not in OUTLINES)
 ACCEPTED = (
     "{ disc = radius }, { capsule = [length, width] }, { rectangle = [length, width] } or { polygon = [[x, y], ...] }"
 )
@@ -53,8 +45,8 @@ def check_footprint(value: object, key: str) -> tuple[tuple[Footprint, ...], tup
     )
 
 
-def written_footprints(footprints: Footprints, name_array: Callable[[str, np.ndarray], str]) -> dict[str, Any]:
-    """Return the keys and values to write for the footprints of a size; slopes are a file that ``name_array`` names."""
+def written_outlines(footprints: Footprints) -> list[dict[str, Any]]:
+    """Return the value of the key ``footprint`` to write."""
     none: list[Any] = [None] * len(footprints.outlines)
     weights = none if footprints.weights is None else list(footprints.weights)
     tables = []
@@ -65,15 +57,7 @@ def written_footprints(footprints: Footprints, name_array: Callable[[str, np.nda
         if weight is not None:
             table["weight"] = weight
         tables.append(table)
-    keys: dict[str, Any] = {"footprint": tables}
-    for name, default in FOOTPRINT_KEYS.items():
-        value = getattr(footprints, name)
-        if name == "slope" and value is not None:
-            value = name_array(name, value)
-        value = value.tolist() if isinstance(value, np.ndarray) else value
-        if value is not None and value != default:
-            keys[name] = value
-    return keys
+    return tables
 
 
 def _outline(table: dict[str, Any], key: str) -> Footprint:

@@ -16,14 +16,16 @@ from ..errors import ProblemError
 from ..problem import validation
 from ..problem.body_class import BodyClass
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
+from ..problem.fixed_bodies import FixedBodies
 from ..problem.footprint import Footprints
 from ..problem.line import Line
+from ..problem.obstacles import Obstacle
 from ..problem.settings import settings_of
 from ..problem.size import Size
 from ..problem.surface_density import SurfaceDensity
 from ..problem.validation import show
 from .image_files import read_array, read_color, read_density
-from .recipe_footprints import FOOTPRINT_KEYS, check_footprint, written_footprints
+from .recipe_footprints import FOOTPRINT_KEYS, OUTLINES, check_footprint, written_outlines
 from .recipe_surface import read_surface_density
 from .recipe_table import RecipeTable
 
@@ -49,10 +51,12 @@ class Key(NamedTuple):
     write: Callable[[Any, NameArray], dict[str, Any]]
 
 
-def keys_of(cls: Any) -> tuple[str, ...]:
-    """Return the keys that the settings of a class stand under."""
+def keys_of(cls: Any, *, leave: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Return the keys that the settings of a class stand under, less those that are left out."""
     names: list[str] = []
     for name in settings_of(cls):
+        if name in leave:
+            continue
         special = SPECIAL.get((cls, name))
         names.extend(special.names if special else [name])
     return tuple(names)
@@ -193,15 +197,49 @@ def _read_footprint(table: RecipeTable) -> Footprints:
         if name in table.entries and "footprint" not in table.entries:
             raise table.error(name, "is only for a size with a `footprint`")
     outlines, weights = table.take("footprint", check_footprint)
-    given = {name: table.entries[name] for name in FOOTPRINT_KEYS if name in table.entries}
-    if "slope" in given:
-        table.take("slope", _check_slope)
-        given["slope"] = table.read("slope", read_array)
-    return table.build(lambda: Footprints(outlines, weights=weights, **given))
+    given = read_settings(table, Footprints, leave=OUTLINES)
+    return table.build(lambda: Footprints(outlines, weights, **given))
 
 
 def _write_footprint(footprints: Footprints, name_array: NameArray) -> dict[str, Any]:
-    return written_footprints(footprints, name_array)
+    keys = written_settings(footprints, Footprints, name_array, leave=OUTLINES)
+    return {"footprint": written_outlines(footprints), **keys}
+
+
+def _read_slope(table: RecipeTable) -> np.ndarray:
+    table.take("slope", _check_slope)
+    return table.read("slope", read_array)
+
+
+def _write_slope(slope: np.ndarray, name_array: NameArray) -> dict[str, Any]:
+    return {"slope": name_array("slope", slope)}
+
+
+# What is there before anything is placed
+
+
+def _named(key: str) -> Key:
+    """A class or a size, which recipes call by their names."""
+    return Key((key,), lambda table: table.take(key, _check_label), lambda name, _: {key: name})
+
+
+def _check_label(value: object, key: str) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ProblemError(f"{key} must be a name; got {show(value)}")
+    return value
+
+
+def _read_obstacle_image(table: RecipeTable) -> np.ndarray | None:
+    invert = table.take("invert", validation.check_switch, False)
+    if "image" in table.entries:
+        return table.read("image", lambda path: read_density(path, invert))
+    if invert:
+        raise table.error("invert", "is only for an obstacle that is an `image`")
+    return None
+
+
+def _write_obstacle_image(image: np.ndarray, name_array: NameArray) -> dict[str, Any]:
+    return {"image": name_array("obstacle", image)}
 
 
 def _check_slope(value: object, key: str) -> str:
@@ -271,7 +309,11 @@ def _vectors(image: np.ndarray, key: str) -> np.ndarray:
 
 SPECIAL: dict[tuple[type, str], Key] = {
     (Size, "footprint"): Key(("footprint", *FOOTPRINT_KEYS), _read_footprint, _write_footprint),
+    (Footprints, "slope"): Key(("slope",), _read_slope, _write_slope),
     (BodyClass, "density"): Key(("density", "invert"), _read_density, _write_density),
+    (FixedBodies, "body_class"): _named("class"),
+    (FixedBodies, "size"): _named("size"),
+    (Obstacle, "image"): Key(("image", "invert"), _read_obstacle_image, _write_obstacle_image),
     (Line, "length"): Key(("length", "length_range"), _read_length, _write_length),
     (Line, "direction"): Key(("direction", "direction_kind"), _read_direction, _write_direction),
 }

@@ -10,10 +10,11 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..problem.balance import Balance
-from ..problem.body_class import BodyClass
+from ..problem.body_class import BodyClass, PlacingSettings
 from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
-from ..problem.problem import Problem, SamplingSettings
+from ..problem.problem import Problem, ProblemSettings
+from ..problem.settings import values_of
 from ..problem.size import Size
 from .placement_files import write_files
 from .recipe_keys import written_settings
@@ -71,9 +72,8 @@ def recipe_text(
         colors: Of the classes, in a halftone.
     """
     domain = problem.rectangle
-    include_fixed = {"include_fixed": True} if problem.include_fixed else {}
     tables: list[tuple[str, dict[str, Any]]] = [
-        ("", {"version": 1, **written_settings(problem, SamplingSettings, _no_arrays), **include_fixed}),
+        ("", {"version": 1, **written_settings(problem, ProblemSettings, _no_arrays)}),
         ("[domain]", written_settings(domain, Domain, _no_arrays)),
         ("[balance]", written_settings(problem.balance, Balance, _no_arrays)),
     ]
@@ -101,7 +101,9 @@ def recipe_text(
 def _asked(placed: PreparedClass) -> BodyClass:
     """Return what a class was made from; where more went into it, what asks for it as it is."""
     placed = placed.base or placed
-    return placed.asked or BodyClass(placed.name, placed.sizes, placed.density_image, room=placed.room, gap=placed.gap)
+    if placed.asked is not None:
+        return placed.asked
+    return BodyClass(placed.name, placed.sizes, placed.density_image, **values_of(placed, PlacingSettings))
 
 
 def _table_lines(header: str, keys: dict[str, Any]) -> list[str]:

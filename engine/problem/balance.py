@@ -34,7 +34,7 @@ class Balance(Settings):
             "0: each class is evenly spaced by itself, wherever the others are. 1: only all classes together are evenly spaced, "
             "so they mix",
             more="The alpha of Schmaltz, Gwosdek and Weickert 2012",
-            label="Separation",
+            label="Mix Classes",
             unit="share",
             low=0.0,
             high=1.0,
@@ -48,6 +48,7 @@ class Balance(Settings):
             more="The C >= 1 of Schmaltz, Gwosdek and Weickert 2012, with C_i = C^i for size rank i; or the list C_1, C_2, ..., "
             "one for each larger size. For sizes that are a range, it is the square of C that every doubling of the area adds as a "
             "factor: C = 2 is the paper's min(A_j², A_k²)",
+            label="Favor Large Sizes",
             low=1.0,
             high=1e6,
             soft_high=8.0,

@@ -17,7 +17,7 @@ from .settings import Settings, described, setting, settle
 from .size import Size
 from .surface_density import SurfaceDensity, check_density
 
-__all__ = ["BodyClass", "ClassSettings", "Unsharp"]
+__all__ = ["BodyClass", "ClassSettings", "PlacingSettings", "Unsharp"]
 
 
 @described
@@ -53,23 +53,9 @@ class Unsharp(Settings):
 
 @described
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ClassSettings(Settings):
-    """What the engine and Blender understand alike of a class, beside its name, sizes, density and count."""
+class PlacingSettings(Settings):
+    """What of a class still matters once its density is prepared: :class:`~.prepared_class.PreparedClass` has it, too."""
 
-    density_correction: bool = field(
-        default=False,
-        metadata=setting(
-            "Treat the density as the share of the ground to cover. Where discs have to overlap to cover it, more are placed",
-            more="The density is then 0..1, and raised above 0.907 (section 3 of Schmaltz, Gwosdek and Weickert 2012)",
-            label="Cover Dark Areas",
-        ),
-    )
-    unsharp: Unsharp | None = field(
-        default=None,
-        metadata=setting(
-            "Make the edges of the density stronger", more="Before everything else", label="Sharpen", of=Unsharp
-        ),
-    )
     clustering: float = field(
         default=0.0,
         metadata=setting(
@@ -123,6 +109,27 @@ class ClassSettings(Settings):
             more="Long bodies lie along their direction instead",
             label="Look At",
             of=LookAt,
+        ),
+    )
+
+
+@described
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClassSettings(PlacingSettings):
+    """What the engine and Blender understand alike of a class, beside its name, sizes, density and count."""
+
+    density_correction: bool = field(
+        default=False,
+        metadata=setting(
+            "Treat the density as the share of the ground to cover. Where discs have to overlap to cover it, more are placed",
+            more="The density is then 0..1, and raised above 0.907 (section 3 of Schmaltz, Gwosdek and Weickert 2012)",
+            label="Cover Dark Areas",
+        ),
+    )
+    unsharp: Unsharp | None = field(
+        default=None,
+        metadata=setting(
+            "Make the edges of the density stronger", more="Before everything else", label="Sharpen", of=Unsharp
         ),
     )
 

@@ -11,6 +11,7 @@ from .body_kind import disc_radius
 from .footprint import Footprint, Footprints
 from .packing import CELLS, in_cells
 from .problem import Problem
+from .settings import settle
 from .size import with_count
 from .slopes import level_share, slope_at
 
@@ -54,8 +55,7 @@ class BodyFootprints:
 
     def __post_init__(self) -> None:
         if not len(self.slope):
-            object.__setattr__(self, "slope", np.full(len(self.shape), -1, np.int32))
-            object.__setattr__(self, "seen", np.ones(len(self.shape)))
+            settle(self, slope=np.full(len(self.shape), -1, np.int32), seen=np.ones(len(self.shape)))
 
     def slopes_at(self, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
         """Slope of the plane that every outline lies in, at these positions [m] of a domain of this size, shape ``[n, 2]``."""

@@ -15,6 +15,7 @@ from ..errors import ProblemError
 from .domain import Domain
 from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
+from .wave_filter import filter_waves
 
 __all__ = ["BYTES_PER_PIXEL_OF_CLUMPS", "with_clumps"]
 
@@ -107,7 +108,7 @@ def _factor(
     kept *= kept * (3.0 - 2.0 * kept)
     for _ in range(min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // factor.size))):
         # What is cut off below has long waves again, though fewer.
-        factor = 1.0 + _filtered(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
+        factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
     factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
     return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
 
@@ -116,7 +117,7 @@ def _noise(count: list[int], wave: np.ndarray, wraps: bool, random: np.random.Ge
     """Noise of waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
     band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
     band[0, 0] = 0.0
-    noise = _filtered(random.standard_normal(count), band, wraps)
+    noise = filter_waves(random.standard_normal(count), band, wraps)
     # Where the domain is smaller than a clump there is next to nothing.
     noise /= max(float(noise.std()), 1e-9)
     return np.clip(noise, -HIGHEST, HIGHEST)
@@ -128,43 +129,6 @@ def _length_of_transform(least: int) -> int:
         return max(least, 4)
     powers = (2**two * 3**three * 5**five for two in range(14) for three in range(9) for five in range(6))
     return min(number for number in powers if number >= least)
-
-
-def _filtered(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:
-    """Values on a grid times a function of their waves; they wrap, or go on as in mirrors."""
-    if wraps:
-        return np.fft.irfft2(np.fft.rfft2(values) * kept, values.shape)
-    spectrum = _cosines(_cosines(values).T).T
-    spectrum *= kept
-    return _from_cosines(_from_cosines(spectrum).T).T
-
-
-def _cosines(values: np.ndarray) -> np.ndarray:
-    """Cosine transform along the last axis, by one Fourier transform of the same length (Makhoul 1980, A fast cosine transform)."""
-    many = values.shape[-1]
-    waves = np.fft.rfft(np.concatenate([values[:, ::2], values[:, 1::2][:, ::-1]], axis=-1)) * _turns(many)
-    result = np.empty(values.shape)
-    result[:, : many // 2 + 1] = waves.real
-    result[:, many // 2 + 1 :] = -waves.imag[:, 1 : (many + 1) // 2][:, ::-1]
-    return result
-
-
-def _from_cosines(spectrum: np.ndarray) -> np.ndarray:
-    """What :func:`_cosines` made a spectrum of."""
-    many = spectrum.shape[-1]
-    waves = np.empty((len(spectrum), many // 2 + 1), np.complex128)
-    waves.real = spectrum[:, : many // 2 + 1]
-    waves.imag[:, 0] = 0.0
-    waves.imag[:, 1:] = -spectrum[:, : (many - 1) // 2 : -1]
-    waves *= np.conj(_turns(many))
-    values = np.fft.irfft(waves, many)
-    result = np.empty_like(values)
-    result[:, ::2], result[:, 1::2] = values[:, : (many + 1) // 2], values[:, (many + 1) // 2 :][:, ::-1]
-    return result
-
-
-def _turns(many: int) -> np.ndarray:
-    return np.exp(-0.5j * np.pi * np.arange(many // 2 + 1) / many)
 
 
 def _stretched(values: np.ndarray, count: int, wraps: bool) -> np.ndarray:

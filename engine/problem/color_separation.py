@@ -205,7 +205,7 @@ def halftone_problem(
         )
     apart = np.asarray(found.non_overlap)[np.ix_(used, used)]
     balance = Balance(class_separation, size_emphasis, apart, rare_emphasis)
-    return Problem(domain, classes, balance, seed)
+    return Problem(domain, classes, balance, seed=seed)
 
 
 def _printable(sizes: Sequence[Size], covered: float) -> list[Size]:

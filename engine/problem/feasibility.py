@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .body_kind import disc_radius
 from .domain import Domain
 from .line import Line
 from .obstacles import Obstacle
@@ -142,7 +143,7 @@ def _check_areas(problem: Problem) -> None:
 def _ground_with_room(size: Size, body_class: PreparedClass) -> float:
     """Mean ground that a body covers or keeps free [m²], about."""
     ground, room, gap = size.mean_ground, size.room * body_class.room, size.gap + body_class.gap
-    radius = math.sqrt(ground / math.pi)
+    radius = float(disc_radius(ground))
     return ground if room == 1.0 and gap == 0.0 else math.pi * (radius * room + 0.5 * gap) ** 2
 
 

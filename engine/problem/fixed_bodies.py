@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..errors import ProblemError
 from . import validation
 from .domain import Domain
 from .prepared_class import PreparedClass
+from .settings import Setting, Settings, as_given, described, same_setting, setting, settings_of, settle
 from .surface import Surface
 from .validation import show
 
@@ -22,107 +24,204 @@ __all__ = ["FixedBodies", "FixedBody", "FixedTable", "fixed_table"]
 
 # A class or a size: by its name, or by its index.
 Label = str | int
+# What stands for a value that is not said, where there may be one for each body.
+_NOT_SAID = {
+    "angle": 0.0,
+    "length": math.nan,
+    "area": math.nan,
+    "id": -1,
+    "variant": 0,
+    "scale": math.nan,
+    "mesh": 0,
+    "triangle": -1,
+}
 
 
-@dataclass(frozen=True)
-class FixedBody:
-    """One body that does not move.
-
-    Args:
-        position: Where it is [m], inside the domain; on a surface x, y and z, on that.
-        body_class: Name of its class, or index.
-        size: Name of its size, or index.
-        angle: Direction of its long axis [rad]; that of a dot is kept and means nothing to others.
-        length: Length of its axis [m], of a line; None for the length that is asked for there.
-        area: Its footprint [m²]; None for that of its size, the mean one of a range.
-        id: Its identity, a whole number of 0 or more that no other body has; None for a free one.
-        variant: Which of the outlines of its size it has, where there are several.
-        scale: Factor on that outline; None for that which gives it its area where the outline does, else 1.
-    """
-
-    position: tuple[float, ...]
-    body_class: Label = 0
-    size: Label = 0
-    angle: float = 0.0
-    length: float | None = None
-    area: float | None = None
-    id: int | None = None
-    variant: int = 0
-    scale: float | None = None
+def _check_positions(value: object, key: str) -> np.ndarray:
+    try:
+        position = None if isinstance(value, str) else validation.as_reals(value)
+    except validation.FOREIGN_ERRORS:
+        position = None
+    if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):
+        raise ProblemError(
+            f"{key} must be a list of positions, each x and y in meters, and z on a surface; got {show(value)}"
+        )
+    return _finite(position, key)
 
 
+def _check_numbers(value: object, key: str) -> np.ndarray:
+    """Return a number, or one for each body, float64."""
+    try:
+        given = np.array(value)
+        numbers = given.astype(np.float64) if given.dtype.kind in "uifO" else None
+    except validation.FOREIGN_ERRORS:
+        numbers = None
+    if numbers is None or numbers.ndim > 1:
+        raise ProblemError(f"{key} must be a number, or a list of one for every position; got {show(value)}")
+    return numbers
+
+
+def _check_angle(value: object, key: str) -> np.ndarray:
+    return _finite(_check_numbers(0.0 if value is None else value, key), key)
+
+
+def _finite(numbers: np.ndarray, key: str) -> np.ndarray:
+    if not np.isfinite(numbers).all():
+        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
+    return numbers
+
+
+def _check_above_0(value: object, key: str) -> np.ndarray:
+    """Return numbers above 0, or NaN for what is not said."""
+    numbers = _check_numbers(value, key)
+    wrong = numbers[~(np.isnan(numbers) | ((numbers > 0.0) & np.isfinite(numbers)))]
+    if wrong.size:
+        raise ProblemError(f"{key} must be above 0, and finite; got {show(float(wrong[0]))}")
+    return numbers
+
+
+def _check_lengths(value: object, key: str) -> np.ndarray:
+    numbers = _check_numbers(value, key)
+    # A dot has no axis, and files say so with 0.
+    _check_above_0(numbers[numbers != 0.0], key)
+    return numbers
+
+
+def _check_whole(value: object, key: str) -> np.ndarray:
+    """Return whole numbers, int64; -1 stands for one that is not said."""
+    numbers = _check_numbers(value, key)
+    if not ((numbers >= -1) & (numbers == np.floor(numbers)) & (numbers < 2**31)).all():
+        raise ProblemError(
+            f"{key} must be whole numbers of 0 or more, below 2**31, or -1 for free ones; got {show(value)}"
+        )
+    return numbers.astype(np.int64)
+
+
+def _check_variant(value: object, key: str) -> np.ndarray:
+    numbers = _check_numbers(value, key)
+    if not ((numbers >= 0.0) & (numbers % 1.0 == 0.0)).all():
+        raise ProblemError(f"{key} must be whole numbers of 0 or more; got {show(value)}")
+    return np.minimum(numbers, 2.0**31 - 1.0).astype(np.int32)
+
+
+def _check_weights(value: object, key: str) -> np.ndarray:
+    try:
+        weights = validation.as_reals(value)
+    except validation.FOREIGN_ERRORS:
+        weights = np.empty(0)
+    if weights.ndim != 2 or weights.shape[1] != 3:
+        raise ProblemError(f"{key} must be three numbers for every body; got {show(value)}")
+    return weights
+
+
+@described
 @dataclass(frozen=True, eq=False)
-class FixedBodies:
+class FixedBodies(Settings):
     """Bodies that do not move, as arrays; every value but the position may be one for all of them.
-
-    Args:
-        position: Where they are [m], shape ``[m, 2]``, inside the domain; on a surface ``[m, 3]``.
-        body_class: Names of their classes, or indices.
-        size: Names of their sizes, or indices.
-        angle: Directions of their long axes [rad].
-        length: Lengths of their axes [m], of lines; NaN or None for the length that is asked for there.
-        area: Footprints [m²]; NaN or None for that of the size, the mean one of a range.
-        id: Identities, whole numbers of 0 or more that no two bodies share; -1 or None for free ones.
-        variant: Which of the outlines of their sizes they have.
-        scale: Factors on these; NaN or None as in :class:`FixedBody`.
-        mesh: On a surface, meshes that they are on; together with the following it says where they are exactly, and on which side of
-            a thin wall. None where only positions are known.
-        triangle: Triangles of these meshes, -1 for unknown ones.
-        barycentric: Weights of these triangles' corners, shape ``[m, 3]``.
 
     Raises:
         ProblemError: Shapes that do not fit each other, or values that are none.
     """
 
-    position: np.ndarray
-    body_class: Label | Sequence[Label] | np.ndarray = 0
-    size: Label | Sequence[Label] | np.ndarray = 0
-    angle: float | np.ndarray = 0.0
-    length: float | np.ndarray | None = None
-    area: float | np.ndarray | None = None
-    id: np.ndarray | None = None
-    variant: int | np.ndarray = 0
-    scale: float | np.ndarray | None = None
-    mesh: int | np.ndarray | None = None
-    triangle: np.ndarray | None = None
-    barycentric: np.ndarray | None = None
+    position: np.ndarray = field(
+        metadata=setting(
+            "Position inside the domain; on a surface x, y and z, on that",
+            unit="m",
+            more="Shape ``[m, 2]``; on a surface ``[m, 3]``",
+            check=_check_positions,
+        )
+    )
+    body_class: Label | Sequence[Label] | np.ndarray = field(
+        default=0, metadata=setting("Class: its name, or its index", check=as_given)
+    )
+    size: Label | Sequence[Label] | np.ndarray = field(
+        default=0, metadata=setting("Size: its name, or its index", check=as_given)
+    )
+    angle: float | np.ndarray = field(
+        default=0.0,
+        metadata=setting(
+            "Direction of the long axis",
+            unit="rad",
+            more="That of a dot is kept and means nothing to others",
+            check=_check_angle,
+        ),
+    )
+    length: float | np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "Length of the axis, of a line",
+            unit="m",
+            more="NaN or None: the length that is asked for there",
+            check=_check_lengths,
+        ),
+    )
+    area: float | np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "Footprint",
+            unit="m²",
+            more="NaN or None: that of the size, the mean one of a range",
+            check=_check_above_0,
+        ),
+    )
+    id: np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "Identity, a whole number of 0 or more that no other body has",
+            more="-1 or None: a free one",
+            check=_check_whole,
+        ),
+    )
+    variant: int | np.ndarray = field(
+        default=0,
+        metadata=setting(
+            "Which of the outlines of its size a body has, where there are several, counted from 0",
+            check=_check_variant,
+        ),
+    )
+    scale: float | np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "Factor on that outline",
+            more="NaN or None: that which gives it its area where the outline does, else 1",
+            check=_check_above_0,
+        ),
+    )
+    mesh: int | np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "On a surface, the mesh that a body is on",
+            more="Together with the following it says where it is exactly, and on which side of a thin wall. None where only "
+            "positions are known",
+            check=_check_whole,
+        ),
+    )
+    triangle: np.ndarray | None = field(
+        default=None,
+        metadata=setting("Triangle of this mesh", more="-1 or None: not known", check=_check_whole),
+    )
+    barycentric: np.ndarray | None = field(
+        default=None,
+        metadata=setting("Weights of this triangle's corners", more="Shape ``[m, 3]``", check=_check_weights),
+    )
 
     def __post_init__(self) -> None:
-        position = _numbers(self.position, "`fixed.position`")
-        if position.ndim != 2 or position.shape[1] not in (2, 3):
+        super().__post_init__()
+        m = len(self.position)
+        settle(self, body_class=_labels(self.body_class, m, self._key("body_class")))
+        settle(self, size=_labels(self.size, m, self._key("size")))
+        for name, not_said in _NOT_SAID.items():
+            value = getattr(self, name)
+            settle(self, **{name: _each(np.array(not_said) if value is None else value, m, self._key(name))})
+        if self.barycentric is None:
+            settle(self, barycentric=np.full((m, 3), 1.0 / 3.0))
+        elif len(self.barycentric) != m:
             raise ProblemError(
-                f"`fixed.position` must have shape [count, 2], or [count, 3] on a surface; got shape {list(position.shape)}"
+                f"{self._key('barycentric')} must have shape [{m}, 3]; got shape {list(self.barycentric.shape)}"
             )
-        m = len(position)
-        if not np.isfinite(position).all():
-            raise ProblemError("`fixed.position` must be finite everywhere; it holds NaN or infinity")
-        values = {
-            "position": position,
-            "body_class": _labels(self.body_class, m, "`fixed.body_class`"),
-            "size": _labels(self.size, m, "`fixed.size`"),
-            "angle": _each(0.0 if self.angle is None else self.angle, m, "`fixed.angle`"),
-            "length": _each(np.nan if self.length is None else self.length, m, "`fixed.length`"),
-            "area": _each(np.nan if self.area is None else self.area, m, "`fixed.area`"),
-            "id": _ids(self.id, m),
-            "variant": _each(self.variant, m, "`fixed.variant`"),
-            "scale": _each(np.nan if self.scale is None else self.scale, m, "`fixed.scale`"),
-            "mesh": _each(0 if self.mesh is None else self.mesh, m, "`fixed.mesh`").astype(np.int64),
-            "triangle": _each(-1 if self.triangle is None else self.triangle, m, "`fixed.triangle`").astype(np.int64),
-            "barycentric": _weights(self.barycentric, m),
-        }
-        if not ((values["variant"] >= 0.0) & (values["variant"] % 1.0 == 0.0)).all():
-            raise ProblemError(f"`fixed.variant` must be whole numbers of 0 or more; got {show(self.variant)}")
-        values["variant"] = np.minimum(values["variant"], 2.0**31 - 1.0).astype(np.int32)
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        if not np.isfinite(values["angle"]).all():
-            raise ProblemError("`fixed.angle` must be finite everywhere; it holds NaN or infinity")
-        for name in ("length", "area", "scale"):
-            wrong = values[name][~(np.isnan(values[name]) | ((values[name] > 0.0) & np.isfinite(values[name])))]
-            # A dot has no axis, and files say so with 0.
-            wrong = wrong[wrong != 0.0] if name == "length" else wrong
-            if len(wrong):
-                raise ProblemError(f"`fixed.{name}` must be above 0, and finite; got {show(float(wrong[0]))}")
+
+    def _key(self, name: str) -> str:
+        return f"`fixed.{name}`"
 
     def __len__(self) -> int:
         return len(self.position)
@@ -154,6 +253,28 @@ class FixedBodies:
             None if placement.triangle is None else placement.triangle[pick],
             None if placement.barycentric is None else placement.barycentric[pick],
         )
+
+
+def _of_one(name: str) -> dict[str, Setting]:
+    """Describe a field of one body as that of several."""
+    more = settings_of(FixedBodies)[name].setting.more.replace("NaN or None", "None").replace("-1 or None", "None")
+    return same_setting(FixedBodies, name, check=as_given, more="" if name == "position" else more)
+
+
+@described
+@dataclass(frozen=True)
+class FixedBody(Settings):
+    """One body that does not move; a list of these is checked as :class:`FixedBodies` are."""
+
+    position: tuple[float, ...] = field(metadata=_of_one("position"))
+    body_class: Label = field(default=0, metadata=_of_one("body_class"))
+    size: Label = field(default=0, metadata=_of_one("size"))
+    angle: float = field(default=0.0, metadata=_of_one("angle"))
+    length: float | None = field(default=None, metadata=_of_one("length"))
+    area: float | None = field(default=None, metadata=_of_one("area"))
+    id: int | None = field(default=None, metadata=_of_one("id"))
+    variant: int = field(default=0, metadata=_of_one("variant"))
+    scale: float | None = field(default=None, metadata=_of_one("scale"))
 
 
 class FixedTable(NamedTuple):
@@ -298,7 +419,10 @@ def _as_bodies(part: object) -> FixedBodies:
         return FixedBodies(*part)
     if not isinstance(part, FixedBody):
         raise ProblemError(f"`fixed` must be a FixedBodies, or a list of FixedBody; got {show(part)} among them")
-    position = _numbers(part.position, "`fixed.position`")
+    try:
+        position = validation.as_reals(part.position)
+    except validation.FOREIGN_ERRORS:
+        position = np.empty(0)
     if position.shape not in ((2,), (3,)):
         raise ProblemError(
             f"`fixed.position` must be two lengths in meters, x and y, or three on a surface; got {show(part.position)}"
@@ -316,37 +440,12 @@ def _as_bodies(part: object) -> FixedBodies:
     )
 
 
-def _numbers(value: object, key: str) -> np.ndarray:
-    try:
-        array = validation.as_reals(value)
-    except validation.FOREIGN_ERRORS:
-        raise ProblemError(f"{key} must be numbers; got {show(value)}") from None
-    return array
-
-
-def _each(value: object, count: int, key: str) -> np.ndarray:
-    array = _numbers(value, key)
-    if array.ndim > 1 or (array.ndim == 1 and len(array) != count):
+def _each(value: np.ndarray, count: int, key: str) -> np.ndarray:
+    if value.ndim == 1 and len(value) != count:
         raise ProblemError(
-            f"{key} must be one number, or one for each of {count} bodies; got shape {list(array.shape)}"
+            f"{key} must be one number, or one for each of {count} bodies; got shape {list(value.shape)}"
         )
-    return np.broadcast_to(array, (count,)).copy()
-
-
-def _weights(value: object, count: int) -> np.ndarray:
-    if value is None:
-        return np.full((count, 3), 1.0 / 3.0)
-    weights = _numbers(value, "`fixed.barycentric`")
-    if weights.shape != (count, 3):
-        raise ProblemError(f"`fixed.barycentric` must have shape [{count}, 3]; got shape {list(weights.shape)}")
-    return weights
-
-
-def _ids(value: object, count: int) -> np.ndarray:
-    numbers = _each(-1 if value is None else value, count, "`fixed.id`")
-    if not ((numbers >= -1) & (numbers == np.floor(numbers)) & (numbers < 2**31)).all():
-        raise ProblemError("`fixed.id` must be whole numbers of 0 or more, below 2**31, or -1 for free ones")
-    return numbers.astype(np.int64)
+    return np.broadcast_to(value, (count,)).copy()
 
 
 def _labels(value: object, count: int, key: str) -> np.ndarray:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .settings import Settings, described, setting
 from .validation import FOREIGN_ERRORS, show
 
 __all__ = ["MOST_CORNERS", "DrawnFootprints", "Footprint", "Footprints", "checked_footprints", "convex_hull"]
@@ -31,48 +32,63 @@ STEEPEST = 100.0
 LARGEST_ANGLE = 1e9
 
 
+def _check_corners(value: object, key: str) -> np.ndarray:
+    corners = _points(value, key)
+    if len(corners) > MOST_CORNERS:
+        raise ProblemError(f"{key} must be at most {MOST_CORNERS}; got {len(corners)}")
+    if len(corners) > 1:
+        edge = np.roll(corners, -1, axis=0) - corners
+        following = np.roll(edge, -1, axis=0)
+        turn = edge[:, 0] * following[:, 1] - edge[:, 1] * following[:, 0]
+        if not (np.hypot(*edge.T) > 0.0).all() or (len(corners) > 2 and not (turn > 0.0).all()):
+            raise ProblemError(f"{key} must be those of a convex polygon, counter-clockwise")
+        # Once round, and no more.
+        angle = np.unwrap(np.arctan2(edge[:, 1], edge[:, 0]))
+        if len(corners) > 2 and angle[-1] - angle[0] > 2.0 * math.pi:
+            raise ProblemError(f"{key} must be those of a convex polygon, counter-clockwise")
+    return _kept(corners)
+
+
+@described
 @dataclass(frozen=True, eq=False)
-class Footprint:
+class Footprint(Settings):
     """A convex outline: all points within ``rounding`` of a convex core, which is a point, a segment or a polygon.
 
     Its origin is where the body's position is, and what it turns about.
-
-    Args:
-        corners: Corners of the core in the body's frame [m], counter-clockwise, shape ``[k, 2]``, k from 1 to 16.
-        rounding: Radius by which the outline lies around the core [m], 0 or more.
 
     Raises:
         ProblemError: Corners that are none, not convex or not counter-clockwise, or an outline without an inside.
     """
 
-    corners: np.ndarray
-    rounding: float = 0.0
+    corners: np.ndarray = field(
+        metadata=setting(
+            "Corners of the core in the body's frame, counter-clockwise",
+            unit="m",
+            more="Shape ``[k, 2]``, k from 1 to 16",
+            check=_check_corners,
+        )
+    )
+    rounding: float = field(
+        default=0.0,
+        metadata=setting(
+            "Radius by which the outline lies around the core", unit="m", low=0.0, check=validation.check_at_least_zero
+        ),
+    )
 
     def __post_init__(self) -> None:
-        corners = _points(self.corners, "`corners` of a footprint")
-        rounding = validation.check_at_least_zero(self.rounding, "`rounding` of a footprint")
-        if len(corners) > MOST_CORNERS:
-            raise ProblemError(f"`corners` of a footprint must be at most {MOST_CORNERS}; got {len(corners)}")
-        if len(corners) < 3 and not rounding > 0.0:
-            raise ProblemError(f"`rounding` of a footprint of {len(corners)} corners must be above 0; got {rounding:g}")
-        if len(corners) > 1:
-            edge = np.roll(corners, -1, axis=0) - corners
-            following = np.roll(edge, -1, axis=0)
-            turn = edge[:, 0] * following[:, 1] - edge[:, 1] * following[:, 0]
-            if not (np.hypot(*edge.T) > 0.0).all() or (len(corners) > 2 and not (turn > 0.0).all()):
-                raise ProblemError("`corners` of a footprint must be those of a convex polygon, counter-clockwise")
-            # Once round, and no more.
-            angle = np.unwrap(np.arctan2(edge[:, 1], edge[:, 0]))
-            if len(corners) > 2 and angle[-1] - angle[0] > 2.0 * math.pi:
-                raise ProblemError("`corners` of a footprint must be those of a convex polygon, counter-clockwise")
-        corners.flags.writeable = False
-        object.__setattr__(self, "corners", corners)
-        object.__setattr__(self, "rounding", rounding)
+        super().__post_init__()
+        if len(self.corners) < 3 and not self.rounding > 0.0:
+            raise ProblemError(
+                f"`rounding` of a footprint of {len(self.corners)} corners must be above 0; got {self.rounding:g}"
+            )
         if not (self.width >= validation.SMALLEST_LENGTH and self.circumradius <= validation.LARGEST_LENGTH):
             raise ProblemError(
                 f"a footprint must be between {validation.SMALLEST_LENGTH:g} and {validation.LARGEST_LENGTH:g} meters wide; "
                 f"got one of {self.width:.3g} by {2.0 * self.circumradius:.3g}"
             )
+
+    def _key(self, name: str) -> str:
+        return f"`{name}` of a footprint"
 
     @classmethod
     def disc(cls, radius: float) -> Footprint:
@@ -218,81 +234,167 @@ class DrawnFootprints:
     turn: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Footprints:
-    """The outlines of a size's bodies: which each of them has, how large it is and how it is turned.
+def _check_variants(value: object, key: str) -> tuple[Footprint, ...]:
+    variants = validation.as_tuple((value,) if isinstance(value, Footprint) else value, Footprint, key)
+    if not variants:
+        raise ProblemError(f"{key} must hold at least one Footprint; got none")
+    return variants
 
-    Args:
-        variants: The outlines that there are, one or several.
-        weights: How often each variant is drawn; None: all as often.
-        variant: The variant of every body, shape ``[count]``; None draws them.
-        scale: Factor on every body's outline, a number or shape ``[count]``; None: 1, and for a size whose area is a range what
-            gives the body its area.
-        scale_jitter: Outlines are scaled by a random factor within 1 ± this, below 1.
-        turn: ``"free"``: the solver may turn bodies so that they fit; ``"random"``: drawn before solving; an angle [rad]; or one for
-            every body, shape ``[count]``. Of a line the frame lies along the axis: ``"free"`` and 0 leave it so, ``"random"`` turns
-            half of the bodies round, and an array holds 0 or pi.
-        room: Factor on the outlines for keeping apart.
-        gap: Distance that outlines keep from each other [m], instead of ``room``.
-        slope: How far the ground rises for each meter along x and y, where bodies lean with it: their outlines lie in planes of this
-            slope, and are foreshortened in the domain. An image stretched over the domain, shape ``[rows, columns, 2]``, row 0 at
-            the largest y; None: they are horizontal. Discs and the round of other outlines stay as large as they are.
+
+def _check_weights(value: object, key: str) -> tuple[float, ...]:
+    accepted = "a number of 0 or more for each variant"
+    weights = _numbers(value, key, accepted)
+    if not (weights >= 0.0).all() or not weights.sum() > 0.0:
+        raise ProblemError(f"{key} must be {accepted}, and one above 0; got {show(value)}")
+    return tuple(weights.tolist())
+
+
+def _check_variant(value: object, key: str) -> np.ndarray:
+    index = _numbers(value, key, "the number of a variant for each body")
+    if not ((index >= 0) & (index < 2**31) & (index == np.floor(index))).all():
+        raise ProblemError(f"{key} must hold whole numbers of 0 or more; got {show(value)}")
+    return _kept(index.astype(np.int32))
+
+
+def _check_scale(value: object, key: str) -> float | np.ndarray:
+    if validation.is_real(value):
+        return validation.check_positive(value, key)
+    scale = _kept(_numbers(value, key, "a factor above 0, or one for each body"))
+    if not (scale > 0.0).all():
+        raise ProblemError(f"{key} must be above 0 everywhere; got {scale.min():g}")
+    return scale
+
+
+def _check_jitter(value: object, key: str) -> float:
+    jitter = validation.check_at_least_zero(value, key)
+    if not jitter < 1.0:
+        raise ProblemError(f"{key} must be below 1; got {jitter:g}")
+    return jitter
+
+
+def _check_turn(value: object, key: str) -> str | float | np.ndarray:
+    accepted = '"free", "random", an angle in radians, or one for each body'
+    if isinstance(value, str):
+        if value not in ("free", "random"):
+            raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+        return value
+    if validation.is_real(value):
+        number = validation.as_float(value)
+        if number is None or not abs(number) <= LARGEST_ANGLE:
+            raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+        return number
+    angles = _numbers(value, key, accepted)
+    if not (np.abs(angles) <= LARGEST_ANGLE).all():
+        raise ProblemError(f"{key} must be at most {LARGEST_ANGLE:g} radians; got {np.abs(angles).max():g}")
+    return _kept(angles)
+
+
+def _check_slope(value: object, key: str) -> np.ndarray:
+    accepted = f"an image of slopes, shape [rows, columns, 2], of at most {STEEPEST:g} meters per meter"
+    try:
+        slope = None if isinstance(value, (str, bytes)) else np.array(value)
+    except FOREIGN_ERRORS:
+        slope = None
+    if slope is None or slope.ndim != 3 or slope.shape[2] != 2 or not slope.size or slope.dtype.kind not in "uif":
+        raise ProblemError(f"{key} must be {accepted}; got {show(value)}")
+    slope = slope.astype(np.float32)
+    if not (np.abs(slope) <= STEEPEST).all():
+        raise ProblemError(f"{key} must be {accepted}; it holds {float(np.abs(slope).max()):g}")
+    return _kept(slope)
+
+
+@described
+@dataclass(frozen=True, eq=False)
+class Footprints(Settings):
+    """The outlines of a size's bodies: which each of them has, how large it is and how it is turned.
 
     Raises:
         ProblemError: A value outside these ranges.
     """
 
-    variants: Footprint | Sequence[Footprint]
-    weights: Sequence[float] | np.ndarray | None = None
-    variant: np.ndarray | Sequence[int] | None = None
-    scale: float | np.ndarray | Sequence[float] | None = None
-    scale_jitter: float = 0.0
-    turn: str | float | np.ndarray | Sequence[float] = "free"
-    room: float = 1.0
-    gap: float = 0.0
-    slope: np.ndarray | None = None
+    variants: Footprint | Sequence[Footprint] = field(
+        metadata=setting("The outlines that there are, one or several", check=_check_variants)
+    )
+    weights: Sequence[float] | np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "How often each variant is drawn",
+            more="A number of 0 or more for each; None: all as often",
+            check=_check_weights,
+        ),
+    )
+    variant: np.ndarray | Sequence[int] | None = field(
+        default=None,
+        metadata=setting("The variant of every body", more="Shape ``[count]``; None draws them", check=_check_variant),
+    )
+    scale: float | np.ndarray | Sequence[float] | None = field(
+        default=None,
+        metadata=setting(
+            "Factor on every body's outline",
+            more="A number or shape ``[count]``; None: 1, and for a size whose area is a range what gives the body its area",
+            check=_check_scale,
+        ),
+    )
+    scale_jitter: float = field(
+        default=0.0,
+        metadata=setting(
+            "Outlines are scaled by a random factor within 1 ± this, below 1",
+            unit="share",
+            low=0.0,
+            check=_check_jitter,
+        ),
+    )
+    turn: str | float | np.ndarray | Sequence[float] = field(
+        default="free",
+        metadata=setting(
+            "How bodies are turned",
+            unit="rad",
+            more='``"free"``: the solver may turn bodies so that they fit; ``"random"``: drawn before solving; an angle; or one for '
+            'every body, shape ``[count]``. Of a line the frame lies along the axis: ``"free"`` and 0 leave it so, ``"random"`` turns '
+            "half of the bodies round, and an array holds 0 or pi",
+            check=_check_turn,
+        ),
+    )
+    room: float = field(
+        default=1.0, metadata=setting("Factor on the outlines for keeping apart", check=validation.check_positive)
+    )
+    gap: float = field(
+        default=0.0,
+        metadata=setting(
+            "Distance that outlines keep from each other, instead of ``room``",
+            unit="m",
+            low=0.0,
+            check=validation.check_at_least_zero,
+        ),
+    )
+    slope: np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "How far the ground rises for each meter along x and y, where bodies lean with it",
+            more="Their outlines lie in planes of this slope, and are foreshortened in the domain. An image stretched over it, "
+            "shape ``[rows, columns, 2]``, row 0 at the largest y; None: they are horizontal. Discs and the round of other outlines "
+            "stay as large as they are",
+            check=_check_slope,
+        ),
+    )
 
     def __post_init__(self) -> None:
-        given = (self.variants,) if isinstance(self.variants, Footprint) else self.variants
-        variants = validation.as_tuple(given, Footprint, "`variants` of footprints")
-        if not variants:
-            raise ProblemError("`variants` of footprints must hold at least one Footprint; got none")
-        object.__setattr__(self, "variants", variants)
-        if self.weights is not None:
-            weights = _numbers(self.weights, "`weights` of footprints", "a number of 0 or more for each variant")
-            if len(weights) != len(variants) or not (weights >= 0.0).all() or not weights.sum() > 0.0:
-                raise ProblemError(
-                    f"`weights` of footprints must be a number of 0 or more for each of the {len(variants)} variants, and one "
-                    f"above 0; got {show(self.weights)}"
-                )
-            object.__setattr__(self, "weights", tuple(weights.tolist()))
-        if self.variant is not None:
-            index = _numbers(self.variant, "`variant` of footprints", "the number of a variant for each body")
-            if not ((index >= 0) & (index < len(variants)) & (index == np.floor(index))).all():
-                raise ProblemError(
-                    f"`variant` of footprints must hold whole numbers from 0 to {len(variants) - 1}; got {show(self.variant)}"
-                )
-            object.__setattr__(self, "variant", _kept(index.astype(np.int32)))
-        if self.scale is not None:
-            if validation.is_real(self.scale):
-                scale: float | np.ndarray = validation.check_positive(self.scale, "`scale` of footprints")
-            else:
-                scale = _kept(_numbers(self.scale, "`scale` of footprints", "a factor above 0, or one for each body"))
-                if not (scale > 0.0).all():
-                    raise ProblemError(f"`scale` of footprints must be above 0 everywhere; got {scale.min():g}")
-            object.__setattr__(self, "scale", scale)
-        jitter = validation.check_at_least_zero(self.scale_jitter, "`scale_jitter` of footprints")
-        if not jitter < 1.0:
-            raise ProblemError(f"`scale_jitter` of footprints must be below 1; got {jitter:g}")
-        object.__setattr__(self, "scale_jitter", jitter)
-        object.__setattr__(self, "turn", _checked_turn(self.turn))
-        object.__setattr__(self, "room", validation.check_positive(self.room, "`room` of footprints"))
-        object.__setattr__(self, "gap", validation.check_at_least_zero(self.gap, "`gap` of footprints"))
+        super().__post_init__()
+        number = len(self.outlines)
+        if self.weights is not None and len(self.weights) != number:
+            raise ProblemError(
+                f"{self._key('weights')} must be a number of 0 or more for each of the {number} variants; got {show(self.weights)}"
+            )
+        if self.variant is not None and np.max(self.variant) >= number:
+            raise ProblemError(
+                f"{self._key('variant')} must hold whole numbers from 0 to {number - 1}; got {show(self.variant)}"
+            )
         if self.room != 1.0 and self.gap != 0.0:
-            raise ProblemError(f"`room` of footprints cannot be combined with a `gap`; got {self.room:g}")
-        if self.slope is not None:
-            object.__setattr__(self, "slope", _checked_slope(self.slope))
+            raise ProblemError(f"{self._key('room')} cannot be combined with a `gap`; got {self.room:g}")
         self._check_lengths()
+
+    def _key(self, name: str) -> str:
+        return f"`{name}` of footprints"
 
     def _check_lengths(self) -> None:
         lengths = {
@@ -411,39 +513,6 @@ def checked_footprints(value: object, where: str, count: int | None, long: bool)
                 f"got {show(footprints.turn)}"
             )
     return footprints
-
-
-def _checked_turn(value: object) -> str | float | np.ndarray:
-    accepted = '"free", "random", an angle in radians, or one for each body'
-    if isinstance(value, str):
-        if value not in ("free", "random"):
-            raise ProblemError(f"`turn` of footprints must be {accepted}; got {show(value)}")
-        return value
-    if validation.is_real(value):
-        number = validation.as_float(value)
-        if number is None or not abs(number) <= LARGEST_ANGLE:
-            raise ProblemError(f"`turn` of footprints must be {accepted}; got {show(value)}")
-        return number
-    angles = _numbers(value, "`turn` of footprints", accepted)
-    if not (np.abs(angles) <= LARGEST_ANGLE).all():
-        raise ProblemError(
-            f"`turn` of footprints must be at most {LARGEST_ANGLE:g} radians; got {np.abs(angles).max():g}"
-        )
-    return _kept(angles)
-
-
-def _checked_slope(value: object) -> np.ndarray:
-    accepted = f"an image of slopes, shape [rows, columns, 2], of at most {STEEPEST:g} meters per meter"
-    try:
-        slope = None if isinstance(value, (str, bytes)) else np.array(value)
-    except FOREIGN_ERRORS:
-        slope = None
-    if slope is None or slope.ndim != 3 or slope.shape[2] != 2 or not slope.size or slope.dtype.kind not in "uif":
-        raise ProblemError(f"`slope` of footprints must be {accepted}; got {show(value)}")
-    slope = slope.astype(np.float32)
-    if not (np.abs(slope) <= STEEPEST).all():
-        raise ProblemError(f"`slope` of footprints must be {accepted}; it holds {float(np.abs(slope).max()):g}")
-    return _kept(slope)
 
 
 def _kept(values: np.ndarray) -> np.ndarray:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-__all__ = ["gaussian_blur", "local_range", "luminance", "unsharp_mask"]
+__all__ = ["LUMINANCE", "gaussian_blur", "local_range", "luminance", "unsharp_mask"]
 
 # Red, green and blue of Rec. 709, the primaries of sRGB and of Blender's default color space.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 # Standard deviations after which the Gaussian is cut, where it is summed directly.
 TRUNCATE = 4.0
@@ -29,7 +29,7 @@ LARGEST_EXPONENT = 37.0
 
 def luminance(color: np.ndarray) -> np.ndarray:
     """Weighted sum of red, green and blue, shape ``[...]``, of colors of shape ``[..., 3 or more]``."""
-    return color[..., :3] @ LUMINANCE
+    return color[..., :3] @ LUMINANCE.astype(np.float32)
 
 
 def gaussian_blur(image: np.ndarray, sigma: float) -> np.ndarray:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
 from .domain import Domain
+from .settings import Settings, described, setting
 from .validation import show
 
 __all__ = ["Obstacle", "clearance", "distance_to", "mask_shape"]
@@ -29,41 +30,7 @@ ROWS = 32
 THRESHOLD = 0.5
 
 
-@dataclass(frozen=True, eq=False)
-class Obstacle:
-    """Something that bodies keep off: one of a polygon, a disc and an image, or of a surface a ball.
-
-    Args:
-        polygon: Corners [m], shape ``[3 or more, 2]``, in either order; where its edges cross, what is inside an odd number of times.
-        disc: Center along x and y, and radius [m].
-        ball: Center along x, y and z, and radius [m]; what of a surface lies within it is an obstacle.
-        image: Shape ``[height, width]``, row 0 at the top, stretched over the domain: an obstacle from half on, of 0..1 or of true
-            and false.
-        margin: How far bodies keep off its edge [m]: their centers, and their whole footprints where overlap is avoided.
-
-    Raises:
-        ProblemError: None or several of the four, or a value that is none.
-    """
-
-    polygon: np.ndarray | Sequence[Sequence[float]] | None = None
-    disc: Sequence[float] | None = None
-    image: np.ndarray | None = None
-    margin: float = 0.0
-    ball: Sequence[float] | None = None
-
-    def __post_init__(self) -> None:
-        given = [name for name in ("polygon", "disc", "image", "ball") if getattr(self, name) is not None]
-        if len(given) != 1:
-            got = " and ".join(f"`{name}`" for name in given) or "none of them"
-            raise ProblemError(f"an obstacle must have one of `polygon`, `disc`, `image` and `ball`; got {got}")
-        checks = {"polygon": check_polygon, "disc": check_disc, "image": _check_image, "ball": check_ball}
-        value = checks[given[0]](getattr(self, given[0]), f"`obstacle.{given[0]}`")
-        object.__setattr__(self, given[0], value)
-        margin = validation.check_at_least_zero(self.margin, "`obstacle.margin`")
-        object.__setattr__(self, "margin", margin)
-
-
-def check_polygon(value: object, key: str) -> np.ndarray:
+def _check_polygon(value: object, key: str) -> np.ndarray:
     """Return the corners, float64, shape ``[n, 2]``; raise ProblemError unless there are three or more."""
     try:
         corners = validation.as_reals(value)
@@ -74,22 +41,21 @@ def check_polygon(value: object, key: str) -> np.ndarray:
     return corners
 
 
-def check_disc(value: object, key: str) -> tuple[float, float, float]:
-    """Return center and radius; raise ProblemError unless the radius is above 0."""
-    entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
-    x, y, radius = (math.nan if entry is None else entry for entry in (entries if len(entries) == 3 else [None] * 3))
-    if not (math.isfinite(x) and math.isfinite(y) and 0.0 < radius < math.inf):
-        raise ProblemError(f"{key} must be x, y and a radius above 0, in meters; got {show(value)}")
-    return x, y, radius
+def _check_disc(value: object, key: str) -> tuple[float, ...]:
+    return _center_and_radius(value, key, "x, y")
 
 
-def check_ball(value: object, key: str) -> tuple[float, float, float, float]:
-    """Return center and radius; raise ProblemError unless the radius is above 0."""
+def _check_ball(value: object, key: str) -> tuple[float, ...]:
+    return _center_and_radius(value, key, "x, y, z")
+
+
+def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...]:
+    """Return the coordinates of a center, named as messages name them, and a radius above 0."""
     entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
-    ball = tuple(math.nan if entry is None else entry for entry in (entries if len(entries) == 4 else [None] * 4))
-    if not (all(math.isfinite(entry) for entry in ball) and ball[3] > 0.0):
-        raise ProblemError(f"{key} must be x, y, z and a radius above 0, in meters; got {show(value)}")
-    return ball[0], ball[1], ball[2], ball[3]
+    numbers = tuple(entry for entry in entries if entry is not None and math.isfinite(entry))
+    if not len(entries) == len(numbers) == center.count(",") + 2 or not numbers[-1] > 0.0:
+        raise ProblemError(f"{key} must be {center} and a radius above 0, in meters; got {show(value)}")
+    return numbers
 
 
 def _check_image(value: object, key: str) -> np.ndarray:
@@ -102,6 +68,64 @@ def _check_image(value: object, key: str) -> np.ndarray:
     if not np.isfinite(image).all():
         raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
     return image.astype(np.float32) >= THRESHOLD
+
+
+@described
+@dataclass(frozen=True, eq=False)
+class Obstacle(Settings):
+    """Something that bodies keep off: one of a polygon, a disc and an image, or of a surface a ball.
+
+    Raises:
+        ProblemError: None or several of the four, or a value that is none.
+    """
+
+    polygon: np.ndarray | Sequence[Sequence[float]] | None = field(
+        default=None,
+        metadata=setting(
+            "Corners, in either order",
+            unit="m",
+            more="Shape ``[3 or more, 2]``; where its edges cross, what is inside an odd number of times",
+            check=_check_polygon,
+        ),
+    )
+    disc: Sequence[float] | None = field(
+        default=None, metadata=setting("Center along x and y, and radius", unit="m", check=_check_disc)
+    )
+    image: np.ndarray | None = field(
+        default=None,
+        metadata=setting(
+            "An image that is stretched over the domain: an obstacle from half on",
+            more="Shape ``[height, width]``, row 0 at the top, of 0..1 or of true and false",
+            check=_check_image,
+        ),
+    )
+    margin: float = field(
+        default=0.0,
+        metadata=setting(
+            "How far bodies keep off its edge: their centers, and their whole footprints where overlap is avoided",
+            unit="m",
+            low=0.0,
+            check=validation.check_at_least_zero,
+        ),
+    )
+    ball: Sequence[float] | None = field(
+        default=None,
+        metadata=setting(
+            "Center along x, y and z, and radius; what of a surface lies within it is an obstacle",
+            unit="m",
+            check=_check_ball,
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("polygon", "disc", "image", "ball") if getattr(self, name) is not None]
+        if len(given) != 1:
+            got = " and ".join(f"`{name}`" for name in given) or "none of them"
+            raise ProblemError(f"an obstacle must have one of `polygon`, `disc`, `image` and `ball`; got {got}")
+        super().__post_init__()
+
+    def _key(self, name: str) -> str:
+        return f"`obstacle.{name}`"
 
 
 def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], count: int) -> tuple[int, int]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from .body_footprints import footprints_of
 from .body_kind import radius_of
+from .settings import settle
 
 if TYPE_CHECKING:
     from .problem import Problem
@@ -68,13 +69,12 @@ class Placement:
     def __post_init__(self) -> None:
         count = len(self.position)
         if not len(self.id):
-            object.__setattr__(self, "id", np.arange(count, dtype=np.int64))
+            settle(self, id=np.arange(count, dtype=np.int64))
         if not len(self.fixed):
-            object.__setattr__(self, "fixed", np.zeros(count, bool))
+            settle(self, fixed=np.zeros(count, bool))
         if not len(self.variant):
             asked = footprints_of(self.problem)
-            object.__setattr__(self, "variant", asked.variant)
-            object.__setattr__(self, "scale", asked.scale)
+            settle(self, variant=asked.variant, scale=asked.scale)
 
     @property
     def class_name(self) -> tuple[str, ...]:

@@ -14,13 +14,13 @@ import numpy as np
 
 from ..errors import ProblemError
 from .apportionment import apportion
-from .body_class import BodyClass
+from .body_class import BodyClass, PlacingSettings
 from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
-from .look_at import LookAt
 from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
 from .packing import packable_share
+from .settings import values_of
 from .size import Size
 from .surface import PointsOnSurface, Surface
 from .surface_density import density_at
@@ -50,8 +50,10 @@ class PreparedDensity(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class PreparedClass:
+class PreparedClass(PlacingSettings):
     """One class of bodies, ready to be placed. :class:`~esh.Problem` makes it from a :class:`~esh.BodyClass`.
+
+    Beside the following it has that class's :class:`~.body_class.PlacingSettings`.
 
     Attributes:
         name: Unique within the problem.
@@ -60,11 +62,6 @@ class PreparedClass:
         notes: Sentences for the report on what happened to the density.
         asked: What it was made from; None where more than that went into it, such as the slopes of a surface.
         share: What a count of ``"cover"`` means of what the density adds up to; below 1 where several such classes share the ground.
-        room: Factor on the footprints for keeping apart.
-        gap: Distance that footprints keep from each other [m].
-        clustering: How much of it stands in clumps.
-        clump_size: Their diameter [m]; 0 for the usual.
-        look_at: Where its bodies look; None where they do not.
         most: Largest density that is followed on a surface, where it is a share of the ground to cover.
         base: The class before its density got clumps, obstacles were cut out of it and fixed bodies added to its counts; None if
             it is that.
@@ -77,12 +74,10 @@ class PreparedClass:
     asked: BodyClass | None = None
     base: PreparedClass | None = None
     share: float = 1.0
-    room: float = 1.0
-    gap: float = 0.0
-    clustering: float = 0.0
-    clump_size: float = 0.0
     most: float = math.inf
-    look_at: LookAt | None = None
+
+    def _key(self, name: str) -> str:
+        return f'`{name}` of class "{self.name}"'
 
     @property
     def body_count(self) -> int:
@@ -142,12 +137,8 @@ def prepare_on_surface(body_class: BodyClass, surface: Surface, most: float, sha
         notes,
         body_class,
         share=share,
-        room=body_class.room,
-        gap=body_class.gap,
-        clustering=body_class.clustering,
-        clump_size=body_class.clump_size,
         most=most,
-        look_at=body_class.look_at,
+        **values_of(body_class, PlacingSettings),
     )
 
 
@@ -191,11 +182,7 @@ def prepare(
         notes,
         body_class,
         share=share,
-        room=body_class.room,
-        gap=body_class.gap,
-        clustering=body_class.clustering,
-        clump_size=body_class.clump_size,
-        look_at=body_class.look_at,
+        **values_of(body_class, PlacingSettings),
     )
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,12 +27,12 @@ from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .packing import packable_share, scale_to_fit
 from .prepared_class import PreparedClass, cut_out, cut_out_on_surface, prepare, prepare_density
-from .settings import Settings, described, setting, settle
+from .settings import Settings, described, setting, settle, takes, values_of
 from .size import with_count
 from .surface import Surface
 from .validation import show
 
-__all__ = ["Problem", "SamplingSettings"]
+__all__ = ["Problem", "ProblemSettings", "SamplingSettings"]
 
 
 @described
@@ -65,8 +66,20 @@ class SamplingSettings(Settings):
     )
 
 
+@described
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProblemSettings(SamplingSettings):
+    """Everything that a whole problem can be told, beside what it is made of."""
+
+    include_fixed: bool = field(
+        default=False,
+        metadata=setting("Whether counts include fixed bodies. By default counts are those of new bodies, beside them"),
+    )
+
+
+@takes(ProblemSettings)
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(SamplingSettings):
+class Problem(ProblemSettings):
     """Everything that :func:`~esh.engine.solve.solve` needs to know.
 
     Args:
@@ -74,14 +87,11 @@ class Problem(SamplingSettings):
         classes: What; at least one :class:`BodyClass`. Kept as :class:`PreparedClass`: with the density that bodies follow, and
             with a whole count for every size.
         balance: How the aims are weighed.
-        seed: The same problem, seed and device give the same bytes.
-        avoid_overlap: Let footprints push each other apart on contact, so that none overlap where the space can hold them.
-        regularity: How regular the pattern is, from 1, close to a lattice, to 0, organic; counts and densities do not change.
         fixed: Bodies that are there already: they take part in everything, and do not move. The rest of their class makes room:
             where they already are what the density asks for, no more are placed. Kept as a :class:`FixedTable`, in class, then
             size order. A size may have a ``count`` of 0 if there are such bodies of it.
-        include_fixed: Whether counts include them. By default counts are those of new bodies, beside them.
         obstacles: What bodies keep away from. Counts do not change; there is only less ground for them.
+        changes: Any of the following, by name.
 
     Raises:
         ProblemError: No class, two classes of one name, a seed that is not a whole number >= 0, a balance made for another
@@ -94,21 +104,18 @@ class Problem(SamplingSettings):
     balance: Balance
     fixed: FixedTable
     obstacles: tuple[Obstacle, ...]
-    include_fixed: bool
 
     def __init__(
         self,
         domain: Domain | Surface,
         classes: Sequence[BodyClass | PreparedClass],
         balance: Balance | None = None,
-        seed: int = 0,
-        avoid_overlap: bool = False,
         *,
-        regularity: float = 0.6,
         fixed: FixedBodies | Sequence[FixedBody | FixedBodies] = (),
-        include_fixed: bool = False,
         obstacles: Sequence[Obstacle] = (),
+        **changes: Any,
     ) -> None:
+        settings = ProblemSettings(**changes)
         balance = Balance() if balance is None else balance
         if not isinstance(domain, Domain | Surface):
             raise ProblemError(f"`domain` must be a Domain or a Surface; got {show(domain)}")
@@ -118,14 +125,13 @@ class Problem(SamplingSettings):
         if not classes:
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
-        include_fixed = validation.check_switch(include_fixed, "`include_fixed`")
-        avoid_overlap = validation.check_switch(avoid_overlap, "`avoid_overlap`")
-        seed = validation.check_seed(seed, "`seed`")
         obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
-        share = _share_of_cover(classes) if avoid_overlap else 1.0
+        share = _share_of_cover(classes) if settings.avoid_overlap else 1.0
         # A class of another problem may have been cut and counted before.
         bases = tuple(
-            (c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain, apart=avoid_overlap, share=share)
+            (c.base or c)
+            if isinstance(c, PreparedClass)
+            else prepare(c, domain, apart=settings.avoid_overlap, share=share)
             for c in classes
         )
         prepared = bases
@@ -135,13 +141,12 @@ class Problem(SamplingSettings):
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
         else:
             check_known_in_rectangles(bases, obstacles)
-            prepared = tuple(with_clumps(c, index, domain, seed) for index, c in enumerate(bases))
+            prepared = tuple(with_clumps(c, index, domain, settings.seed) for index, c in enumerate(bases))
             if obstacles:
                 prepared = tuple(cut_out(c, domain, obstacles) for c in prepared)
         prepared = _sharing_images(prepared)
-        settle(self, domain=domain, classes=prepared, balance=balance, seed=seed, avoid_overlap=avoid_overlap)
-        settle(self, include_fixed=include_fixed, obstacles=obstacles, regularity=regularity)
-        super().__post_init__()
+        settle(self, **values_of(settings, ProblemSettings))
+        settle(self, domain=domain, classes=prepared, balance=balance, obstacles=obstacles)
         settle(self, fixed=fixed_table(fixed, prepared, domain))
         counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]
         settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))

@@ -97,7 +97,7 @@ class RunSettings(Settings):
         default=100,
         metadata=setting(
             "Largest number of steps. More steps make the result more even. Above 100 little is gained",
-            label="Steps",
+            label="Max Steps",
             low=1,
             soft_low=20,
             soft_high=500,

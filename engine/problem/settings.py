@@ -67,7 +67,7 @@ class Setting:
         help: What it does, for everyone: one or two short sentences, without the last full stop.
         more: What scripts need to know beside that: types, shapes, references.
         label: What the sidebar calls it; its name, if empty.
-        unit: ``"m"``, ``"m²"``, ``"rad"``, ``"share"`` (a number from 0 to 1) or ``""``.
+        unit: ``"m"``, ``"m²"``, ``"1/m²"``, ``"rad"``, ``"share"`` (a number from 0 to 1) or ``""``.
         low: Smallest value.
         high: Largest value.
         soft_low: Smallest value that a slider reaches.

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .settings import settle
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
@@ -23,8 +24,6 @@ WELDED = 2.0**-20
 FLATTEST = 1e-7
 # Points that integrals over a surface are sampled at.
 SAMPLES = 1 << 16
-# Rec. 709.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 EXTENT_KEY = "the surface's extent"
 
 
@@ -80,8 +79,7 @@ class SurfaceMesh:
                 raise ProblemError(
                     f"`uv` {where} must have shape [{len(vertices)}, 2] or [{len(triangles)}, 3, 2]; got {list(uv.shape)}"
                 )
-        for name, value in (("vertices", vertices), ("triangles", triangles), ("attributes", attributes), ("uv", uv)):
-            object.__setattr__(self, name, value)
+        settle(self, vertices=vertices, triangles=triangles, attributes=attributes, uv=uv)
 
     def attribute_at(self, name: str, triangle: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
         """Values of an attribute at points of triangles, shape ``[n]`` or ``[n, k]``, float64."""
@@ -172,8 +170,7 @@ class Surface:
             "welded": np.where(turned[:, None], welded[:, [0, 2, 1]], welded),
             "open_side": _open_sides(np.where(turned[:, None], welded[:, [0, 2, 1]], welded)),
         }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        settle(self, **values)
 
     @property
     def area(self) -> float:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
-from .surface import LUMINANCE, PointsOnSurface
+from .image_filters import LUMINANCE
+from .settings import Settings, described, setting
+from .surface import PointsOnSurface
 
 __all__ = ["SurfaceAttribute", "SurfaceDensity", "SurfaceImage", "SurfaceTriplanar", "check_density", "density_at"]
 
@@ -17,11 +19,12 @@ __all__ = ["SurfaceAttribute", "SurfaceDensity", "SurfaceImage", "SurfaceTriplan
 SurfaceDensity = Callable[[PointsOnSurface], np.ndarray]
 
 
+@described
 @dataclass(frozen=True)
-class SurfaceAttribute:
+class SurfaceAttribute(Settings):
     """A density on a surface: an attribute of its meshes, by vertex or by triangle; colors by their luminance."""
 
-    name: str
+    name: str = field(metadata=setting("Name of the attribute", text=True))
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Values at points, shape ``[n]``."""
@@ -33,35 +36,39 @@ class SurfaceAttribute:
         return values[:, :3] @ LUMINANCE
 
 
+def _check_image(value: object, key: str) -> np.ndarray:
+    return validation.check_density(value, f"{key} of a density")
+
+
+@described
 @dataclass(frozen=True, eq=False)
-class SurfaceImage:
-    """A density on a surface: an image, shape ``[height, width]``, row 0 at v = 1, through the meshes' UV maps; it repeats."""
+class SurfaceImage(Settings):
+    """A density on a surface: an image through the meshes' UV maps; it repeats."""
 
-    image: np.ndarray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "image", validation.check_density(self.image, "`image` of a density"))
+    image: np.ndarray = field(
+        metadata=setting("The image", more="Shape ``[height, width]``, row 0 at v = 1", check=_check_image)
+    )
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Values at points, shape ``[n]``."""
         return _bilinear(self.image, points.uv("`density`"))
 
 
+@described
 @dataclass(frozen=True, eq=False)
-class SurfaceTriplanar:
-    """A density on a surface: an image projected along x, y and z, blended by where the surface looks to; it repeats.
+class SurfaceTriplanar(Settings):
+    """A density on a surface: an image projected along x, y and z, blended by where the surface looks to; it repeats."""
 
-    Args:
-        image: Shape ``[height, width]``, row 0 at the top.
-        size: Extent of the image's width [m].
-    """
-
-    image: np.ndarray
-    size: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "image", validation.check_density(self.image, "`image` of a density"))
-        object.__setattr__(self, "size", validation.check_length(self.size, "`size` of a triplanar density"))
+    image: np.ndarray = field(
+        metadata=setting("The image", more="Shape ``[height, width]``, row 0 at the top", check=_check_image)
+    )
+    size: float = field(
+        metadata=setting(
+            "Extent of the image's width",
+            unit="m",
+            check=lambda value, key: validation.check_length(value, f"{key} of a triplanar density"),
+        )
+    )
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Values at points, shape ``[n]``."""

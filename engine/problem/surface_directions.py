@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .settings import Settings, described, setting
 from .surface import PointsOnSurface
 
 __all__ = ["SLOPE", "SurfaceDirection", "SurfaceVectors", "direction_at", "down_the_slope"]
@@ -20,11 +21,12 @@ SLOPE = "slope"
 SurfaceDirection = Callable[[PointsOnSurface], np.ndarray]
 
 
+@described
 @dataclass(frozen=True)
-class SurfaceVectors:
+class SurfaceVectors(Settings):
     """A direction on a surface: vectors that are an attribute of its meshes, by vertex or by triangle."""
 
-    name: str
+    name: str = field(metadata=setting("Name of the attribute", text=True))
 
     def __call__(self, points: PointsOnSurface) -> np.ndarray:
         """Vectors at points, shape ``[n, 3]``."""

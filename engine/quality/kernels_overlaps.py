@@ -410,7 +410,7 @@ def look_into_cell(
 
 
 @wp.kernel
-def find_overlaps(
+def count_overlaps(
     first: int,
     shapes: Shapes,
     lattice: Lattice,

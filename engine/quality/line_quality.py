@@ -1,4 +1,4 @@
-"""How good lines are: crossings, directions and lengths. Measured on the placement alone, independent of the solver."""
+"""How good lines are: crossings and directions. Measured on the placement alone, independent of the solver."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..problem.domain import Domain
 
-__all__ = ["angle_errors", "crossing_count", "crossing_lines", "crossing_pairs", "mean_length_error"]
+__all__ = ["angle_errors", "crossing_lines", "crossing_pairs"]
 
 # Candidate pairs that are compared at once; bounds the memory.
 PAIRS_AT_ONCE = 2_000_000
@@ -45,11 +45,6 @@ def crossing_pairs(position: np.ndarray, angle: np.ndarray, length: np.ndarray, 
     return np.unique(np.concatenate(found), axis=0)
 
 
-def crossing_count(position: np.ndarray, angle: np.ndarray, length: np.ndarray, domain: Domain) -> int:
-    """Number of pairs of lines that cross; see :func:`crossing_pairs`."""
-    return len(crossing_pairs(position, angle, length, domain))
-
-
 def crossing_lines(position: np.ndarray, angle: np.ndarray, length: np.ndarray, domain: Domain) -> int:
     """Number of lines that cross at least one other; see :func:`crossing_pairs`."""
     return len(np.unique(crossing_pairs(position, angle, length, domain)))
@@ -59,16 +54,6 @@ def angle_errors(angle: np.ndarray, preferred: np.ndarray) -> np.ndarray:
     """Differences of directions [rad], 0 to pi/2: a line has no front."""
     difference = np.mod(np.asarray(angle) - preferred, np.pi)
     return np.minimum(difference, np.pi - difference)
-
-
-def mean_length_error(length: np.ndarray, preferred: np.ndarray | float) -> float:
-    """By which share lines are longer (above 0) or shorter (below 0) than preferred, on average.
-
-    Args:
-        length: Lengths of the lines [m], shape ``[n]``, n >= 1.
-        preferred: Preferred ones [m], > 0, shape ``[n]``, or one for all.
-    """
-    return float(np.mean(np.asarray(length, dtype=np.float64) / preferred) - 1.0)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

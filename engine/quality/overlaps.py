@@ -12,13 +12,12 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
-from ..problem.footprint import Footprint
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..space.space import Space
 from . import kernels_overlaps
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlap_count", "overlaps_of"]
+__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlaps_of"]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3
@@ -76,45 +75,6 @@ def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootpr
     )
 
 
-def overlap_count(
-    position: np.ndarray,
-    area: np.ndarray,
-    domain: Domain,
-    launcher: Launcher,
-    *,
-    angle: np.ndarray | None = None,
-    length: np.ndarray | None = None,
-    width: np.ndarray | None = None,
-) -> int:
-    """Number of pairs of discs and capsules that overlap; see :class:`Overlaps`.
-
-    Args:
-        position: Body positions [m], shape ``[n, 2]``.
-        area: Footprints of dots [m²], shape ``[n]``: discs.
-        domain: The domain.
-        launcher: Where to count.
-        angle: Directions of the axes [rad], shape ``[n]``; None where all are dots.
-        length: Lengths of the axes [m], shape ``[n]``.
-        width: Thicknesses of the capsules around them [m], shape ``[n]``; 0 for dots.
-    """
-    n = len(position)
-    zero, one = np.zeros(n), np.ones(n)
-    lines = zero > 0.0 if width is None else np.asarray(width) > 0.0
-    footprints = BodyFootprints(
-        (Footprint.disc(1.0),),
-        np.where(lines, CAPSULE, 0).astype(np.int32),
-        np.sqrt(area / math.pi),
-        zero,
-        lines,
-        lines,
-        np.zeros(n, np.int32),
-        one,
-        zero,
-    )
-    given = [zero if values is None else np.asarray(values, dtype=np.float64) for values in (angle, length, width)]
-    return find_overlaps(footprints, position, given[0], given[1], given[2], domain, launcher).count
-
-
 def find_overlaps(
     footprints: BodyFootprints,
     position: np.ndarray,
@@ -157,7 +117,7 @@ def find_overlaps(
     space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
     launcher.launch(
-        kernels_overlaps.find_overlaps,
+        kernels_overlaps.count_overlaps,
         n,
         [
             shapes,

@@ -24,6 +24,7 @@ from ..files.placement_files import WRITERS, check_ending, write_files
 from ..files.recipe import ParsedRecipe, parse_recipe
 from ..files.report_files import strict_json
 from .ray_pool import RayPool
+from .run_folder import open_run_folder
 from .scene import Scene, input_files, read_scene, solved_scene
 from .variations import DESIGNS, Variation, parse_variation, scene_parameters
 from .worker import Failure, carry_out
@@ -235,25 +236,7 @@ def _open_folder(batch: Batch, recipe: ParsedRecipe, inputs: Mapping[str, bytes]
         "as": list(batch.endings),
         "max_steps": batch.max_steps,
     }
-    path = batch.folder / PLAN
-    try:
-        batch.folder.mkdir(parents=True, exist_ok=True)
-        other = any(not entry.name.startswith(".") for entry in batch.folder.iterdir())
-        # Read after looking around: another run of the same batch may have begun meanwhile.
-        older = json.loads(path.read_bytes()) if path.is_file() else None
-    except OSError as error:
-        raise EshError(f"-o {batch.folder} cannot be used: {(error.strerror or str(error)).lower()}") from None
-    except ValueError:
-        older = {}
-    if older is None and other:
-        raise EshError(f"-o {batch.folder} must be empty or hold this batch; it holds other files")
-    if older is None:
-        write_files({path: lambda file: _write(file, strict_json(plan))})
-    elif older != plan:
-        differing = [key for key in plan if not isinstance(older, dict) or older.get(key) != plan[key]]
-        raise EshError(
-            f"-o {batch.folder} holds another batch, which differs in its {', '.join(differing)}; choose another folder"
-        )
+    open_run_folder(batch.folder, PLAN, plan, "batch")
 
 
 def _done(folder: Path) -> set[int]:
@@ -347,7 +330,3 @@ def _write_manifest(batch: Batch, scenes: list[Scene], keys: list[str], parquet:
     order = ["scene", "seed", *[name for name in table if name not in COLUMNS], *list(COLUMNS)[2:]]
     written = arrow.table({name: table[name] for name in order})
     write_files({batch.folder / MANIFEST: lambda file: parquet.write_table(written, file, compression="zstd")})
-
-
-def _write(file: Any, content: bytes) -> None:
-    file.write(content)

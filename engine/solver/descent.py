@@ -8,25 +8,24 @@ half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher, Until
+from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..field.field import FieldTarget
 from ..field.mirrored_field import COPIES
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact, keeps_apart
+from .direction import Direction
 from .forces import SMALLEST_DENSITY, Forces
 from .initial_placement import first_pose
 from .line_rules import LineRules
 from .model import Model
 from .state import State
 
-__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "residual_below", "residual_of"]
+__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels"]
 
 # No body moves further in a step than this share of the local spacing: two neighbors that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
@@ -88,34 +87,25 @@ class Descent:
         self._motion = kernels_descent.Motion()
         self._motion.displacement, self._motion.move = self.state.displacement, self.state.move
         self._motion.change = launcher.zeros(n, wp.vec4)
-        kinds = kernels_direction.LENGTHS + self.rules.kind_count
-        slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
-        # Those of no two threads in a line of the cache.
-        room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
-        self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
-        self._totals = launcher.zeros(kinds, wp.int64)
+        self.direction = Direction(launcher, n, self.rules)
         blocks = (launcher.thread_count, max(2 * self.rules.block_count, 1))
         self._sums_of_blocks = launcher.zeros(blocks, wp.int64)
-        # See kernels_direction.decide_direction.
-        self.direction = launcher.zeros(4, float)
         self.contact: Contact | None = None
         if keeps_apart(model):
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
-    def residual(self) -> float:
-        """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
-        return residual_of(self.direction, self.model.body_count)
+    def restart(self, start: int) -> None:
+        """Go back to where bodies start, or to another one of the places where they might have."""
+        self.rules.lines.length_factor.fill_(1.0)
+        self.state.assign(self._first_state(None, start))
+        self.place_charges()
 
-    def settled(self, tolerance: float) -> Until:
-        """When steps are to end: once the residual may be below a tolerance, or is no number."""
-        return residual_below(tolerance, self.direction, self.model.body_count)
-
-    def _first_state(self, given: np.ndarray | None) -> State:
+    def _first_state(self, given: np.ndarray | None, start: int = 0) -> State:
         model, launcher = self.model, self.launcher
         if given is None:
-            pose = first_pose(launcher, model, self.images)
+            pose = first_pose(launcher, model, self.images, start)
             if self.rules.kind_count:
                 values = pose.numpy()
                 values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])
@@ -182,7 +172,7 @@ class Descent:
                 kernels_dots.propose_dots,
                 -(-self.model.body_count // self.at_once),
                 [self.model.body_count, self.at_once, self._charges, self.bodies, *where],
-                [self._motion, self._sums],
+                [self._motion, self.direction.sums],
                 grain=GRAIN // self.at_once,
                 per_thread=True,
             )
@@ -191,22 +181,14 @@ class Descent:
                 kernels_descent.propose_lines,
                 self.model.body_count,
                 [self.state.pose, self._charges, self.bodies, self.rules.lines, *where],
-                [self._motion, self.state.bend, self._sums, self._sums_of_blocks],
+                [self._motion, self.state.bend, self.direction.sums, self._sums_of_blocks],
                 grain=GRAIN_OF_NEIGHBORS,
                 per_thread=True,
             )
 
     def decide(self) -> None:
         """In which direction all of them move; see :func:`.kernels_direction.decide_direction`."""
-        kinds, slots = self._totals.shape[0], self._sums.shape[2]
-        at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
-        self.launcher.launch(kernels_direction.add_up, kinds * slots // at_once, [at_once], [self._sums, self._totals])
-        self.launcher.launch(
-            kernels_direction.decide_direction,
-            1,
-            [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
-            [self._totals, self.direction, self.rules.lines.length_factor],
-        )
+        self.direction.decide(self.rules.lines.length_factor)
         if self.rules.block_count:
             self.launcher.launch(
                 kernels_direction.adapt_blocks,
@@ -222,7 +204,7 @@ class Descent:
             self.launcher.launch(
                 kernels_dots.move_dots,
                 -(-self.model.body_count // self.at_once),
-                [self.model.body_count, self.at_once, self.direction, self.bodies, *where],
+                [self.model.body_count, self.at_once, self.direction.factors, self.bodies, *where],
                 [self._motion, self.state.pose, self.charge_position],
                 grain=GRAIN // self.at_once,
             )
@@ -230,7 +212,7 @@ class Descent:
             self.launcher.launch(
                 kernels_descent.move_lines,
                 self.model.body_count,
-                [self.direction, self.bodies, self.rules.lines, *where],
+                [self.direction.factors, self.bodies, self.rules.lines, *where],
                 [self._motion, self.state.pose, self.state.bend],
                 grain=GRAIN_OF_NEIGHBORS,
             )
@@ -245,27 +227,13 @@ class Descent:
         )
 
 
-def residual_of(direction: wp.array, body_count: int) -> float:
-    """Root of the mean square that :func:`.kernels_direction.decide_direction` has written; NaN where it is no finite number."""
-    squares = float(direction.numpy()[3])
-    return math.sqrt(max(squares, 0.0) / body_count) if math.isfinite(squares) else math.nan
-
-
-def residual_below(tolerance: float, direction: wp.array, body_count: int) -> Until:
-    """When the mean square that :func:`.kernels_direction.decide_direction` writes may have fallen below that of a tolerance.
-
-    Rounding must not hide that, so the limit is a little higher; whoever stops there looks at the residual itself.
-    """
-    return Until(direction, 3, tolerance**2 * body_count * (1.0 + 1e-5))
-
-
 def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodies:
     """The bodies as kernels take them."""
     table, charge = model.body, model.charge
     bodies = kernels_descent.Bodies()
     bodies.support = launcher.array(table.support, wp.int32)
     bodies.group = launcher.array(table.group, wp.int32)
-    bodies.line = launcher.array(table.kind, wp.int32)
+    bodies.kind = launcher.array(table.kind, wp.int32)
     bodies.flags = launcher.array(table.flags, wp.int32)
     bodies.first_charge = launcher.array(charge.first, wp.int32)
     bodies.axial = launcher.array(charge.axial, float)

@@ -226,8 +226,8 @@ def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem) -> np.n
         last = np.where((row + step >= 0) & (row + step < cells), last, first)
         # In a crowd, those in the middle of the range.
         first = np.maximum(first, (first + last - IN_ROW) // 2)
-        place = first[:, None] + np.arange(IN_ROW)
-        candidates.append(np.where(place < last[:, None], by_cell[np.minimum(place, len(key) - 1)], -1))
+        entry = first[:, None] + np.arange(IN_ROW)
+        candidates.append(np.where(entry < last[:, None], by_cell[np.minimum(entry, len(key) - 1)], -1))
     found = np.concatenate(candidates, axis=1)
     away = ((position[found] - points[:, None]) ** 2).sum(axis=2)
     away[found < 0] = np.inf
@@ -256,9 +256,9 @@ def carry_lines(old: Model, state: State, model: Model, new_state: State, carrie
     bend, bend_before = new_state.bend.numpy(), state.bend.numpy()
     for charges in np.unique(count[same]).tolist():
         rows = same[count[same] == charges]
-        place = np.arange(charges)
-        from_place = old.charge.first[carried.source[rows]][:, None] + place
-        bend[model.charge.first[rows][:, None] + place] = bend_before[from_place] * (old.unit / model.unit)
+        number = np.arange(charges)
+        before = old.charge.first[carried.source[rows]][:, None] + number
+        bend[model.charge.first[rows][:, None] + number] = bend_before[before] * (old.unit / model.unit)
     new_state.bend.assign(bend)
     if len(old.kinds) == len(model.kinds):
         new_state.length_factor.assign(_length_factors(old, state.length_factor.numpy(), model))

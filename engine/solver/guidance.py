@@ -69,15 +69,15 @@ class Guidance:
         self._steps.limit = launcher.zeros(1, float)
         self._recording: Recording | None = None
 
-    def lead(self, place: wp.array, outlines: kernels_outlines.Outlines, home: wp.array) -> None:
+    def lead(self, crowd_pose: wp.array, outlines: kernels_outlines.Outlines, home: wp.array) -> None:
         """Write where bodies are to go into ``home``; the arrays, those of a :class:`.separation.Separation`, are always the same."""
         if self._recording is None:
-            self._recording = self._launcher.record(lambda: self._launch(place, outlines, home))
+            self._recording = self._launcher.record(lambda: self._launch(crowd_pose, outlines, home))
         self._recording.play()
 
-    def _launch(self, place: wp.array, outlines: kernels_outlines.Outlines, home: wp.array) -> None:
+    def _launch(self, crowd_pose: wp.array, outlines: kernels_outlines.Outlines, home: wp.array) -> None:
         launcher, count = self._launcher, len(self._pose)
-        launcher.launch(kernels_guidance.take_poses, count, [place, outlines, self._space], [self._pose])
+        launcher.launch(kernels_guidance.take_poses, count, [crowd_pose, outlines, self._space], [self._pose])
         launcher.launch(
             kernels_descent.place_charges,
             count,
@@ -88,7 +88,7 @@ class Guidance:
         launcher.launch(
             kernels_guidance.find_homes,
             count,
-            [place, outlines, self._charges, self._bodies, self._steps, FARTHEST, self._space],
+            [crowd_pose, outlines, self._charges, self._bodies, self._steps, FARTHEST, self._space],
             [home],
         )
 

@@ -30,20 +30,21 @@ LARGEST_ORDER = 12
 GOLDEN = 0.6180339887498949
 
 
-def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
+def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0) -> wp.array:
     """Put every group's bodies where its density asks for them, each group spread by itself.
 
     Args:
         launcher: Where to run.
         model: What is to be placed; its problem's seed decides on all that is random.
         images: The model's supports on the device.
+        start: Number of the start: others than 0 are as random as that one.
 
     Returns:
         Poses (x, y, 0, 0), ``wp.vec4``, shape ``[body_count]``. Every body stands inside the domain, where its density is above zero.
     """
     device = launcher.device
     problem = model.problem
-    count, of_bodies, seed = body_starts(model, launcher)
+    count, of_bodies, seed = body_starts(model, launcher, start)
     domain = wp.vec2(*model.size)
     pose = launcher.empty(model.body_count, wp.vec4)
     pyramids: dict[tuple[int, int], wp.array] = {}
@@ -71,7 +72,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images) -> wp.array:
     return pose
 
 
-def body_starts(model: Model, launcher: Launcher) -> tuple[np.ndarray, list[wp.array], int]:
+def body_starts(model: Model, launcher: Launcher, start: int = 0) -> tuple[np.ndarray, list[wp.array], int]:
     """What is random about a start.
 
     Returns:
@@ -81,7 +82,7 @@ def body_starts(model: Model, launcher: Launcher) -> tuple[np.ndarray, list[wp.a
     group = model.body.group
     # Fixed bodies take no part in it.
     count = np.bincount(group[~model.fixed], minlength=model.groups.count)
-    rng = np.random.default_rng(model.problem.seed)
+    rng = np.random.default_rng([model.problem.seed, 10, start] if start else model.problem.seed)
     seed = int(rng.integers(1 << 31))
     shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
     of_bodies = [

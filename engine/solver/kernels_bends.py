@@ -27,7 +27,7 @@ def find_bends(
     i = first + wp.tid()
     body = outlines.body[i]
     most = float(0.0)
-    if bodies.line[body] >= 0:
+    if bodies.kind[body] >= 0:
         for j in range(bodies.first_charge[body], bodies.first_charge[body + 1]):
             most = wp.max(most, wp.abs(bend[j]))
     widest[i] = most
@@ -41,7 +41,7 @@ def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest
     room = before
     own = widest[i]
     other = widest[j]
-    short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
+    short = difference(at, wp.vec2(crowd.pose[j][0], crowd.pose[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j] + own + other
     for y in range(-crowd.images[1], crowd.images[1] + 1):
         for x in range(-crowd.images[0], crowd.images[0] + 1):
@@ -99,7 +99,7 @@ def find_room(
     own = widest[i]
     left = own
     if own > 0.0 and crowd.outlines.lightness[i] > 0.0:
-        at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+        at = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
         reach = crowd.outlines.reach[i] + own
         if crowd.inset != 0:
             left = room_inside(left, i, at, crowd)

@@ -14,7 +14,7 @@ from ..space.kernels_neighborhood import (
     Sorted,
     bodies_of_run,
     cells_around,
-    closest_places,
+    closest_along,
     lowest_bit,
     next_near,
     run_count,
@@ -27,10 +27,10 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.func
-def uncrossed(axis: wp.vec2, crossed: wp.vec2, place: float):
+def uncrossed(axis: wp.vec2, crossed: wp.vec2, along: float):
     """Direction across the axis ``crossed`` in which the nearer end of ``axis`` comes back, and how far that is."""
     normal = wp.normalize(wp.vec2(-crossed[1], crossed[0]))
-    beyond = wp.dot(normal, axis) * (wp.sign(place) - place)
+    beyond = wp.dot(normal, axis) * (wp.sign(along) - along)
     if beyond > 0.0:
         normal = -normal
     return wp.vec3(normal[0], normal[1], wp.abs(beyond))
@@ -77,8 +77,8 @@ def push_between(i: int, j: int, between: wp.vec2, own: Capsule, other: Capsule,
     ``between`` is the way from one middle to the other. The pair shares what is missing by mass and moment of inertia.
     """
     result = Push()
-    places = closest_places(between, own.half_axis, other.half_axis)
-    gap = between + places[1] * other.half_axis - places[0] * own.half_axis
+    along = closest_along(between, own.half_axis, other.half_axis)
+    gap = between + along[1] * other.half_axis - along[0] * own.half_axis
     distance = wp.length(gap)
     if distance < wanted:
         # Bodies on one another part in a direction of their own, opposite for the two.
@@ -89,18 +89,18 @@ def push_between(i: int, j: int, between: wp.vec2, own: Capsule, other: Capsule,
             away = -gap / distance
         elif own.half > 0.0 and other.half > 0.0:
             # Axes that cross: the end that reaches less far beyond the other axis goes back.
-            own_end = uncrossed(own.half_axis, other.half_axis, places[0])
-            other_end = uncrossed(other.half_axis, own.half_axis, places[1])
+            own_end = uncrossed(own.half_axis, other.half_axis, along[0])
+            other_end = uncrossed(other.half_axis, own.half_axis, along[1])
             if own_end[2] < other_end[2]:
                 away = wp.vec2(own_end[0], own_end[1])
                 distance = -own_end[2]
-                places = wp.vec2(wp.sign(places[0]), places[1])
+                along = wp.vec2(wp.sign(along[0]), along[1])
             else:
                 away = -wp.vec2(other_end[0], other_end[1])
                 distance = -other_end[2]
-                places = wp.vec2(places[0], wp.sign(places[1]))
-        lever = places[0] * (own.half_axis[0] * away[1] - own.half_axis[1] * away[0])
-        other_lever = places[1] * (other.half_axis[0] * away[1] - other.half_axis[1] * away[0])
+                along = wp.vec2(along[0], wp.sign(along[1]))
+        lever = along[0] * (own.half_axis[0] * away[1] - own.half_axis[1] * away[0])
+        other_lever = along[1] * (other.half_axis[0] * away[1] - other.half_axis[1] * away[0])
         ease = 1.0 / own.mass + lever * lever / own.inertia
         other_ease = 1.0 / other.mass + other_lever * other_lever / other.inertia
         push = (wanted - distance) / (ease + other_ease)
@@ -270,7 +270,7 @@ def push_apart(
         return
     for i in range(block, wp.min(block + at_once, body_count)):
         at = wp.vec2(pose[i][0], pose[i][1])
-        own = capsule(near.half_axis[near.place[i]], 0.5 * pose[i][3], footprints.radius[i], footprints.mass[i])
+        own = capsule(near.half_axis[near.rank[i]], 0.5 * pose[i][3], footprints.radius[i], footprints.mass[i])
         total = wp.vec4(0.0, 0.0, 0.0, 0.0)
         for m in range(neighbors.grid.level_count):
             within = (own.half + own.radius + neighbors.grid.reach[m]) * (1.0 + slack)
@@ -303,7 +303,7 @@ def accept_push(
     old = pose[i]
     new = old
     k = bodies.support[i]
-    if bodies.line[i] < 0:
+    if bodies.kind[i] < 0:
         p = wp.vec2(old[0], old[1])
         q = slide(p, p + wp.vec2(push[0], push[1]), k, images, space)
         new = wp.vec4(q[0], q[1], 0.0, 0.0)
@@ -325,4 +325,4 @@ def accept_push(
     way = difference(wp.vec2(old[0], old[1]), wp.vec2(new[0], new[1]), space)
     displacement[i] = displacement[i] + wp.vec4(way[0], way[1], new[2] - old[2], new[3] - old[3])
     pose[i] = new
-    set_sorted(neighbors.bodies.place[i], new, neighbors.footprints.radius[i], neighbors.bodies)
+    set_sorted(neighbors.bodies.rank[i], new, neighbors.footprints.radius[i], neighbors.bodies)

@@ -46,7 +46,7 @@ class Bodies:
 
     support: wp.array(dtype=wp.int32)
     group: wp.array(dtype=wp.int32)
-    line: wp.array(dtype=wp.int32)
+    kind: wp.array(dtype=wp.int32)
     flags: wp.array(dtype=wp.int32)
     first_charge: wp.array(dtype=wp.int32)
     axial: wp.array(dtype=float)
@@ -451,7 +451,7 @@ def propose_lines(
 ):
     """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
     i = first + wp.tid()
-    kind = bodies.line[i]
+    kind = bodies.kind[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     axis = axis_of(i, pose[i], bodies, steps)
@@ -507,7 +507,7 @@ def move_lines(
 ):
     """Move every line in the direction that was found; its charges stay in the support."""
     i = first + wp.tid()
-    kind = bodies.line[i]
+    kind = bodies.kind[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = pose[i]

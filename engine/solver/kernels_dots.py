@@ -40,7 +40,7 @@ _OF_DOTS = f"""
     {LANES_OF_SPACE}
     typedef float Q __attribute__((ext_vector_type(4), aligned(4)));
     auto lanes = [](auto of) -> V {{ return V{{{", ".join(f"of({k})" for k in range(LANES))}}}; }};
-    const I line = *(const I*)(bodies.line.data + start), flags = *(const I*)(bodies.flags.data + start);
+    const I line = *(const I*)(bodies.kind.data + start), flags = *(const I*)(bodies.flags.data + start);
     if (!all((line < 0) & ((flags & {int(BodyFlags.PINNED)}) == 0))) return 0;
     const int* __restrict__ charge = bodies.first_charge.data + start;
     auto limited = [](V& x, V& y, V limit)
@@ -142,7 +142,7 @@ def propose_dot(
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The move that the force on a dot asks for, and what it changed by since the last step."""
-    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+    if bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     charge = bodies.first_charge[i]
     at = charges.position[charge]
@@ -256,7 +256,7 @@ def move_dot(
     charge_position: wp.array(dtype=wp.vec2),
 ):
     """Move a dot in the direction that was found; it stays in the support."""
-    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+    if bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = wp.vec2(pose[i][0], pose[i][1])
     d = move_of(i, direction, motion)

@@ -15,7 +15,7 @@ wp.set_module_options({"enable_backward": False})
 @wp.kernel
 def take_poses(
     first: int,
-    place: wp.array(dtype=wp.vec4),
+    crowd_pose: wp.array(dtype=wp.vec4),
     outlines: Outlines,
     space: Space,
     # outputs
@@ -23,14 +23,14 @@ def take_poses(
 ):
     """Poses in the model's order, of outlines in theirs."""
     i = first + wp.tid()
-    at = confine(wp.vec2(place[i][0], place[i][1]), space)
-    pose[outlines.body[i]] = wp.vec4(at[0], at[1], place[i][2], outlines.length[i])
+    at = confine(wp.vec2(crowd_pose[i][0], crowd_pose[i][1]), space)
+    pose[outlines.body[i]] = wp.vec4(at[0], at[1], crowd_pose[i][2], outlines.length[i])
 
 
 @wp.kernel
 def find_homes(
     first: int,
-    place: wp.array(dtype=wp.vec4),
+    crowd_pose: wp.array(dtype=wp.vec4),
     outlines: Outlines,
     charges: Charges,
     bodies: Bodies,
@@ -45,7 +45,7 @@ def find_homes(
     body = outlines.body[i]
     begin = bodies.first_charge[body]
     end = bodies.first_charge[body + 1]
-    own = place[i]
+    own = crowd_pose[i]
     p = confine(wp.vec2(own[0], own[1]), space)
     force = wp.vec2(0.0, 0.0)
     total = float(0.0)

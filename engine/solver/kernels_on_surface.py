@@ -206,7 +206,7 @@ def place_dots(
 ):
     """Put the charges of dots where these are."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0:
+    if bodies.kind[i] >= 0:
         return
     put_charge(bodies.first_charge[i], poses.facet[i], poses.weight[i], ground, charges)
 
@@ -235,7 +235,7 @@ def propose_dots(
 ):
     """The move along the surface that the force on every dot asks for, and what it changed by since the last step."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+    if bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     j = bodies.first_charge[i]
     force = without_outward(charges.field[j], charges.facet[j], charges.weight[j], ground.facets)
@@ -286,7 +286,7 @@ def move_dots(
 ):
     """Move every dot in the direction that :func:`~.kernels_direction.decide_direction` found."""
     i = first + wp.tid()
-    if bodies.line[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
+    if bodies.kind[i] >= 0 or (bodies.flags[i] & PINNED) != 0:
         return
     j = bodies.first_charge[i]
     d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]

@@ -60,7 +60,7 @@ class Slopes:
 @wp.kernel
 def find_slopes(
     first: int,
-    place: wp.array(dtype=wp.vec4),
+    pose: wp.array(dtype=wp.vec4),
     slopes: Slopes,
     space: Space,
     # outputs
@@ -70,7 +70,7 @@ def find_slopes(
     i = first + wp.tid()
     m = slopes.image[i]
     if m >= 0:
-        p = confine(wp.vec2(place[i][0], place[i][1]), space)
+        p = confine(wp.vec2(pose[i][0], pose[i][1]), space)
         rows = slopes.rows[m]
         columns = slopes.columns[m]
         x = wp.clamp(p[0] / space.size[0] * float(columns) - 0.5, 0.0, float(columns - 1))
@@ -113,7 +113,7 @@ def turned_corner(v: wp.vec4, factor: float, c: float, s: float, slope: wp.vec2)
 @wp.kernel
 def turn_corners(
     first: int,
-    place: wp.array(dtype=wp.vec4),
+    pose: wp.array(dtype=wp.vec4),
     outlines: Outlines,
     # outputs
     corner: wp.array(dtype=wp.vec4),
@@ -121,8 +121,8 @@ def turn_corners(
     i = first + wp.tid()
     begin = outlines.first_corner[i]
     count = outlines.first_corner[i + 1] - begin
-    c = wp.cos(place[i][2] + outlines.offset[i])
-    s = wp.sin(place[i][2] + outlines.offset[i])
+    c = wp.cos(pose[i][2] + outlines.offset[i])
+    s = wp.sin(pose[i][2] + outlines.offset[i])
     slope = outlines.slope[i]
     if outlines.length[i] > 0.0 and (slope[0] != 0.0 or slope[1] != 0.0):
         # The angle of a line is that of its axis as it is seen from above.

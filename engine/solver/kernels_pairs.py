@@ -46,12 +46,12 @@ class Pairs:
 
 @wp.struct
 class Crowd:
-    """Bodies whose outlines are parted: where they are, in spatial order, their outlines, and what finds neighbors.
+    """Bodies whose outlines are parted: their poses (x, y, turn), in spatial order, their outlines, and what finds neighbors.
 
     How many periods away, along x and y, images of a body can still be near; and whether they are to stay inside the edges.
     """
 
-    place: wp.array(dtype=wp.vec4)
+    pose: wp.array(dtype=wp.vec4)
     outlines: Outlines
     neighbors: Neighbors
     images: wp.vec2i
@@ -68,10 +68,10 @@ def begin_list(
 ):
     """Bring bodies back into a periodic domain, and note where they are when pairs are listed."""
     i = first + wp.tid()
-    own = crowd.place[i]
+    own = crowd.pose[i]
     p = confine(wp.vec2(own[0], own[1]), crowd.neighbors.grid.space)
-    crowd.place[i] = wp.vec4(p[0], p[1], own[2], 0.0)
-    built[i] = crowd.place[i]
+    crowd.pose[i] = wp.vec4(p[0], p[1], own[2], 0.0)
+    built[i] = crowd.pose[i]
     if i == 0:
         for thread in range(moved_far.shape[0]):
             moved_far[thread] = 0
@@ -99,8 +99,8 @@ def pairs_with(before: int, room: int, i: int, j: int, crowd: Crowd, fill: int, 
     count = before
     outlines = crowd.outlines
     space = crowd.neighbors.grid.space
-    own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
-    other = wp.vec2(crowd.place[j][0], crowd.place[j][1])
+    own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
+    other = wp.vec2(crowd.pose[j][0], crowd.pose[j][1])
     short = difference(own, other, space)
     within = outlines.reach[i] + outlines.skin[i] + outlines.reach[j] + outlines.skin[j]
     skins = outlines.skin[i] + outlines.skin[j]
@@ -128,7 +128,7 @@ def pairs_of_run(
     """The same with the bodies of a run of cells; where they are as large as body i, with those of larger numbers only."""
     count = before
     outlines = crowd.outlines
-    own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
     reach = outlines.reach[i] + outlines.skin[i]
     for start in range(members[0], members[1], LANES):
         found = next_near(own, reach, SAFELY, start, members[1], crowd.neighbors)
@@ -156,7 +156,7 @@ def find_pairs(
     """
     i = first + wp.tid()
     neighbors = crowd.neighbors
-    at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    at = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
     own_level = neighbors.footprints.level[i]
     reach = crowd.outlines.reach[i] + crowd.outlines.skin[i]
     count = int(0)

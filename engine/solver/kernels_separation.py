@@ -42,7 +42,7 @@ def find_pushes(
     """What every pair's contact asks for; an element is a body with the pairs whose first it is."""
     i = first + wp.tid()
     outlines = crowd.outlines
-    own = crowd.place[i]
+    own = crowd.pose[i]
     start = pairs.start[i]
     lightness = outlines.lightness[i]
     ease = outlines.ease[i]
@@ -51,7 +51,7 @@ def find_pushes(
     for p in range(start, start + pairs.count[i]):
         j = pairs.second[p]
         note = pairs.note[p]
-        other = crowd.place[j]
+        other = crowd.pose[j]
         image = image_of(note, crowd.neighbors.grid.space.size)
         d = wp.vec2(other[0] - own[0] + image[0], other[1] - own[1] + image[1])
         narrower = wp.min(width, outlines.width[j])
@@ -191,7 +191,7 @@ def moved(
     inside = confine(wp.vec2(own[0], own[1]), space)
     angle = own[2] + move[2]
     end = inside
-    if bodies.line[body] < 0:
+    if bodies.kind[body] < 0:
         end = slide(inside, inside + wp.vec2(move[0], move[1]), k, images, space)
     else:
         line = confine_line(
@@ -245,7 +245,7 @@ def move_apart(
     if lightness == 0.0:
         return
     ease = outlines.ease[i]
-    own = crowd.place[i]
+    own = crowd.pose[i]
     p = wp.vec2(own[0], own[1])
     asked = asked_by_pairs(i, lightness, ease, pairs)
     if crowd.inset != 0:
@@ -260,7 +260,7 @@ def move_apart(
     way = moved(i, own, move, outlines, bodies, bend, images, space)
     angle = way[2]
     built = moves.built[i]
-    crowd.place[i] = wp.vec4(own[0] + way[0], own[1] + way[1], angle, 0.0)
+    crowd.pose[i] = wp.vec4(own[0] + way[0], own[1] + way[1], angle, 0.0)
     moves.last[i] = wp.vec4(way[0], way[1], angle - own[2], 0.0)
     gone_x = own[0] + way[0] - built[0]
     gone_y = own[1] + way[1] - built[1]
@@ -302,7 +302,7 @@ def measure_overlaps(
     if crowd.inset != 0:
         outlines = crowd.outlines
         size = crowd.neighbors.grid.space.size
-        p = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+        p = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
         for side in range(4):
             depth, _n, _lever = wall_contact(i, outlines.first_corner[i], side, p, outlines, size)
             depth = depth / outlines.width[i]

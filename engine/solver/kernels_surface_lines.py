@@ -127,7 +127,7 @@ def place_lines(
 ):
     """Put the charges of lines along their axes."""
     i = first + wp.tid()
-    if bodies.line[i] < 0:
+    if bodies.kind[i] < 0:
         return
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
         spot = place_along(poses.facet[i], poses.weight[i], poses.axis[i], bodies.axial[j], ground.facets)
@@ -258,7 +258,7 @@ def propose_lines(
 ):
     """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
     i = first + wp.tid()
-    kind = bodies.line[i]
+    kind = bodies.kind[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     axis = axis_of(i, poses, bodies, ground)
@@ -354,7 +354,7 @@ def move_lines(
 ):
     """Move every line in the direction that was found; its charges stay on the surface, and where its class may be."""
     i = first + wp.tid()
-    kind = bodies.line[i]
+    kind = bodies.kind[i]
     if kind < 0 or (bodies.flags[i] & PINNED) != 0:
         return
     old = Lying()

@@ -39,7 +39,7 @@ def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: C
     total = before
     outlines = crowd.outlines
     space = crowd.neighbors.grid.space
-    short = difference(at, wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
+    short = difference(at, wp.vec2(crowd.pose[j][0], crowd.pose[j][1]), space)
     within = outlines.reach[i] + outlines.reach[j]
     for y in range(-crowd.images[1], crowd.images[1] + 1):
         for x in range(-crowd.images[0], crowd.images[0] + 1):
@@ -94,8 +94,8 @@ def cost_of_place(i: int, corners: int, without: int, at: wp.vec2, most: float, 
 def left_by_swap(i: int, j: int, most: float, crowd: Crowd):
     """Squared overlaps of two bodies that have traded places; ``most`` or more where they are more."""
     space = crowd.neighbors.grid.space
-    own = confine(wp.vec2(crowd.place[i][0], crowd.place[i][1]), space)
-    there = confine(wp.vec2(crowd.place[j][0], crowd.place[j][1]), space)
+    own = confine(wp.vec2(crowd.pose[i][0], crowd.pose[i][1]), space)
+    there = confine(wp.vec2(crowd.pose[j][0], crowd.pose[j][1]), space)
     after = cost_of_place(i, crowd.outlines.first_corner[i], j, there, most, crowd)
     if after < most:
         after += cost_of_place(j, crowd.outlines.first_corner[j], i, own, most - after, crowd)
@@ -120,7 +120,7 @@ def propose_swaps(
     q = first + wp.tid()
     i = stuck[q]
     outlines = crowd.outlines
-    own = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
     begin = bins.start[bins.bin[i]]
     end = bins.start[bins.bin[i] + 1]
     state = wp.rand_init(seed, i)
@@ -129,7 +129,7 @@ def propose_swaps(
     if end - begin > 1:
         for _candidate in range(candidates):
             j = bins.member[wp.randi(state, begin, end)]
-            there = wp.vec2(crowd.place[j][0], crowd.place[j][1])
+            there = wp.vec2(crowd.pose[j][0], crowd.pose[j][1])
             apart_by = outlines.reach[i] + outlines.reach[j]
             d = difference(own, there, crowd.neighbors.grid.space)
             if j != i and wp.length_sq(d) > 4.0 * apart_by * apart_by:
@@ -153,7 +153,7 @@ def find_costs(
 ):
     """Squared overlaps of every body."""
     i = first + wp.tid()
-    at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+    at = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
     cost[i] = cost_of_place(i, crowd.outlines.first_corner[i], i, at, 1.0e30, crowd)
 
 
@@ -178,10 +178,10 @@ def propose_turns(
     i = first + wp.tid()
     outlines = crowd.outlines
     best = float(0.0)
-    chosen = crowd.place[i][2]
+    chosen = crowd.pose[i][2]
     if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
         count = outlines.first_corner[i + 1] - outlines.first_corner[i]
-        at = wp.vec2(crowd.place[i][0], crowd.place[i][1])
+        at = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
         corners = room_for_corners + i * most_corners
         factor = outlines.factor[i]
         start = outlines.shape_start[outlines.shape[i]]
@@ -230,7 +230,7 @@ def accept_turns(
     """Turn those that gain more than all others within reach: of two that may touch only one turns at a time."""
     i = first + wp.tid()
     neighbors = crowd.neighbors
-    own = crowd.place[i]
+    own = crowd.pose[i]
     reach = crowd.outlines.reach[i]
     at = wp.vec2(own[0], own[1])
     best = gain[i] > 0.0
@@ -241,4 +241,4 @@ def accept_turns(
                 best = gains_most(i, at, bodies_of_run(run, around, neighbors), gain, crowd)
     turned[i] = int(best)
     if best:
-        crowd.place[i] = wp.vec4(own[0], own[1], angle[i], own[3])
+        crowd.pose[i] = wp.vec4(own[0], own[1], angle[i], own[3])

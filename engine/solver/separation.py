@@ -178,8 +178,8 @@ class Separation:
         self._prepare_bins(tables, is_round, pinned)
         self._make_arrays(given, angle)
         self._crowd = kernels_pairs.Crowd()
-        self._crowd.place, self._crowd.outlines, self._crowd.neighbors = (
-            self._place,
+        self._crowd.pose, self._crowd.outlines, self._crowd.neighbors = (
+            self._crowd_pose,
             self._outlines,
             self._near.for_kernels,
         )
@@ -271,9 +271,9 @@ class Separation:
         values[:, :2], values[:, 2] = given[:, :2], angle
         values = values[self._order]
         self._start = values
-        self._place = wp.array(values, dtype=wp.vec4, device=launcher.device)
+        self._crowd_pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
         moves = kernels_separation.Moves()
-        moves.home, moves.built = wp.clone(self._place), wp.clone(self._place)
+        moves.home, moves.built = wp.clone(self._crowd_pose), wp.clone(self._crowd_pose)
         moves.last = launcher.zeros(n, wp.vec4)
         moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
         self._moves = moves
@@ -298,7 +298,7 @@ class Separation:
         self._again, self._guidance = again, guidance
         parted = self._try(go_on, hot=False)
         if parted is False and self._fixed and self._swappable and not self.too_crowded:
-            self._place.assign(self._start)
+            self._crowd_pose.assign(self._start)
             self._moves.home.assign(self._start)
             parted = self._try(go_on, hot=True)
         self._write_back()
@@ -318,9 +318,9 @@ class Separation:
         near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
         # Cells know only places inside of a periodic domain.
         launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
-        near.sort(self._place)
+        near.sort(self._crowd_pose)
         crowd = kernels_pairs.Crowd()
-        crowd.place, crowd.outlines, crowd.neighbors = self._place, self._outlines, near.for_kernels
+        crowd.pose, crowd.outlines, crowd.neighbors = self._crowd_pose, self._outlines, near.for_kernels
         crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
         launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
         launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
@@ -370,7 +370,7 @@ class Separation:
             guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, swapped, clean = math.inf, 0, 0, 0
-        best, best_place, stopped = math.inf, None, False
+        best, best_pose, stopped = math.inf, None, False
         for number in range(guided + most + 1):
             if number % ROUNDS_PER_RISE == 0 and number and not hot:
                 momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
@@ -379,7 +379,7 @@ class Separation:
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
-                guidance.lead(self._place, self._outlines, self._moves.home)
+                guidance.lead(self._crowd_pose, self._outlines, self._moves.home)
             self._find()
             if number % ROUNDS_AT_ONCE == 0 and number < guided:
                 if go_on is not None and not go_on():
@@ -398,7 +398,7 @@ class Separation:
                 if clean >= LAST_ROUNDS:
                     return True
                 if squares < best:
-                    best, best_place = squares, wp.clone(self._place)
+                    best, best_pose = squares, wp.clone(self._crowd_pose)
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
                 if number == guided + most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
@@ -414,8 +414,8 @@ class Separation:
                         since = 0
                         self._find()
             self._move()
-        if best_place is not None:
-            self._place.assign(best_place)
+        if best_pose is not None:
+            self._crowd_pose.assign(best_pose)
         return None if stopped else False
 
     def _rebuild(self) -> None:
@@ -423,7 +423,7 @@ class Separation:
         launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
         launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
         self._turn_corners()
-        near.sort(self._place)
+        near.sort(self._crowd_pose)
         search = [self._crowd, max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n))]
         launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBORS)
         start = np.zeros(n + 1, np.int64)
@@ -448,11 +448,11 @@ class Separation:
             self.launcher.launch(
                 kernels_outlines.find_slopes,
                 self._count,
-                [self._place, self._slopes, self._space],
+                [self._crowd_pose, self._slopes, self._space],
                 [self._outlines.slope],
             )
         self.launcher.launch(
-            kernels_outlines.turn_corners, self._count, [self._place, self._outlines], [self._outlines.corner]
+            kernels_outlines.turn_corners, self._count, [self._crowd_pose, self._outlines], [self._outlines.corner]
         )
 
     def _launch_find(self) -> None:
@@ -516,7 +516,7 @@ class Separation:
         candidates = max(1, min(CANDIDATES, PLACES_TO_TRY // len(stuck)))
         stuck = stuck[:PLACES_TO_TRY]
         device = self.launcher.device
-        self._near.sort(self._place)
+        self._near.sort(self._crowd_pose)
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
         self.launcher.launch(
             kernels_trials.propose_swaps,
@@ -537,13 +537,17 @@ class Separation:
         proposed = np.flatnonzero(found >= 0)
         proposed = proposed[np.argsort(-gained[proposed], kind="stable")]
         one, other = stuck[proposed], found[proposed]
-        place, home, last = self._place.numpy().copy(), self._moves.home.numpy().copy(), self._moves.last.numpy().copy()
-        chosen = self._compatible(one, other, place)
+        poses, home, last = (
+            self._crowd_pose.numpy().copy(),
+            self._moves.home.numpy().copy(),
+            self._moves.last.numpy().copy(),
+        )
+        chosen = self._compatible(one, other, poses)
         one, other = one[chosen], other[chosen]
         both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
-        place[both, :2], home[both, :2] = place[swapped, :2], home[swapped, :2]
+        poses[both, :2], home[both, :2] = poses[swapped, :2], home[swapped, :2]
         last[both] = 0.0
-        self._place.assign(place)
+        self._crowd_pose.assign(poses)
         self._moves.home.assign(home)
         self._moves.last.assign(last)
         if len(one):
@@ -555,7 +559,7 @@ class Separation:
         launcher, n = self.launcher, self._count
         angle, gain, cost = (launcher.zeros(n, float) for _ in range(3))
         turned = launcher.zeros(n, wp.int32)
-        self._near.sort(self._place)
+        self._near.sort(self._crowd_pose)
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
             launcher.launch(kernels_trials.find_costs, n, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)
@@ -585,13 +589,13 @@ class Separation:
                 break
         self._rebuild()
 
-    def _compatible(self, one: np.ndarray, other: np.ndarray, place: np.ndarray) -> np.ndarray:
+    def _compatible(self, one: np.ndarray, other: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Which couples do not disturb each other: the best ones first, none of whose cells another one's body leaves or enters."""
         if not len(one):
             return np.zeros(0, bool)
         size = np.array(self._model.size)
         counts = np.maximum(1, (size / max(self._swap_reach, 1e-30)).clip(max=4096).astype(np.int64))
-        cell = np.clip((place[:, :2] / size * counts).astype(np.int64), 0, counts - 1)
+        cell = np.clip((poses[:, :2] / size * counts).astype(np.int64), 0, counts - 1)
         number = cell[:, 1] * counts[0] + cell[:, 0]
         first, second = number[one], number[other]
         rank = np.arange(len(one))
@@ -602,12 +606,12 @@ class Separation:
 
     def _write_back(self) -> None:
         """Put bodies into the state as they are now."""
-        place = self._place.numpy()
+        crowd_pose = self._crowd_pose.numpy()
         pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
         lines, order = self._is_line[self._order], self._order
-        pose[order, :2] = self._model.space.wrapped(place[:, :2])
-        pose[order[lines], 2] = place[lines, 2]
+        pose[order, :2] = self._model.space.wrapped(crowd_pose[:, :2])
+        pose[order[lines], 2] = crowd_pose[lines, 2]
         dots = ~lines
-        turn[order[dots]] = place[dots, 2]
+        turn[order[dots]] = crowd_pose[dots, 2]
         self._pose.assign(pose)
         self._turn.assign(turn)

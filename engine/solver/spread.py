@@ -43,14 +43,14 @@ def spread(
     if not asked:
         return result
     classes = [PreparedClass(str(i), (Size("point", 1.0, counts[i]),), _image(densities[i])) for i in asked]
-    model = Model(Problem(domain, classes, Balance(), seed))
+    model = Model(Problem(domain, classes, Balance(), seed=seed))
     descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
     if model.body_count > 1:
         descent.step.play(STEPS)
     position = position_in_meters(model, descent.state)
     launcher.release(descent.step)
-    for place, i in enumerate(asked):
-        result[i] = position[model.body.class_index == place]
+    for number, i in enumerate(asked):
+        result[i] = position[model.body.class_index == number]
     return result
 
 

@@ -15,19 +15,22 @@ import warp as wp
 
 from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
-from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, Until
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..errors import ProblemError
 from ..problem.surface import Surface
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
-from . import kernels_direction, kernels_on_surface, kernels_surface_lines
+from . import kernels_on_surface, kernels_surface_lines
 from .contact import keeps_apart
-from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels, residual_below, residual_of
+from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
+from .direction import Direction
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
+from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
+from .surface_own_forces import own_forces
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_state import SurfaceState
 
@@ -84,16 +87,20 @@ class SurfaceDescent:
         column = model.groups.class_index
         of_group = np.zeros((model.groups.count, len(share)))
         of_group[np.arange(len(column)), column] = model.group_charge
+        self._own_forces, interaction = own_forces(model, launcher, self.facets, on_device, share)
         self.cascade = Cascade(
             launcher,
             self.facets,
             on_device,
             share=share,
-            attraction=model.interaction @ of_group,
-            interaction=model.interaction,
+            attraction=interaction @ of_group,
+            interaction=interaction,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
         )
+        potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
+        if potential is not None:
+            self.cascade.set_offset(potential)
         self.ground = self._make_ground(on_device, share, model.interaction @ of_group)
         n, charge_count = model.body_count, model.charge_count
         self.charges = kernels_on_surface.Charges()
@@ -104,12 +111,7 @@ class SurfaceDescent:
         self.charges.field = launcher.zeros(charge_count, wp.vec3)
         self.rules = SurfaceLineRules(model, launcher, self.facets)
         self._has_dots = bool((model.body.kind < 0).any())
-        slots = kernels_direction.SLOTS_ON_GPU if device.is_cuda else kernels_direction.SLOTS_ON_CPU
-        kinds = kernels_direction.LENGTHS + self.rules.kind_count
-        room = kinds if device.is_cuda else kinds + kernels_direction.SUMS_APART
-        self._sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
-        self._totals = launcher.zeros(kinds, wp.int64)
-        self.direction = launcher.zeros(4, float)
+        self.direction = Direction(launcher, n, self.rules)
         self.state = self._first_state(started)
         if start is not None:
             start(self)
@@ -126,21 +128,15 @@ class SurfaceDescent:
         self.place_charges()
         self.step = launcher.record(self.take_step)
 
-    def residual(self) -> float:
-        """As :meth:`.Descent.residual`."""
-        return residual_of(self.direction, self.model.body_count)
-
-    def settled(self, tolerance: float) -> Until:
-        """When steps are to end: once the residual may be below a tolerance, or is no number."""
-        return residual_below(tolerance, self.direction, self.model.body_count)
-
     def take_step(self) -> None:
         """Launch a whole step."""
         charges = self.charges
         self.cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+        for own in self._own_forces:
+            own.add(charges)
         with self.launcher.phase("update"):
             self._propose()
-            self._decide()
+            self.direction.decide(self.state.length_factor)
             self._move()
         if self.contact is not None:
             with self.launcher.phase("contact"):
@@ -178,7 +174,7 @@ class SurfaceDescent:
                 kernels_on_surface.propose_dots,
                 n,
                 [self.charges, self.bodies, self.ground, in_contact],
-                [self._motion, self._sums],
+                [self._motion, self.direction.sums],
                 per_thread=True,
             )
         if rules.kind_count:
@@ -186,20 +182,9 @@ class SurfaceDescent:
                 kernels_surface_lines.propose_lines,
                 n,
                 [self._poses, self.charges, self.bodies, rules.lines, rules.preferred, self.ground, in_contact],
-                [self._motion, self._sums],
+                [self._motion, self.direction.sums],
                 per_thread=True,
             )
-
-    def _decide(self) -> None:
-        kinds, slots = self._totals.shape[0], self._sums.shape[2]
-        at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
-        self.launcher.launch(kernels_direction.add_up, kinds * slots // at_once, [at_once], [self._sums, self._totals])
-        self.launcher.launch(
-            kernels_direction.decide_direction,
-            1,
-            [self.rules.kind_count, self.rules.line_count, self.rules.pressed],
-            [self._totals, self.direction, self.state.length_factor],
-        )
 
     def _move(self) -> None:
         n = self.model.body_count
@@ -207,7 +192,7 @@ class SurfaceDescent:
             self.launcher.launch(
                 kernels_on_surface.move_dots,
                 n,
-                [self.direction, self.bodies, self.ground],
+                [self.direction.factors, self.bodies, self.ground],
                 [self._motion, self._poses, self.charges],
                 grain=GRAIN_OF_NEIGHBORS,
             )
@@ -215,7 +200,7 @@ class SurfaceDescent:
             self.launcher.launch(
                 kernels_surface_lines.move_lines,
                 n,
-                [self.direction, self.bodies, self.rules.lines, self.ground],
+                [self.direction.factors, self.bodies, self.rules.lines, self.ground],
                 [self._motion, self._poses],
                 grain=GRAIN_OF_NEIGHBORS,
             )

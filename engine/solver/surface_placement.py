@@ -42,6 +42,11 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
     angle = np.where(half > 0.0, np.arctan2((tangent * second).sum(axis=1), (tangent * first).sum(axis=1)), 0.0)
     # A line has no front.
     angle = angle - np.pi * np.round(angle / np.pi)
+    turned = np.flatnonzero(model.fixed & (body.kind < 0))
+    # Of dots that are put there, their angle says where their objects' x axes point.
+    asked = model.problem.fixed.angle[body.kind[model.fixed] < 0]
+    angle[turned] = asked
+    tangent[turned] = np.cos(asked)[:, None] * first[turned] + np.sin(asked)[:, None] * second[turned]
     for number, c in enumerate(model.problem.classes):
         if c.look_at is not None:
             own = np.flatnonzero((body.class_index == number) & (body.kind < 0) & ~model.fixed)

@@ -47,13 +47,13 @@ def half_axis(pose: wp.vec4):
 
 @wp.struct
 class Sorted:
-    """Bodies in the order of their cells: number, position, reach and half the axis of each; and the place of every body in it.
+    """Bodies in the order of their cells: number, position, reach and half the axis of each; and the rank of every body in it.
 
     Positions and reaches have room for :data:`LANES` more.
     """
 
     body: wp.array(dtype=wp.int32)
-    place: wp.array(dtype=wp.int32)
+    rank: wp.array(dtype=wp.int32)
     x: wp.array(dtype=float)
     y: wp.array(dtype=float)
     reach: wp.array(dtype=float)
@@ -97,8 +97,8 @@ def contact_keys(
 
 
 @wp.func
-def closest_places(difference: wp.vec2, axis_i: wp.vec2, axis_j: wp.vec2):
-    """Places -1..1 along two axes (half vectors) where they are nearest, their middles being ``difference`` apart.
+def closest_along(difference: wp.vec2, axis_i: wp.vec2, axis_j: wp.vec2):
+    """Coordinates -1..1 along two axes (half vectors) where they are nearest, their middles being ``difference`` apart.
 
     Nearly so where the axes are nearly parallel: enough for bodies on their way, not for a count.
     """
@@ -276,5 +276,5 @@ def gather_bodies(
 ):
     s = first + wp.tid()
     i = neighbors.bodies.body[s]
-    neighbors.bodies.place[i] = s
+    neighbors.bodies.rank[i] = s
     set_sorted(s, pose[i], neighbors.footprints.radius[i], neighbors.bodies)

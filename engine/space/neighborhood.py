@@ -74,7 +74,7 @@ class Neighborhood:
         room = n + kernels_neighborhood.LANES
         near = kernels_neighborhood.Sorted()
         near.body = self._cells.order
-        near.place = launcher.empty(n, wp.int32)
+        near.rank = launcher.empty(n, wp.int32)
         near.x, near.y, near.reach = (launcher.zeros(room, float) for _ in range(3))
         near.half_axis = launcher.zeros(room, wp.vec2)
         neighbors = kernels_neighborhood.Neighbors()

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import EshError
 from .coarse import Patch
 
-__all__ = ["PartBodies", "read_bodies", "read_patch", "write_atomically", "write_part"]
+__all__ = ["PartBodies", "read_bodies", "read_length_factor", "read_patch", "write_atomically", "write_part"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +63,9 @@ class PartBodies:
         )
 
 
-def write_part(path: Path, bodies: PartBodies, patch: Patch) -> None:
-    """Write bodies and how they were counted."""
-    arrays = {"identity": bodies.identity, "position": bodies.position}
+def write_part(path: Path, bodies: PartBodies, patch: Patch, length_factor: np.ndarray) -> None:
+    """Write bodies, how they were counted, and what made up for the pressure on lines of every size."""
+    arrays = {"identity": bodies.identity, "position": bodies.position, "length_factor": length_factor}
     if bodies.length.any():
         arrays |= {"angle": bodies.angle, "length": bodies.length}
     file = io.BytesIO()
@@ -80,6 +80,12 @@ def read_bodies(path: Path) -> PartBodies:
         nothing = np.zeros(len(identity))
         angle, length = (stored[key] if key in stored.files else nothing for key in ("angle", "length"))
         return PartBodies(identity, stored["position"], angle, length)
+
+
+def read_length_factor(path: Path) -> np.ndarray:
+    """Read what made up for the pressure on lines of every size, see :func:`write_part`; 1 where there are none."""
+    with _opened(path) as stored:
+        return stored["length_factor"]
 
 
 def read_patch(path: Path) -> Patch:

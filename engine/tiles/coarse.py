@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..problem.image_filters import gaussian_blur
+from ..problem.wave_filter import from_cosines, to_cosines
 
 __all__ = ["CoarseGrid", "Patch", "cell_sums", "displacement", "solve_flow"]
 
@@ -153,8 +154,8 @@ def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: fl
     area = width * height
     # Counting has blurred the bodies by a spline, and the target by cells.
     of_cells = np.sinc(0.5 * np.arange(columns) / columns)[None, :] * np.sinc(0.5 * np.arange(rows) / rows)[:, None]
-    difference = _to_cosines(count) / of_cells**4 - _to_cosines(target) / of_cells
-    potential = _from_cosines(difference * (-factor / area))
+    difference = to_cosines(count) / of_cells**4 - to_cosines(target) / of_cells
+    potential = from_cosines(difference * (-factor / area))
     flow_x, flow_y = np.zeros((rows, columns + 1), np.float32), np.zeros((rows + 1, columns), np.float32)
     flow_x[:, 1:-1] = np.diff(potential, axis=1) / width
     flow_y[1:-1] = np.diff(potential, axis=0) / height
@@ -200,27 +201,3 @@ def _between(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     lower = (1.0 - a) * part[low, left] + a * part[low, right]
     upper = (1.0 - a) * part[high, left] + a * part[high, right]
     return (1.0 - b) * lower + b * upper
-
-
-def _to_cosines(values: np.ndarray) -> np.ndarray:
-    """Discrete cosine transform along both axes (type II), by complex transforms of the same length (Makhoul, 1980)."""
-    for _ in range(2):
-        n = values.shape[1]
-        turned = np.concatenate([values[:, ::2], values[:, 1::2][:, ::-1]], axis=1)
-        phase = np.exp(-0.5j * np.pi * np.arange(n) / n)
-        values = (np.fft.fft(turned, axis=1) * phase).real.T
-    return values
-
-
-def _from_cosines(values: np.ndarray) -> np.ndarray:
-    """The inverse of :func:`_to_cosines`."""
-    for _ in range(2):
-        n = values.shape[1]
-        mirrored = np.zeros_like(values)
-        mirrored[:, 1:] = values[:, :0:-1]
-        phase = np.exp(0.5j * np.pi * np.arange(n) / n)
-        turned = np.fft.ifft((values - 1j * mirrored) * phase, axis=1).real
-        result = np.empty_like(values)
-        result[:, ::2], result[:, 1::2] = turned[:, : (n + 1) // 2], turned[:, (n + 1) // 2 :][:, ::-1]
-        values = result.T
-    return values

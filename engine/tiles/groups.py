@@ -59,6 +59,11 @@ class TileGroups:
         return np.unique(self.first_of_size, return_inverse=True)[1].ravel()
 
     @property
+    def layers(self) -> int:
+        """Number of sizes, counted over all classes."""
+        return len(np.unique(self.first_of_size))
+
+    @property
     def body_count(self) -> int:
         """Number of bodies."""
         return int(self.first[-1])
@@ -135,7 +140,7 @@ def _sample(problem: Problem) -> Problem:
             few = with_count(size, min(size.count or 0, SAMPLE))
             sizes.append(few if not size.is_range else replace(few, distribution="linear"))
         classes.append(PreparedClass(c.name, tuple(sizes), np.ones((1, 1), np.float32)))
-    return Problem(problem.domain, classes, problem.balance, problem.seed)
+    return Problem(problem.domain, classes, problem.balance, seed=problem.seed)
 
 
 def _areas_of_size(size: Size, rank: np.ndarray, seed: list[int]) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .bodies import PartBodies, read_bodies, write_atomically, write_part
+from .bodies import PartBodies, read_bodies, read_length_factor, write_atomically, write_part
 from .coarse import cell_sums, displacement
 from .layout import Box
 from .plan import Plan, TileRun, make_plan
@@ -79,7 +79,7 @@ def _start(run: TileRun, plan: Plan, number: int) -> int:
         here = box.holds(stored["position"])
         rare, place = stored["identity"][here], stored["position"][here]
     bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
-    _write(run, plan, "start", number, bodies)
+    _write(run, plan, "start", number, bodies, np.ones(plan.groups.layers))
     return len(bodies)
 
 
@@ -89,27 +89,39 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int) -> int:
     this = plan.passes[place]
     box = plan.layout.box(this.shift, number)
     earlier = plan.passes[place - 1].shift if place else (0.0, 0.0)
-    parts = []
+    parts, factors = [], []
     # A body may have been warped a little out of the window that it was in.
     for other in plan.layout.near(earlier, box, plan.spacing):
         found = read_bodies(part_path(run, before, other))
         parts.append(found.chosen(box.holds(found.position)))
+        factors.append(read_length_factor(part_path(run, before, other)))
+    factor = _mean_factor(plan, parts, factors)
     bodies = _warped(run, plan, stage, this.warp, box, PartBodies.joined(parts))
     totals = np.load(run.work / TOTALS)
-    bodies = relax(plan, box, bodies, totals, this.steps, this.part, run.device)
+    bodies, factor = relax(plan, box, bodies, factor, totals, this.steps, this.part, run.device)
     last = place + 1 == len(plan.passes)
     if last:
         bodies = onto_densities(plan, box, bodies)
-    _write(run, plan, stage, number, bodies)
+    _write(run, plan, stage, number, bodies, factor)
     if last:
         _write_tile(run, plan, number, bodies)
     return len(bodies)
 
 
-def _write(run: TileRun, plan: Plan, stage: str, number: int, bodies: PartBodies) -> None:
+def _mean_factor(plan: Plan, parts: list[PartBodies], factors: list[np.ndarray]) -> np.ndarray:
+    """What made up for the pressure on lines of every size in the windows before, as many of which come from each; 1 at first."""
+    count = [
+        np.bincount(plan.groups.layer[plan.groups.group_of(p.identity)], minlength=plan.groups.layers) for p in parts
+    ]
+    weight, factor = np.array(count, float), np.array(factors)
+    total = weight.sum(axis=0)
+    return np.where(total > 0.0, (weight * factor).sum(axis=0) / np.maximum(total, 1.0), 1.0)
+
+
+def _write(run: TileRun, plan: Plan, stage: str, number: int, bodies: PartBodies, factor: np.ndarray) -> None:
     group = plan.groups.group_of(bodies.identity)
     patch = plan.grid.deposit(bodies.position, group, plan.groups.number)
-    write_part(part_path(run, stage, number), bodies, patch)
+    write_part(part_path(run, stage, number), bodies, patch, factor)
 
 
 def _write_tile(run: TileRun, plan: Plan, number: int, bodies: PartBodies) -> None:

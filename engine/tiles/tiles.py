@@ -27,6 +27,7 @@ from ..files.recipe_writer import write_recipe
 from ..problem.problem import Problem
 from ..problem.validation import check_count, show
 from ..scenes.ray_pool import RayPool
+from ..scenes.run_folder import make_folder, open_run_folder
 from ..scenes.worker import Failure, carry_out
 from ..scenes.worker_pool import WorkerPool
 from .bodies import read_patch, write_atomically
@@ -41,8 +42,8 @@ __all__ = ["STEPS", "TileState", "solve_tiles"]
 
 PLAN = "tiles.json"
 INDEX = "index.json"
-# Steps of the descent in the three passes.
-STEPS = (60, 40, 40)
+# Steps of the descent in the three passes. What is beside the cuts of one pass has the steps of the others only.
+STEPS = (55, 45, 45)
 # Blur of the coarse warp in spacings of a group, or of all bodies, and in cells at least. What is finer only windows settle, but
 # not beside their cuts: with 12 spacings errors there at k = 4 are half as large again, with 6 a tenth.
 BLUR, BLUR_IN_CELLS = 4.0, 2.0
@@ -270,10 +271,7 @@ def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:
     if not isinstance(problem.domain.size, tuple) or len(problem.domain.size) != 2:
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
     recipe = folder / "problem" / "problem.toml"
-    try:
-        recipe.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise EshError(f"{folder} cannot be used: {(error.strerror or str(error)).lower()}") from None
+    make_folder(recipe.parent)
     write_recipe(recipe, problem)
     return recipe
 
@@ -290,25 +288,8 @@ def _open_folder(run: TileRun, recipe: Path, on_gpu: bool) -> None:
         "ending": run.ending,
         "device": "cuda" if on_gpu else "cpu",
     }
-    path = folder / PLAN
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        other = any(not entry.name.startswith(".") and entry.name != "problem" for entry in folder.iterdir())
-        older = json.loads(path.read_bytes()) if path.is_file() else None
-        run.work.mkdir(exist_ok=True)
-    except OSError as error:
-        raise EshError(f"-o {folder} cannot be used: {(error.strerror or str(error)).lower()}") from None
-    except ValueError:
-        older = {}
-    if older is None and other:
-        raise EshError(f"-o {folder} must be empty or hold this run; it holds other files")
-    if older is None:
-        write_atomically(path, (json.dumps(plan, indent=1) + "\n").encode())
-    elif older != plan:
-        differing = [key for key in plan if not isinstance(older, dict) or older.get(key) != plan[key]]
-        raise EshError(
-            f"-o {folder} holds another run, which differs in its {', '.join(differing)}; choose another folder"
-        )
+    open_run_folder(folder, PLAN, plan, "run", beside=("problem",))
+    make_folder(run.work)
 
 
 def _digest(paths: list[Path]) -> str:

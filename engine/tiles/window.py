@@ -25,7 +25,7 @@ from ..solver.body_flags import BodyFlags
 from ..solver.descent import Descent
 from ..solver.final_placement import position_in_meters
 from ..solver.initial_placement import first_pose
-from ..solver.line_rules import FIRST_LENGTH, LineRules
+from ..solver.line_rules import FIRST_LENGTH, LineRules, length_blocks
 from ..solver.model import Model
 from ..space.density import move_into_support
 from ..space.support import images_for_kernels
@@ -99,7 +99,7 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
         sizes = tuple(replace(with_count(tiles.sizes[g], int(tiles.count[g])), line=None) for g in own.tolist())
         classes.append(PreparedClass(plan.problem.classes[c].name, sizes, target[c][::-1].astype(np.float32)))
     domain = Domain(whole.size, whole.boundary)
-    problem = Problem(domain, classes, Balance(size_emphasis=1.0), plan.problem.seed)
+    problem = Problem(domain, classes, Balance(size_emphasis=1.0), seed=plan.problem.seed)
     group = np.repeat(np.arange(len(rare)), tiles.count[rare]).astype(np.int32)
     class_index = np.unique(tiles.class_index[rare], return_inverse=True)[1].ravel()
     model = Model(problem, groups=Groups(group, class_index, tiles.matrix[np.ix_(rare, rare)]))
@@ -159,28 +159,39 @@ def _levels_of_ranges(plan: Plan, identity: np.ndarray) -> list[np.ndarray]:
 
 
 def relax(
-    plan: Plan, box: Box, bodies: PartBodies, totals: np.ndarray, steps: int, part: bool, device: str
-) -> PartBodies:
+    plan: Plan,
+    box: Box,
+    bodies: PartBodies,
+    length_factor: np.ndarray,
+    totals: np.ndarray,
+    steps: int,
+    part: bool,
+    device: str,
+) -> tuple[PartBodies, np.ndarray]:
     """Let the bodies of a window settle; those near its cuts are pinned.
 
     Args:
         plan: The plan.
         box: The window.
         bodies: Its bodies.
+        length_factor: What made up for the pressure on lines before, of every size; no window has the steps to find it.
         totals: Integral of every class's density over the whole domain, in m² times density, shape ``[classes]``.
         steps: Of the descent.
         part: Whether to part footprints at the end.
         device: Where to run.
+
+    Returns:
+        The bodies, and what makes up for the pressure on lines now.
     """
     if len(bodies) < 2:
-        return bodies
+        return bodies, length_factor
     longest = 0.5 * plan.longest
     flags = np.zeros(len(bodies), np.int32)
     margin, taper = _margins(plan, box, len(bodies))
     pinned = box.depth(bodies.position) < margin + longest
     flags[pinned] = BodyFlags.PINNED
     if pinned.all():
-        return bodies
+        return bodies, length_factor
     launcher = launcher_on(device, os.getpid())
     model = _model(plan, box, bodies.identity, flags, plan.problem.seed)
     # Charges per area of a footprint, before anything fades.
@@ -194,10 +205,17 @@ def relax(
     present = np.unique(plan.groups.group_of(bodies.identity))
     targets = _targets(plan, box, model, present, totals, scale, taper)
     descent = Descent(model, launcher, pose=pose, targets=targets)
+    # Sizes of lines that are here, in the order of the model's kinds, and how many factors each has.
+    lines = [g for g in present.tolist() if plan.groups.sizes[g].line is not None]
+    kinds = np.unique(plan.groups.layer[lines])
+    blocks = [rows * columns for rows, columns in length_blocks(model)]
+    if len(kinds):
+        first = np.concatenate([length_factor[kinds], np.repeat(length_factor[kinds], blocks)])
+        descent.state.length_factor.assign(first.astype(np.float32))
     try:
         for _ in range(steps):
             descent.step.play()
-        if math.isnan(descent.residual()):
+        if math.isnan(descent.direction.residual()):
             raise ProblemError(
                 "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
             )
@@ -218,6 +236,7 @@ def relax(
             descent.contact.separate(state.pose, state.turn, state.bend)
         moved = state.pose.numpy().astype(np.float64)
         position = _settled(plan, box, model, position_in_meters(model, state), ~pinned)
+        reached = state.length_factor.numpy().astype(np.float64)
     finally:
         launcher.release(descent.step)
     free = ~pinned
@@ -227,7 +246,11 @@ def relax(
     line = free & (model.body.kind >= 0)
     angle[line] = np.mod(moved[line, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
     length[line] = moved[line, 3] * model.unit
-    return PartBodies(bodies.identity, result, angle, length)
+    length_factor = length_factor.copy()
+    ends = len(kinds) + np.cumsum([0, *blocks])
+    for k, layer in enumerate(kinds.tolist()):
+        length_factor[layer] = reached[ends[k] : ends[k + 1]].mean() if blocks[k] else reached[k]
+    return PartBodies(bodies.identity, result, angle, length), length_factor
 
 
 def onto_densities(plan: Plan, box: Box, bodies: PartBodies) -> PartBodies:
@@ -344,7 +367,7 @@ def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: 
                 replace(domain, inset=domain.inset and keep_apart),
                 classes,
                 balance,
-                seed,
+                seed=seed,
                 avoid_overlap=keep_apart,
                 regularity=plan.problem.regularity,
                 obstacles=kept_off,

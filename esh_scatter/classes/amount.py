@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ...engine.errors import ProblemError
+from ...engine.problem.settings import Settings, described, setting
 from ...engine.problem.validation import as_float, show
 
 __all__ = ["Amount"]
@@ -14,24 +15,51 @@ __all__ = ["Amount"]
 MOST = 50_000_000
 
 
+def _check_amount(value: object, key: str) -> float:
+    number = as_float(value)
+    if number is None or not 0.0 < number < math.inf:
+        raise ProblemError(f"{key} must be a number above 0, and finite; got {show(value)}")
+    return number
+
+
+@described
 @dataclass(frozen=True)
-class Amount:
+class Amount(Settings):
     """How many of a class are placed, for ``count`` of a :class:`~esh.ScatterClass`. One of these is given.
 
     It holds where the class's density is 1 or more. Where the density is lower, so is the number.
-
-    Attributes:
-        per_area: Number for each square meter of surface [1/m²].
-        distance: Distance between neighbors in an even placement [m].
-        cover: Share of the surface that the footprints cover together.
 
     Raises:
         ProblemError: None or several are given, or one that is not above 0.
     """
 
-    per_area: float | None = None
-    distance: float | None = None
-    cover: float | None = None
+    per_area: float | None = field(
+        default=None,
+        metadata=setting(
+            "How many to place on each square meter of ground where the density is white, all sizes together",
+            label="Per m²",
+            unit="1/m²",
+            soft_high=100.0,
+            check=_check_amount,
+        ),
+    )
+    distance: float | None = field(
+        default=None,
+        metadata=setting(
+            "How far neighbors of this class are apart where the density is white",
+            unit="m",
+            soft_low=0.05,
+            soft_high=100.0,
+            check=_check_amount,
+        ),
+    )
+    cover: float | None = field(
+        default=None,
+        metadata=setting(
+            "Share of the ground that the footprints of this class cover together where the density is white",
+            check=_check_amount,
+        ),
+    )
 
     def __post_init__(self) -> None:
         given = {name: value for name, value in vars(self).items() if value is not None}
@@ -39,10 +67,10 @@ class Amount:
             raise ProblemError(
                 f"an Amount must have one of `per_area`, `distance` and `cover`; got {show(given or None)}"
             )
-        ((name, value),) = given.items()
-        number = as_float(value)
-        if number is None or not 0.0 < number < math.inf:
-            raise ProblemError(f"`{name}` of an Amount must be a number above 0, and finite; got {show(value)}")
+        super().__post_init__()
+
+    def _key(self, name: str) -> str:
+        return f"`{name}` of an Amount"
 
     def number(self, area: float, footprint: float, where: str) -> int:
         """Return how many that are: at least one.

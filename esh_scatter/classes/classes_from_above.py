@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...engine.errors import ProblemError
-from ...engine.problem.body_class import BodyClass, ClassSettings
+from ...engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings
 from ...engine.problem.direction_field import density_directions
 from ...engine.problem.footprint import Footprints
 from ...engine.problem.line import Line
@@ -140,11 +140,7 @@ class ClassesFromAbove:
             tuple(sizes),
             density,
             one.surface.notes,
-            room=c.room,
-            gap=c.gap,
-            clustering=c.clustering,
-            clump_size=c.clump_size,
-            look_at=self._looking(c),
+            **{**values_of(c, PlacingSettings), "look_at": self._looking(c)},
         )
 
     def _looking(self, c: ScatterClass) -> LookAt | None:

@@ -115,9 +115,9 @@ class ESH_OT_instances_remove(_OnInstances):
     bl_label = "Remove"
 
     def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
-        for x, y, radius in pins.discs_of(result, points).tolist():
+        for x, y, z, radius in pins.balls_of(result, points).tolist():
             entry = scatter.free_places.add()
-            entry.place, entry.radius = (x, y), radius
+            entry.place, entry.radius, entry.has_height, entry.height = (x, y), radius, True, z
         pins.remove(result.data, points)
 
 

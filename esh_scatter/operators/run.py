@@ -237,7 +237,7 @@ class ESH_OT_scatter_selection(_Run):
         min=1,
         soft_max=100_000,
     )
-    class_separation: property_of(_SETTINGS["class_separation"], name="Mix Classes")
+    class_separation: property_of(_SETTINGS["class_separation"])
     seed: property_of(_SETTINGS["seed"])
 
     @classmethod

@@ -23,7 +23,8 @@ from ...engine.problem.body_class import ClassSettings
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
-from .described import values_from, with_properties
+from ..classes.amount import Amount
+from .described import property_of, values_from, with_properties
 from .entries import entry_at
 from .layer import ESH_PG_layer
 from .names import class_renamed, unused_name
@@ -51,6 +52,7 @@ CLASS_COLORS = (
 
 # Ways to say how many that need the ground to become a number.
 DERIVED_COUNTS = {"PER_AREA": "per_area", "DISTANCE": "distance", "SHARE": "cover_share"}
+_AMOUNT = settings_of(Amount)
 
 
 @with_properties(Standing, **{name: {"update": stand_class_anew} for name in settings_of(Standing)})
@@ -186,31 +188,9 @@ class ESH_PG_class(PropertyGroup):
     total: IntProperty(
         name="Total Count", description="How many to place, all sizes together", default=100, min=1, soft_max=100_000
     )
-    per_area: FloatProperty(
-        name="Per m²",
-        description="How many to place on each square meter of ground where the density is white, all sizes together",
-        default=0.5,
-        min=1e-6,
-        soft_max=100.0,
-        precision=3,
-    )
-    distance: FloatProperty(
-        name="Distance",
-        description="How far neighbors of this class are apart where the density is white",
-        default=2.0,
-        min=1e-3,
-        soft_min=0.05,
-        soft_max=100.0,
-        unit="LENGTH",
-    )
-    cover_share: FloatProperty(
-        name="Cover",
-        description="Share of the ground that the footprints of this class cover together where the density is white",
-        default=0.3,
-        min=1e-4,
-        max=1.0,
-        subtype="FACTOR",
-    )
+    per_area: property_of(_AMOUNT["per_area"], default=0.5, min=1e-6, precision=3)
+    distance: property_of(_AMOUNT["distance"], default=2.0, min=1e-3)
+    cover_share: property_of(_AMOUNT["cover"], default=0.3, min=1e-4, max=1.0, subtype="FACTOR")
     sizes: CollectionProperty(type=ESH_PG_size)
     size_index: IntProperty(name="Selected Size", description="The size that is shown below the list")
 
@@ -319,7 +299,7 @@ class ESH_PG_class(PropertyGroup):
 
     def as_argument(self) -> "ScatterClass":
         """Return this class as :func:`~esh.scatter` takes it."""
-        from ..api import Amount, ScatterClass
+        from ..api import ScatterClass
 
         whole = sum(size.share for size in self.sizes)
         shared = self.count_kind != "SIZES"

@@ -70,10 +70,13 @@ class ESH_PG_free_place(PropertyGroup):
 
     place: FloatVectorProperty(size=2, options={"HIDDEN"})
     radius: FloatProperty(options={"HIDDEN"})
+    # Files of before have no heights.
+    has_height: BoolProperty(options={"HIDDEN"})
+    height: FloatProperty(options={"HIDDEN"})
 
     def as_argument(self) -> FreePlace:
         """Return it as :func:`~esh.scatter` takes it."""
-        return FreePlace(self.place[0], self.place[1], self.radius)
+        return FreePlace(self.place[0], self.place[1], self.radius, self.height if self.has_height else None)
 
 
 CLASSES = (ESH_PG_obstacle, ESH_PG_free_place)

@@ -41,13 +41,7 @@ def _live_switched(item: "ESH_PG_scatter", context: object) -> None:
     live.switched(item, context)
 
 
-@with_properties(
-    ScatterSettings,
-    BY_HAND,
-    class_separation={"name": "Mix Classes"},
-    size_emphasis={"name": "Favor Large Sizes"},
-    max_steps={"name": "Max Steps"},
-)
+@with_properties(ScatterSettings, BY_HAND)
 class ESH_PG_scatter(WithTarget, PropertyGroup):
     """One scatter: a target, what stands on it, and the report of its last run."""
 

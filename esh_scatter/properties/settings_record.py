@@ -1,8 +1,12 @@
-"""What a result was made with, as plain data, and in words what has changed since."""
+"""What a result was made with, as plain data, and in words what has changed since.
+
+What is at its default is not in a record. So a setting that is new needs nothing here: older records lack it, and are as current with
+its default as they were without it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -13,15 +17,15 @@ from ...engine.problem.settings import settings_of
 from ..result import pins
 from ..targets import checksums
 from ..targets.target import members_of
-from .influential_settings import WITHOUT_INFLUENCE
+from .influential_settings import LOOKS, WITHOUT_INFLUENCE
 
 __all__ = ["changes", "completed", "looks_of", "only_looks_differ", "record", "same"]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
 
-# Settings that came after records were first kept: at their defaults they are as good as none, so that older results stay current.
-CAME_LATER = {"room": 1.0, "gap": 0.0, "align_to_normal": 1.0, "use_look_at": False}
+# How a record says that there is nothing of something: no obstacles, no places set by hand and no pins, no curve.
+NOTHING: tuple[Any, ...] = ([], [[], []])
 # What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter")
 
@@ -42,17 +46,20 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     names: dict[str, str] = {}
     return {
         "target": target and _state_of(scatter),
-        "scatter": _values(scatter, names, "scatter") | _kept_off(scatter),
+        "scatter": _telling(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
         "classes": {
             str(c.uid): {
-                "values": _values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}),
+                "values": _telling(_values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}), c.bl_rna),
                 **_where_it_looks(c),
                 "layers": [
                     _layer(layer, target, names, f"{c.uid}.layer {number}")
                     for number, layer in enumerate(layer for layer in c.layers if layer.use)
                 ],
                 "sizes": [
-                    _values(size, names, f"{c.uid}.{number}") | {"variants": sorted(size.weights.items())}
+                    _telling(
+                        _values(size, names, f"{c.uid}.{number}") | {"variants": sorted(size.weights.items())},
+                        size.bl_rna,
+                    )
                     for number, size in enumerate(c.sizes)
                 ],
             }
@@ -102,14 +109,21 @@ def _state_of(scatter: Any) -> list[Any]:
 
 
 def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
-    """Return a record with what settings that are newer than it would have had then: their defaults."""
+    """Return a record of any version as it would be made now: older ones have what is at its default, too."""
     if not before:
         return before
-    kind: Any = type(scatter)
-    names = _influential(kind)
-    defaults = {name: _default(scatter, name) for name in names}
-    defaults |= {"obstacles": [], "free_places": [[], []], "keep_off_others": []}
-    return {**before, "scatter": {**defaults, **before["scatter"]}}
+    of_classes = scatter.bl_rna.properties["classes"].fixed_type
+    of_layers, of_sizes = (of_classes.properties[name].fixed_type for name in ("layers", "sizes"))
+    classes = {
+        uid: {
+            **one,
+            "values": _telling(one["values"], of_classes),
+            "layers": [_telling_layer(layer, of_layers) for layer in one.get("layers", [])],
+            "sizes": [_telling(size, of_sizes) for size in one["sizes"]],
+        }
+        for uid, one in before["classes"].items()
+    }
+    return {**before, "scatter": _telling(before["scatter"], scatter.bl_rna), "classes": classes}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
@@ -137,12 +151,12 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
             name = now["names"].get(f"{uid}.{key}", "")
             return name if before["names"].get(f"{uid}.{key}") == name else ""
 
-        for what in _differing(old[uid]["values"], one["values"], group, told):
+        for what in _differing(old[uid]["values"], one["values"], group, told, _idle(group, scatter.avoid_overlap)):
             found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
         if old[uid].get("looks") != one.get("looks"):
             moved = group.look_at_object if one.get("looks") else None
             found.append(f"place of {moved.name}" if moved else f"what {group.name} looks at")
-        found += _differing_layers(old[uid].get("layers", []), one["layers"], group, told)
+        found += _differing_layers(old[uid]["layers"], one["layers"], group, told)
         if len(old[uid]["sizes"]) != len(one["sizes"]):
             found.append(f"sizes of {group.name}")
             continue
@@ -150,12 +164,29 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
             zip(old[uid]["sizes"], one["sizes"], group.sizes, strict=True)
         ):
             where = group.name if len(group.sizes) == 1 else f"{group.name}, {size.name}"
-            for what in _differing(size_before, size_now, size, lambda key, k=number: told(f"{k}.{key}")):  # type: ignore[misc]
+            for what in _differing(
+                size_before,
+                size_now,
+                size,
+                lambda key, k=number: told(f"{k}.{key}"),  # type: ignore[misc]
+                size.unused,
+            ):
                 found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
     found += [
         f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
+
+
+def _idle(body_class: Any, apart: bool) -> set[str]:
+    """Return what of a class has no influence as its other settings are, and as outlines are kept apart or not."""
+    idle = set(body_class.unused)
+    if not apart:
+        idle |= {*OF_OUTLINES, *LOOKS}
+    if body_class.is_round:
+        idle |= {*LOOKS}
+    # Then the switch says it.
+    return idle if body_class.use_look_at else idle | ({*LOOKS} - {"use_look_at"})
 
 
 def _differing_layers(
@@ -174,13 +205,26 @@ def _differing_layers(
 
 
 def _differing(
-    before: dict[str, Any], now: dict[str, Any], group: Any, told: Callable[[str], str] = lambda _key: ""
+    before: dict[str, Any],
+    now: dict[str, Any],
+    group: Any,
+    told: Callable[[str], str] = lambda _key: "",
+    idle: Collection[str] = (),
 ) -> list[str]:
-    """Name the values that differ; ``told`` gives the name of what a value was looked into, where that is the same."""
+    """Name the values that differ.
+
+    Args:
+        before: Values that tell something, by name.
+        now: The same, now.
+        group: That has them.
+        told: Gives the name of what a value was looked into, where that is the same.
+        idle: Names of what has no influence now.
+    """
     properties = group.bl_rna.properties
     found = []
-    # What is at its default now, and is not kept then, may have been another value before.
-    for name in (*now, *(late for late in CAME_LATER if late in before and late not in now)):
+    # What is at its default now may have been another value before.
+    ended = (name for name in before if name not in now and name in properties and name not in idle)
+    for name in (*now, *ended):
         value = now.get(name)
         if before.get(name) == value:
             continue
@@ -194,9 +238,23 @@ def _differing(
     return found
 
 
-def _default(group: Any, name: str) -> Any:
-    told = group.bl_rna.properties[name]
-    if told.type == "POINTER":
+def _telling(values: dict[str, Any], of: Any) -> dict[str, Any]:
+    """Return the values that differ from the defaults of a group's properties; ``of`` is Blender's description of the group."""
+    return {
+        name: value
+        for name, value in values.items()
+        if value not in NOTHING and not (name in of.properties and value == _default(of.properties[name]))
+    }
+
+
+def _telling_layer(values: dict[str, Any], of: Any) -> dict[str, Any]:
+    """Return the same of a layer, and its kind, which says what else counts."""
+    return {"kind": values["kind"], **_telling(values, of)}
+
+
+def _default(told: Any) -> Any:
+    """Return the default of a property; what lies in a list of its own has none."""
+    if told.type in ("POINTER", "COLLECTION"):
         return None
     return list(told.default_array) if getattr(told, "is_array", False) else told.default
 
@@ -222,8 +280,7 @@ def _values(group: Any, names: dict[str, str], key: str, more: Sequence[str] = (
             value = _contents(value)
         elif isinstance(value, bpy.types.bpy_prop_array):
             value = list(value)
-        if name not in CAME_LATER or CAME_LATER[name] != value:
-            values[name] = value
+        values[name] = value
     return values
 
 
@@ -282,7 +339,7 @@ def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], k
             values[name] = [value, checksums.of_attribute(target, value)]
         else:
             values[name] = list(value) if isinstance(value, bpy.types.bpy_prop_array) else value
-    return {**values, "curve": layer.curve_record()}
+    return _telling_layer({**values, "curve": layer.curve_record()}, layer.bl_rna)
 
 
 def _view(camera: bpy.types.Object | None) -> list[Any] | None:

@@ -16,6 +16,8 @@ __all__ = [
     "BODY_ANGLE",
     "BODY_LENGTH",
     "CLASSES_OF_POINTS",
+    "FIT",
+    "NORMAL",
     "PINNED",
     "PLACED_AT",
     "SEED",
@@ -42,7 +44,8 @@ PLACED_AT = "placed_at"
 # The way from point to origin [m], under the name that saved files know.
 TO_ORIGIN = "lift"
 
-_NORMAL, _HEADING, _LONG, _FIT, _MIDDLE = "ground_normal", "heading", "long", "fit", "middle"
+NORMAL, FIT = "ground_normal", "fit"
+_HEADING, _LONG, _MIDDLE = "heading", "long", "middle"
 _LAID, _LOOKS = "laid", "looks"
 _FIELDS: dict[str, tuple[str, int, Any]] = {
     "FLOAT": ("value", 1, np.float32),
@@ -57,19 +60,19 @@ _FIELDS: dict[str, tuple[str, int, Any]] = {
 def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
     """Return the attributes that keep what is known of the points; of the rarer ones, those that say something."""
     kept = {
-        _NORMAL: ("FLOAT_VECTOR", ground.normal),
+        NORMAL: ("FLOAT_VECTOR", ground.normal),
         _HEADING: ("FLOAT", ground.heading),
         TO_ORIGIN: ("FLOAT_VECTOR", to_origin),
     }
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
         kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
-        if ground.laid.any():
-            kept[_LAID] = ("BOOLEAN", ground.laid)
+    if ground.laid.any():
+        kept[_LAID] = ("BOOLEAN", ground.laid)
     if ground.looks.any():
         kept[_LOOKS] = ("BOOLEAN", ground.looks)
     if (ground.fit != 1.0).any():
-        kept[_FIT] = ("FLOAT", ground.fit)
+        kept[FIT] = ("FLOAT", ground.fit)
     return kept
 
 
@@ -78,7 +81,7 @@ def can_stand_anew(result: bpy.types.Object) -> bool:
     return (
         result.mode != "EDIT"
         and SEED in result.data
-        and all(name in result.data.attributes for name in ("id", _NORMAL, _HEADING, TO_ORIGIN, ROTATION, SCALE))
+        and all(name in result.data.attributes for name in ("id", NORMAL, _HEADING, TO_ORIGIN, ROTATION, SCALE))
     )
 
 
@@ -91,10 +94,10 @@ def stand_anew(result: bpy.types.Object, class_number: int, standing: Standing, 
     middle = read_attribute(mesh, _MIDDLE) if _MIDDLE in mesh.attributes else np.zeros((count, 3), np.float32)
     ground = Ground(
         read_attribute(mesh, "id"),
-        read_attribute(mesh, _NORMAL),
+        read_attribute(mesh, NORMAL),
         read_attribute(mesh, _HEADING),
         read_attribute(mesh, _LONG) if _LONG in mesh.attributes else np.zeros(count, bool),
-        read_attribute(mesh, _FIT) if _FIT in mesh.attributes else np.ones(count, np.float32),
+        read_attribute(mesh, FIT) if FIT in mesh.attributes else np.ones(count, np.float32),
         middle[:, :2],
         middle[:, 2],
         read_attribute(mesh, _LAID) if _LAID in mesh.attributes else np.zeros(count, bool),
@@ -127,6 +130,7 @@ def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, lo
     if _LOOKS not in mesh.attributes:
         mesh.attributes.new(_LOOKS, "BOOLEAN", "POINT")
     looks, heading = read_attribute(mesh, _LOOKS), read_attribute(mesh, _HEADING)
+    before = heading.copy()
     for name in (PINNED, _LONG):
         if name in mesh.attributes:
             own = own[~read_attribute(mesh, name)[own]]
@@ -138,16 +142,17 @@ def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, lo
         heading[own] = turns_towards(
             look_at,
             standing.align_to_normal,
-            read_attribute(mesh, _NORMAL)[own],
+            read_attribute(mesh, NORMAL)[own],
             position @ world[:3, :3].T + world[:3, 3],
             read_attribute(mesh, "id")[own],
             int(mesh[SEED]),
         )
         if BODY_ANGLE not in mesh.attributes:
             mesh.attributes.new(BODY_ANGLE, "FLOAT", "POINT")
-        # The turn that a pin would keep.
+        # The turn that a pin would keep; on a whole surface it is told from another direction.
         angle = read_attribute(mesh, BODY_ANGLE)
-        angle[own] = heading[own]
+        on_whole = _LAID in mesh.attributes
+        angle[own] = angle[own] + heading[own] - before[own] if on_whole else heading[own]
         write_attribute(mesh, BODY_ANGLE, angle)
     looks[own] = look_at is not None
     write_attribute(mesh, _LOOKS, looks)

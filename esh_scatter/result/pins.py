@@ -11,20 +11,31 @@ import bpy
 import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
-from .kept_ground import BODY_ANGLE, BODY_LENGTH, PINNED, PLACED_AT, TO_ORIGIN, read_attribute, write_attribute
+from .kept_ground import (
+    BODY_ANGLE,
+    BODY_LENGTH,
+    FIT,
+    NORMAL,
+    PINNED,
+    PLACED_AT,
+    TO_ORIGIN,
+    read_attribute,
+    write_attribute,
+)
 from .node_group import INSTANCE_INDEX, SCALE, placed_objects
 
 # Warp is not imported before something is computed.
 if TYPE_CHECKING:
     from ...engine.surface.chart import Chart
+    from ...engine.surface.whole_surface import WholeSurface
 
 __all__ = [
     "PINNED",
     "Pins",
     "add_pins",
+    "balls_of",
     "can_be_edited",
     "checksum_of",
-    "discs_of",
     "moved_by_hand",
     "pin",
     "read_pins",
@@ -52,8 +63,10 @@ class Pins(NamedTuple):
         angle: How the placement has them lie [rad], shape ``[n]``.
         length: Of lines [m], shape ``[n]``; 0 where there is none.
         scale: Of the object, shape ``[n]``.
+        fit: What of that scale fits the object to its footprint, shape ``[n]``.
         source: ``session_uid`` of the object that stands there, shape ``[n]``; -1 where it is gone.
         identity: Numbers of the points, shape ``[n]``.
+        normal: Of the surface there, shape ``[n, 3]``.
     """
 
     position: np.ndarray
@@ -62,8 +75,10 @@ class Pins(NamedTuple):
     angle: np.ndarray
     length: np.ndarray
     scale: np.ndarray
+    fit: np.ndarray
     source: np.ndarray
     identity: np.ndarray
+    normal: np.ndarray
 
     def fixed_in(self, chart: Chart, variant: np.ndarray) -> FixedBodies:
         """Return them as the solver takes them, brought into the rectangle of a chart.
@@ -83,6 +98,27 @@ class Pins(NamedTuple):
             self.identity,
             variant,
             self.scale,
+        )
+
+    def fixed_on(self, surface: WholeSurface, area: np.ndarray) -> FixedBodies:
+        """Return them as the solver takes them, put onto a whole surface where that is nearest.
+
+        Args:
+            surface: The target.
+            area: What ground each takes [m²], shape ``[n]``; NaN for that of its size.
+        """
+        triangle, weight = surface.nearest(self.position, self.normal)
+        return FixedBodies(
+            self.position,
+            self.class_index.astype(object),
+            self.size_index.astype(object),
+            self.angle,
+            np.where(self.length > 0.0, self.length, np.nan),
+            area,
+            self.identity,
+            mesh=0,
+            triangle=triangle,
+            barycentric=weight,
         )
 
 
@@ -149,8 +185,10 @@ def read_pins(
         of(BODY_ANGLE).astype(np.float64),
         of(BODY_LENGTH).astype(np.float64),
         of(SCALE)[:, 0].astype(np.float64),
+        of(FIT).astype(np.float64) if FIT in mesh.attributes else np.ones(len(stays)),
         _sources(result)[of(INSTANCE_INDEX).astype(np.int64)],
         of("id").astype(np.int64),
+        read_attribute(mesh, NORMAL)[stays].astype(np.float64),
     )
 
 
@@ -207,10 +245,11 @@ def can_be_edited(result: bpy.types.Object) -> bool:
     return result.mode == "EDIT" or (PLACED_AT in result.data.attributes and TO_ORIGIN in result.data.attributes)
 
 
-def discs_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
-    """Return middles in the world's x and y, and radii of about what stands on points [m], shape ``[n, 3]``."""
+def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
+    """Return middles in the world, and radii of about what stands on points [m], shape ``[n, 4]``."""
     mesh, world = result.data, np.array(result.matrix_world)
-    position = (read_attribute(mesh, "position")[points] @ world[:3, :3].T + world[:3, 3])[:, :2]
+    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[points]
+    position = position @ world[:3, :3].T + world[:3, 3]
     groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
     shown = placed_objects(groups[0]) if groups else []
     half = [0.0 if item is None else 0.5 * max(item.dimensions.x, item.dimensions.y) for item in shown]

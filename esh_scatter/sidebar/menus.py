@@ -6,6 +6,8 @@ from .. import operators
 from ..editing.preset_files import built_in_presets
 from ..properties.layer import KINDS
 from ..properties.scene import active_scatter
+from . import preset_pictures
+from .preset_pictures import picture_of
 
 __all__ = ["CLASSES", "attach", "detach"]
 
@@ -18,6 +20,8 @@ _ONLY_BUTTONS = {
     "esh.layer_move",
     "esh.preset_apply",
 }
+# Presets in a row of their menu, and how large their pictures are, in units of its lines.
+PRESETS_IN_A_ROW, PICTURE_SCALE = 4, 5.0
 # Where groups of layers begin in the menu.
 _GROUPS = tuple(list(KINDS).index(name) for name in ("SLOPE", "DISTANCE"))
 
@@ -65,8 +69,13 @@ class ESH_MT_presets(bpy.types.Menu):
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the menu."""
         layout = self.layout
+        grid = layout.grid_flow(row_major=True, columns=PRESETS_IN_A_ROW, even_columns=True, align=True)
         for path, name in built_in_presets().items():
-            layout.operator("esh.preset_apply", text=name).filepath = path
+            cell = grid.column(align=True)
+            picture = picture_of(path)
+            if picture:
+                cell.template_icon(icon_value=picture, scale=PICTURE_SCALE)
+            cell.operator("esh.preset_apply", text=name).filepath = path
         layout.separator()
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("esh.preset_import", icon="IMPORT")
@@ -119,6 +128,7 @@ def attach() -> None:
 def detach() -> None:
     """Take it out again."""
     bpy.types.VIEW3D_MT_object.remove(_draw_entry)
+    preset_pictures.detach()
 
 
 CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object)

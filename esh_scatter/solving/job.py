@@ -247,11 +247,22 @@ class ScatterJob:
         ]
 
     def _fixed(self, reading: _Reading) -> Sequence[FixedBodies]:
-        """Return the bodies that stay; on a whole surface there are none yet."""
-        if reading.pins is None or not isinstance(self.chart, Chart):
+        """Return the bodies that stay."""
+        if reading.pins is None:
             return ()
         pins, variant = reading.pins
-        return (pins.fixed_in(self.chart, variant),)
+        if isinstance(self.chart, Chart):
+            return (pins.fixed_in(self.chart, variant),)
+        # Those of a range have the ground that their objects were fitted to.
+        area = np.full(len(variant), np.nan)
+        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        group = first[pins.class_index] + pins.size_index
+        for number, shape in enumerate(self._shapes):
+            outlines = [outline for outline in shape.outlines if outline is not None]
+            if isinstance(shape.area, tuple) and outlines:
+                own = np.flatnonzero(group == number)
+                area[own] = pins.fit[own] ** 2 * np.array([outline.area for outline in outlines])[variant[own]]
+        return (pins.fixed_on(self.chart, area),)
 
     @property
     def target(self) -> bpy.types.Object | bpy.types.Collection:

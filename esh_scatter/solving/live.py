@@ -178,6 +178,7 @@ class _Live:
         if self._told is not None and scatter.turned_to_what_moved(self._record, record):
             self._told, self._record = made_with, record
             self._points = _points_of(scatter.result)
+            running.redraw_sidebars()
             return
         first = self._told is None
         start = time.thread_time()

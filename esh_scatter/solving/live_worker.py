@@ -12,6 +12,7 @@ import numpy as np
 from ...engine.errors import EshError
 from ...engine.problem.domain import Domain
 from ...engine.problem.placement import Placement
+from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
 from ...engine.solver.solver import Progress, Solver
 from ...engine.surface.chart import Chart
@@ -177,7 +178,8 @@ class LiveWorker:
         if self._solver is None or self._made is None or request.anew or request.start is not None:
             return False
         before, now = self._solver.model.problem.domain, request.job.problem.domain
-        return isinstance(before, Domain) and before == now and request.job.device == self._made.device
+        same = before is now if isinstance(before, Surface) else before == now
+        return same and request.job.device == self._made.device
 
     def _begin(self, request: Request) -> bool:
         """Make a solver for the request; tell whether it starts where bodies are."""

@@ -81,11 +81,13 @@ class FreePlace:
         x: Its middle in the world [m].
         y: Likewise.
         radius: How far objects keep off it [m], as from a :class:`ScatterObstacle`.
+        z: How high it is [m]: on a whole surface it is a ball; None where nobody knows.
     """
 
     x: float
     y: float
     radius: float
+    z: float | None = None
 
 
 ObstacleSource: TypeAlias = ScatterObstacle | FreePlace | bpy.types.Object | bpy.types.Collection
@@ -118,11 +120,13 @@ class StoredObstacle:
         triangle: Faces, edges and points in the world's x and y [m], shape ``[t, 3, 2]``.
         stood: What other scatters have placed.
         reach: How far it reaches beyond these [m].
+        middle: On a whole surface it is a ball around this, in the world [m]; None for what is seen from above there, too.
     """
 
     triangle: np.ndarray
     stood: tuple[_Stood, ...]
     reach: float
+    middle: tuple[float, float, float] | None = None
 
 
 def read_obstacles(obstacles: object, known: Known, without: Sequence[bpy.types.Object] = ()) -> list[StoredObstacle]:
@@ -145,7 +149,8 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
     if isinstance(entry, bpy.types.Object | bpy.types.Collection):
         entry = ScatterObstacle(entry)
     if isinstance(entry, FreePlace):
-        return StoredObstacle(np.full((1, 3, 2), (entry.x, entry.y), np.float64), (), entry.radius)
+        middle = None if entry.z is None else (entry.x, entry.y, entry.z)
+        return StoredObstacle(np.full((1, 3, 2), (entry.x, entry.y), np.float64), (), entry.radius, middle)
     if not isinstance(entry, ScatterObstacle):
         raise ProblemError(
             f"{KEY} must be a list of ScatterObstacle, objects and collections; got {show(entry)} among them"
@@ -216,11 +221,14 @@ def obstacle_image(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Su
 
 
 def covered(obstacles: Sequence[StoredObstacle], position: np.ndarray, survey: Survey) -> np.ndarray:
-    """Return which points in the world ``[n, 3]`` obstacles cover, seen from above; touches nothing of Blender."""
+    """Return which points of a whole surface ``[n, 3]`` [m] obstacles cover, in balls or seen from above; asks nothing of Blender."""
     from ...engine.surface.shapes_from_above import FlatShapes
 
     found = np.zeros(len(position), bool)
     for obstacle in obstacles:
+        if obstacle.middle is not None:
+            found |= np.linalg.norm(position - obstacle.middle, axis=1) <= obstacle.reach
+            continue
         triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
         if len(triangle):
             reach = max(obstacle.reach, 1e-6 * float(np.ptp(triangle, axis=(0, 1)).max()))

@@ -11,11 +11,12 @@ from esh.engine.problem.body_class import ClassSettings  # noqa: E402
 from esh.engine.problem.scatter_settings import ScatterSettings  # noqa: E402
 from esh.esh_scatter import operators, registration  # noqa: E402
 from esh.esh_scatter.editing import forecast  # noqa: E402
+from esh.esh_scatter.editing.preset_files import built_in_presets  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings  # noqa: E402
 from esh.esh_scatter.properties.layer import KINDS  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 from esh.esh_scatter.result.result import write_result  # noqa: E402
-from esh.esh_scatter.sidebar import panel_parts, panels  # noqa: E402
+from esh.esh_scatter.sidebar import menus, panel_parts, panels, preset_pictures  # noqa: E402
 from esh.esh_scatter.solving import running  # noqa: E402
 
 
@@ -34,7 +35,11 @@ class Layout:
     def _nested(self, **_options):
         return Layout(self.drawn)
 
-    row = column = split = box = _nested
+    row = column = split = box = grid_flow = _nested
+
+    def template_icon(self, *, icon_value, scale):
+        assert icon_value > 0 and scale > 0.0
+        self.drawn.append(f"icon {icon_value}")
 
     def separator(self, **_options):
         pass
@@ -377,3 +382,24 @@ def test_every_setting_of_the_sidebar_is_drawn():
                 setattr(group, told.identifier, before)
     # Which result there is, the button says; what may overlap has buttons.
     assert names - drawn == {"result", "may_overlap", "variants"} and "esh.class_overlap" in drawn
+
+
+def test_every_preset_is_shown_by_its_picture(monkeypatch):
+    shown = []
+
+    def number_of(preset):
+        # Without a window Blender gives no icon a number.
+        assert preset_pictures.picture_of(preset) >= 0
+        shown.append(preset)
+        return len(shown)
+
+    monkeypatch.setattr(menus, "picture_of", number_of)
+    drawn: list[str] = []
+    Layout(drawn).menu("ESH_MT_presets")
+    icons = [text for text in drawn if text.startswith("icon ")]
+    assert len(icons) == drawn.count("esh.preset_apply") == len(built_in_presets()) and shown == list(
+        built_in_presets()
+    )
+    assert len(preset_pictures._pictures) == len(shown), "every one has a picture"
+    preset_pictures.detach()
+    assert preset_pictures._pictures is None and preset_pictures.picture_of("nowhere.json") == 0

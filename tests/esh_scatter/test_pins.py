@@ -266,3 +266,83 @@ def test_a_result_that_is_hidden_in_any_way_is_not_entered(made):
         bpy.ops.esh.instances_edit()
     made.result.hide_viewport = False
     assert bpy.ops.esh.instances_edit() == {"FINISHED"} and made.result.mode == "EDIT"
+
+
+@pytest.fixture
+def on_ball():
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=2.0, segments=48, ring_count=24)
+    made = bpy.context.scene.esh_scatter.add_scatter(bpy.context.object)
+    tuft = cone("Tuft", 0.1)
+    for name, count in (("Moss", 60), ("Fern", 30)):
+        body_class = made.add_class()
+        body_class.name = name
+        body_class.sizes[0].source_object, body_class.sizes[0].count = tuft, count
+    made.surface, made.device, made.max_steps = "WHOLE", "CPU", 12
+    bpy.ops.esh.scatter()
+    return made
+
+
+def test_on_a_whole_surface_what_was_moved_lies_on_it_and_stays(on_ball):
+    mesh = on_ball.result.data
+    # One is pulled off the ball, to below it; one is pinned and turned where it is.
+    position = read_attribute(mesh, "position")
+    position[5] = (0.3, -0.2, -2.6)
+    write_attribute(mesh, "position", position)
+    moved, pinned = (int(read_attribute(mesh, "id")[k]) for k in (5, 70))
+    select(mesh, [70])
+    assert bpy.ops.esh.instances_turn(angle=0.75) == {"FINISHED"}
+    places, turns = state(mesh)
+    bpy.ops.esh.scatter()
+    mesh = active().result.data
+    after, turned = state(mesh)
+    way = np.array([0.3, -0.2, -2.6])
+    np.testing.assert_allclose(after[moved], 2.0 * way / np.linalg.norm(way), atol=0.02)
+    np.testing.assert_allclose(after[pinned], places[pinned], atol=2e-3)
+    report = active().report
+    assert abs(abs(float(turned[pinned] @ turns[pinned])) - 1.0) < 1e-3
+    assert [s["placed"] for e in report["classes"] for s in e["sizes"]] == [60, 30] and report["overlaps"] == 0
+    others = np.array([p for n, p in after.items() if n != moved])
+    assert np.linalg.norm(others - after[moved], axis=1).min() > 0.15, "nobody stands in it"
+    assert not active().outdated and pins.staying(mesh).sum() == 2
+
+
+def test_on_a_whole_surface_a_removed_place_is_a_ball(on_ball):
+    mesh = on_ball.result.data
+    place = read_attribute(mesh, "position")[20]
+    select(mesh, [20])
+    assert bpy.ops.esh.instances_remove() == {"FINISHED"}
+    (free,) = on_ball.free_places
+    assert free.has_height and free.height == pytest.approx(float(place[2]), abs=1e-4)
+    free.radius = 0.5
+    bpy.ops.esh.scatter()
+    after = np.array(list(state(active().result.data)[0].values()))
+    assert len(after) == 90 and np.linalg.norm(after - place, axis=1).min() > 0.45
+    # Where it would be seen from above, on the other side of the ball, nothing is kept free.
+    below = np.array([place[0], place[1], -place[2]])
+    assert np.linalg.norm(after - below, axis=1).min() < 0.6
+
+
+def test_live_goes_on_from_where_objects_are_on_a_whole_surface(on_ball):
+    on_ball.live = True
+    follow()
+    before, _ = state(on_ball.result.data)
+    on_ball.classes["Moss"].sizes[0].count = 66
+    follow()
+    after, _ = state(active().result.data)
+    assert len(after) == 96 and len(before.keys() & after.keys()) == 90
+    assert np.median([np.linalg.norm(after[n] - before[n]) for n in before]) < 0.2, "a quarter of their spacing"
+    assert not active().outdated
+
+
+def test_the_nearest_point_of_a_surface_is_that_of_all_triangles():
+    from esh.engine.surface.whole_surface import _nearest_in
+
+    random = np.random.default_rng(2)
+    corner, point = random.normal(size=(200, 3, 3)), np.array([0.4, -0.3, 0.2])
+    weight = _nearest_in(corner, point)
+    assert (weight >= -1e-12).all()
+    np.testing.assert_allclose(weight.sum(axis=1), 1.0)
+    found = np.linalg.norm(np.einsum("nk,nkd->nd", weight, corner) - point, axis=1)
+    tried = random.dirichlet(np.ones(3), 3000)
+    others = np.linalg.norm(np.einsum("mk,nkd->nmd", tried, corner) - point, axis=2).min(axis=1)
+    assert (found <= others + 1e-12).all() and np.allclose(found, others, atol=0.15)

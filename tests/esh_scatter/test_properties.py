@@ -10,6 +10,7 @@ bpy = pytest.importorskip("bpy")
 import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.body_class import CLASS_COLORS  # noqa: E402
+from esh.esh_scatter.properties.influential_settings import WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.names import unused_name  # noqa: E402
 
 
@@ -361,15 +362,49 @@ def test_a_collection_is_a_target(scatter):
     assert "target kind" in scatter.changes()
 
 
-def test_a_setting_that_is_newer_than_a_result_had_its_default_then(scatter):
+def with_defaults(values, group, every):
+    """What older versions kept of a group: defaults, too, of every so many of its settings, the others being newer."""
+    told = [told for told in group.bl_rna.properties if told.identifier not in WITHOUT_INFLUENCE | {"rna_type"}]
+    for one in told[::every]:
+        if one.type not in ("POINTER", "COLLECTION"):
+            default = list(one.default_array) if getattr(one, "is_array", False) else one.default
+            values.setdefault(one.identifier, default)
+
+
+@pytest.mark.parametrize("every", [1, 2, 3])
+def test_a_setting_that_is_newer_than_a_result_had_its_default_then(scatter, every):
+    pine = scatter.classes[0]
+    pine.add_layer("NOISE")
+    pine.room, scatter.seed = 1.5, 4
     scatter.remember(new_object("Result"), {"steps": 3})
     record = json.loads(scatter.ran_with)
-    for name in ("surface", "both_sides", "face_material", "target_kind", "target_collection"):
-        del record["scatter"][name]
+    own = record["classes"][str(pine.uid)]
+    with_defaults(record["scatter"], scatter, every)
+    record["scatter"] |= {"obstacles": [], "free_places": [[], []], "keep_off_others": []}
+    with_defaults(own["values"], pine, every)
+    own["sizes"][0].setdefault("variants", [])
+    own["layers"][0].update({"noise_scale": pine.layers[0].noise_scale, "curve": [], "strength": 1.0})
     scatter.ran_with = json.dumps(record)
     assert not scatter.outdated and scatter.changes() == []
-    scatter.surface = "WHOLE"
-    assert scatter.outdated and scatter.changes() == ["surface"]
+    scatter.surface, pine.gap, pine.sizes[0].distribution, pine.layers[0].noise_scale = "WHOLE", 0.5, "UNIFORM", 3.0
+    assert scatter.outdated
+    said = [words.lower() for words in scatter.changes()]
+    assert said == ["surface", "gap of pine", "scale of pine", "distribution of pine"]
+
+
+def test_a_setting_that_is_at_its_default_again_is_named(scatter):
+    pine = scatter.classes[0]
+    scatter.seed, pine.room = 4, 1.5
+    scatter.remember(new_object("Result"), {"steps": 3})
+    record = json.loads(scatter.ran_with)
+    # How objects stand, as an older version kept it; of what is not kept apart it shows at once.
+    record["classes"][str(pine.uid)]["values"]["align_to_normal"] = 0.5
+    scatter.ran_with = json.dumps(record)
+    assert scatter.changes() == ["align to ground of Pine"]
+    scatter.seed, pine.room = 0, 1.0
+    assert scatter.changes() == ["seed", "room of Pine", "align to ground of Pine"]
+    scatter.avoid_overlap = False
+    assert scatter.changes() == ["avoid overlap", "seed", "room of Pine"]
 
 
 def test_layers_become_what_scripts_take(scatter):

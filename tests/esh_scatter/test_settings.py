@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 
 import pytest
 
@@ -141,6 +142,26 @@ def test_every_setting_that_needs_solving_makes_a_result_outdated(scatter):
         assert scatter.outdated, shown.name
         setattr(group, shown.name, before)
         assert not scatter.outdated, shown.name
+
+
+def test_the_sidebar_calls_settings_as_their_descriptions_do(scatter):
+    for group, _, shown in shown_of(scatter):
+        assert group.bl_rna.properties[shown.name].name == shown.setting.label, shown.name
+    told = scatter.classes[0].bl_rna.properties
+    for name, one in settings_of(esh.Amount).items():
+        named = told[{"cover": "cover_share"}.get(name, name)]
+        assert (named.name, named.description) == (one.label, one.setting.help)
+
+
+def test_an_amount_is_described_and_checked_as_other_settings_are():
+    assert re.findall(r"^    (\w+): ", esh.Amount.__doc__.partition("Raises:")[0], re.MULTILINE) == list(
+        settings_of(esh.Amount)
+    )
+    assert esh.Amount(distance=2).distance == 2.0
+    with pytest.raises(esh.EshError, match="`cover` of an Amount must be a number above 0, and finite; got 0"):
+        esh.Amount(cover=0)
+    with pytest.raises(esh.EshError, match="an Amount must have one of"):
+        esh.Amount(cover=0.5, distance=1.0)
 
 
 def test_what_has_no_influence_is_there(scatter):

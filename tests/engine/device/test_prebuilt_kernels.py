@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -110,3 +111,32 @@ def test_another_version_of_warp_compiles_for_itself(tmp_path: Path, monkeypatch
     (tmp_path / INDEX).write_text("{ cut of")
     prebuilt_kernels._compiler_flags.cache_clear()
     assert prebuilt_kernels._compiler_flags() is None
+
+
+def test_a_wheel_for_this_system_brings_its_kernels(prebuilt: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import build_wheel
+
+    # What is in the wheel for all systems, less what this does not need.
+    general = tmp_path / "esh_scatter-0.0.1-py3-none-any.whl"
+    about = "esh_scatter-0.0.1.dist-info"
+    with zipfile.ZipFile(general, "w") as file:
+        for source in [ROOT / "__init__.py", *sorted((ROOT / "engine").rglob("*.py"))]:
+            file.write(source, f"esh/{source.relative_to(ROOT).as_posix()}")
+        file.writestr(f"{about}/METADATA", "Metadata-Version: 2.1\nName: esh-scatter\nVersion: 0.0.1\n")
+        file.writestr(f"{about}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        file.writestr(f"{about}/RECORD", "")
+    wheel = build_wheel.with_kernels(general, prebuilt, build_wheel.platform_of_warp())
+    assert wheel.name != general.name
+    # Pip checks that the tag fits this system, and the hashes of all files.
+    place = tmp_path / "installed"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps", "--no-compile"]
+    outcome = subprocess.run([*pip, "--target", place, wheel], capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr[-2000:]
+    kept = {file.name for file in (place / "esh/engine/device/prebuilt").iterdir()}
+    assert kept == {file.name for file in prebuilt.iterdir()}
+    with zipfile.ZipFile(wheel) as file:
+        listed = {line.split(",")[0] for line in file.read(f"{about}/RECORD").decode().splitlines()}
+        assert listed == set(file.namelist())
+    monkeypatch.setenv("PYTHONPATH", str(place))
+    assert compiled_with(place / "esh/engine/device/prebuilt", tmp_path / "cache", monkeypatch) == 0

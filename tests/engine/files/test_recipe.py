@@ -132,7 +132,7 @@ MISTAKES = {
     "unknown key, far": (
         "seed = 7",
         "wxyz = 7",
-        "`wxyz` is not a known key; known are version, seed, avoid_overlap, regularity, domain",
+        "`wxyz` is not a known key; known are version, seed, avoid_overlap, regularity, include_fixed, domain",
     ),
     "unknown class key, in British spelling": (
         "density = 0.5",

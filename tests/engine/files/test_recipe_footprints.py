@@ -63,8 +63,16 @@ def test_every_key_of_outlines_arrives(tmp_path):
         ("{ rectangle = [2, 0.3], rounding = 0.1 }", "{ polygon = [[0, 0], [1, 1]] }", "must not lie on one line"),
         ("{ rectangle = [2, 0.3], rounding = 0.1 }", "{ disc = -1 }", "`radius` of a disc must be a number"),
         ("footprint = { rectangle = [2, 0.3], rounding = 0.1 }", "area = 1.0", "only for a size with a `footprint`"),
-        ('turn = "random"', 'turn = "round"', '`turn` of footprints must be "free", "random"'),
-        ("scale_jitter = 0.25", "scale_jitter = 2", "`scale_jitter` of footprints must be below 1"),
+        (
+            'turn = "random"',
+            'turn = "round"',
+            '`class[1].size[1].turn` (class "a", size "plank") must be "free", "random"',
+        ),
+        (
+            "scale_jitter = 0.25",
+            "scale_jitter = 2",
+            '`class[1].size[1].scale_jitter` (class "a", size "plank") must be below 1',
+        ),
         ("gap = 0.1", "gap = 0.1\nroom = 2", "cannot be combined with a `gap`"),
         ("weight = 3", "weight = -3", "`weight` of"),
         ("gap = 0.1", "gaps = 0.1", "did you mean `gap`"),

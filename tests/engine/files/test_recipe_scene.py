@@ -1,5 +1,7 @@
 """Fixed bodies and obstacles in recipes and files: what is written reads back, and mistakes are named."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from esh import (
@@ -7,6 +9,7 @@ from esh import (
     Domain,
     EshError,
     FixedBodies,
+    Footprint,
     InputFileError,
     Line,
     Obstacle,
@@ -19,6 +22,9 @@ from esh import (
     write_recipe,
 )
 from esh.engine.files.recipe import recipe_densities
+from esh.engine.files.recipe_scene import ON_SURFACES, read_obstacles
+from esh.engine.files.recipe_table import RecipeTable
+from esh.engine.problem.settings import settings_of
 
 HEAD = """
 version = 1
@@ -163,6 +169,52 @@ def test_a_problem_is_written_with_them_and_solves_to_the_same_bytes(tmp_path):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
 
+def test_a_ball_is_an_obstacle_of_a_surface():
+    table = RecipeTable(Path("r.toml"), "", "", {"obstacle": [{"ball": [1, 2, 3, 0.5], "margin": 0.1}]})
+    (ball,) = read_obstacles(table)
+    assert (ball.ball, ball.margin) == ((1.0, 2.0, 3.0, 0.5), 0.1)
+    for value in ([1, 2, 0.5], [1, 2, 3, 0], [1, 2, 3, "r"], 4):
+        with pytest.raises(
+            EshError, match=r"`obstacle\[1\].ball` must be x, y, z and a radius above 0, in meters; got"
+        ):
+            read_obstacles(RecipeTable(Path("r.toml"), "", "", {"obstacle": [{"ball": value}]}))
+
+
+# Of every value that a recipe has of fixed bodies, one beside its default.
+SAMPLES = {
+    "position": [[1.0, 1.0 / 3.0], [7.0, 8.0]],
+    "body_class": "log",
+    "size": "b",
+    "angle": [0.1 + 0.2, -1.0],
+    "length": [1.0 / 3.0, 0.5],
+    "area": [0.25, 0.1 + 0.2],
+    "id": [7, 3],
+    "variant": [1, 0],
+    "scale": [1.0 / 3.0, 2.0],
+}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
+    assert SAMPLES.keys() == settings_of(FixedBodies).keys() - set(ON_SURFACES)
+    outlines = [Footprint.disc(0.1), Footprint.rectangle(0.4, 0.2)]
+    classes = [
+        BodyClass("pine", [Size("a", None, 4, footprint=outlines), Size("b", 0.5, 4)]),
+        BodyClass("log", [Size("a", 0.5, 4, line=Line(1.0)), Size("b", 0.5, 4, line=Line(1.0))]),
+    ]
+    given = {"position": SAMPLES["position"], name: SAMPLES[name]} | ({"body_class": "log"} if name == "length" else {})
+    problem = Problem(Domain((9.0, 9.0)), classes, fixed=FixedBodies(**given))
+    assert name == "position" or any(
+        not np.array_equal(one, other, equal_nan=True)
+        for one, other in zip(
+            problem.fixed, Problem(problem.domain, classes, fixed=FixedBodies(given["position"])).fixed, strict=True
+        )
+    )
+    write_recipe(tmp_path / "r.toml", problem)
+    for one, other in zip(problem.fixed, read_recipe(tmp_path / "r.toml").fixed, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -180,7 +232,7 @@ def test_a_problem_is_written_with_them_and_solves_to_the_same_bytes(tmp_path):
             "`fixed.2..angle` must be a number, or a list of one for every",
         ),
         ('[[fixed]]\nposition = [[1, 2]]\nclass = "oak"\n', '`fixed.body_class` must be one of "pine", "rock"'),
-        ("[[fixed]]\nposition = [[1, 2]]\nid = [0.5]\n", "`fixed.2..id` must be a list of whole numbers"),
+        ("[[fixed]]\nposition = [[1, 2]]\nid = [0.5]\n", "`fixed.2..id` must be whole numbers of 0 or more"),
         (
             "[[fixed]]\nposition = [[1, 2]]\npositon = 1\n",
             "`fixed.2..positon` is not a known key; did you mean `position`",

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from esh import BodyClass, Domain, Problem, ProblemError, Size, Surface, SurfaceMesh, solve
-from esh.engine.problem.clumps import _filtered
+from esh.engine.problem.wave_filter import filter_waves
 from esh.engine.quality.coverage import coverage_error
 from scipy.spatial import cKDTree
 
@@ -109,4 +109,4 @@ def test_what_goes_on_as_in_mirrors_is_filtered_by_cosines_as_by_fourier_transfo
     rows, columns = (np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) for n in shape)
     whole = np.pad(kept, ((0, 1), (0, 1)), mode="edge")[rows][:, columns]
     expected = np.fft.ifft2(np.fft.fft2(mirrored) * whole).real[: shape[0], : shape[1]]
-    np.testing.assert_allclose(_filtered(values, kept, wraps=False), expected, atol=1e-12)
+    np.testing.assert_allclose(filter_waves(values, kept, wraps=False), expected, atol=1e-12)

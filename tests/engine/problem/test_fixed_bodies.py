@@ -91,10 +91,10 @@ def test_what_does_not_fit_the_problem_is_refused_with_a_sentence(fixed, message
     [
         (
             {"position": [1.0, 2.0]},
-            r"`fixed.position` must have shape \[count, 2\], or \[count, 3\] on a surface; got shape \[2\]",
+            r"`fixed.position` must be a list of positions, each x and y in meters, and z on a surface; got \[1.0, 2.0\]",
         ),
         ({"position": [[1.0, np.nan]]}, "`fixed.position` must be finite everywhere"),
-        ({"position": "here"}, "`fixed.position` must be numbers"),
+        ({"position": "here"}, '`fixed.position` must be a list of positions, .*; got "here"'),
         ({"angle": [0.0, 1.0]}, r"`fixed.angle` must be one number, or one for each of 1 bodies; got shape \[2\]"),
         ({"angle": np.inf}, "`fixed.angle` must be finite everywhere"),
         ({"area": 0.0}, "`fixed.area` must be above 0, and finite; got 0"),

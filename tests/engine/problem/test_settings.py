@@ -12,14 +12,21 @@ import pytest
 from esh import EshError
 from esh.engine.errors import ProblemError
 from esh.engine.files.recipe_keys import keys_of
+from esh.engine.files.recipe_scene import ON_SURFACES
 from esh.engine.problem.balance import Balance
-from esh.engine.problem.body_class import BodyClass, ClassSettings, Unsharp
+from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.fixed_bodies import FixedBodies, FixedBody
+from esh.engine.problem.footprint import Footprint, Footprints
 from esh.engine.problem.line import Line
-from esh.engine.problem.problem import Problem, SamplingSettings
+from esh.engine.problem.obstacles import Obstacle
+from esh.engine.problem.prepared_class import PreparedClass
+from esh.engine.problem.problem import Problem, ProblemSettings, SamplingSettings
 from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing, TargetSettings
 from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
 from esh.engine.problem.size import Size
+from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
+from esh.engine.problem.surface_directions import SurfaceVectors
 
 DESCRIBED = [
     Domain,
@@ -30,6 +37,16 @@ DESCRIBED = [
     ClassSettings,
     BodyClass,
     SamplingSettings,
+    ProblemSettings,
+    Footprint,
+    Footprints,
+    Obstacle,
+    FixedBodies,
+    FixedBody,
+    SurfaceAttribute,
+    SurfaceImage,
+    SurfaceTriplanar,
+    SurfaceVectors,
     Standing,
     RunSettings,
     TargetSettings,
@@ -141,8 +158,24 @@ def test_a_new_setting_is_one_line():
 
 def test_what_a_problem_and_a_class_are_told_they_take():
     """Their constructors are not made from the descriptions alone."""
-    assert settings_of(SamplingSettings).keys() <= inspect.signature(Problem).parameters.keys()
+    taken = inspect.signature(Problem).parameters
+    for name, one in settings_of(ProblemSettings).items():
+        assert taken[name].default == one.default and taken[name].kind is taken[name].KEYWORD_ONLY
+        assert f"    {name}: {one.setting.help[:30]}" in Problem.__doc__
     assert settings_of(ClassSettings).keys() <= settings_of(BodyClass).keys()
+    assert settings_of(PlacingSettings) == settings_of(PreparedClass)
+
+
+def test_a_problem_is_told_its_settings_by_name_and_keeps_them():
+    classes = [BodyClass("a", [Size("s", 1.0, 3)])]
+    given = {"seed": 5, "avoid_overlap": True, "regularity": 0.25, "include_fixed": True}
+    problem = Problem(Domain((9.0, 9.0)), classes, **given)
+    assert values_of(problem, ProblemSettings) == given
+    assert values_of(dataclasses.replace(problem, seed=6), ProblemSettings) == given | {"seed": 6}
+    with pytest.raises(TypeError, match="sead"):
+        Problem(Domain((9.0, 9.0)), classes, sead=3)
+    with pytest.raises(ProblemError, match="`regularity` must be a number between 0 and 1; got 2"):
+        Problem(Domain((9.0, 9.0)), classes, regularity=2)
 
 
 def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
@@ -165,7 +198,7 @@ def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
 
 TABLES = {
     "Top level": (
-        SamplingSettings,
+        ProblemSettings,
         {
             "version",
             "[domain]",
@@ -174,7 +207,6 @@ TABLES = {
             "[[class]]",
             "[image]",
             "[[fixed]]",
-            "include_fixed",
             "[[obstacle]]",
         },
         {},
@@ -184,6 +216,8 @@ TABLES = {
     "`[[class]]`": (BodyClass, {"color"}, {"sizes": "[[class.size]]"}),
     "`[[class.size]]`": (Size, set(), {"line": "[class.size.line]"}),
     "`[class.size.line]`": (Line, set(), {}),
+    "`[[fixed]]`": (FixedBodies, {"file"}, dict.fromkeys(ON_SURFACES)),
+    "`[[obstacle]]`": (Obstacle, set(), {}),
 }
 
 
@@ -192,10 +226,12 @@ def test_the_documentation_lists_every_key_of_a_recipe_with_its_default(heading)
     cls, more, shown_as = TABLES[heading]
     section = RECIPES.partition(f"### {heading}\n")[2].partition("###")[0]
     rows = re.findall(r"^\| `([^`]+)` \| .* \| ([^|]+) \|$", section, re.MULTILINE)
-    assert {key for key, _ in rows} == {shown_as.get(key, key) for key in keys_of(cls)} | more
+    assert {key for key, _ in rows} == {shown_as.get(key, key) for key in keys_of(cls)} - {None} | more
+    known = {**(settings_of(Footprints) if cls is Size else {}), **settings_of(cls)}
     for key, written in rows:
-        one = settings_of(cls).get(key)
-        if one is None or one.required or one.default is None or key == "density":
+        one = known.get(key)
+        # What a density or a size is without the key, words say.
+        if one is None or one.required or one.default is None or key in ("density", "size"):
             continue
         default = tomllib.loads(f"value = {written.strip('`')}")["value"]
         assert np.all(default == (list(one.default) if isinstance(one.default, tuple) else one.default)), key

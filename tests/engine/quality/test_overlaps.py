@@ -16,7 +16,7 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
-from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, overlap_count, overlaps_of
+from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, overlaps_of
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
 
@@ -142,7 +142,7 @@ def test_room_below_one_may_overlap_that_far(launcher):
 
 
 @pytest.mark.parametrize("threads", [1, 3, 16])
-def test_discs_of_all_sizes_on_any_number_of_threads(threads, monkeypatch):
+def test_discs_of_all_sizes_on_any_number_of_threads(threads, monkeypatch, overlap_count):
     """Levels of size without bodies lie between others; counted pair by pair beside it."""
     rng = np.random.default_rng(7)
     radius = np.concatenate([np.full(3, 6.0), rng.uniform(0.2, 0.35, 400), rng.uniform(0.001, 0.02, 1500)])

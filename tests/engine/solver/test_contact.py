@@ -10,7 +10,6 @@ from esh.engine.problem.domain import Domain
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
-from esh.engine.quality.overlaps import overlap_count
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
 
@@ -20,7 +19,7 @@ def launcher():
     return Launcher(resolve_device("cpu"))
 
 
-def test_overlaps_equal_a_count_over_all_pairs(launcher):
+def test_overlaps_equal_a_count_over_all_pairs(launcher, overlap_count):
     rng = np.random.default_rng(1)
     for boundary in ("open", "periodic"):
         domain = Domain((5.0, 2.0), boundary)
@@ -52,7 +51,7 @@ def distance_of_segments(p, q, r, s):
     return min(from_end(p, r, s), from_end(q, r, s), from_end(r, p, q), from_end(s, p, q))
 
 
-def test_overlaps_of_capsules_and_discs_equal_a_count_over_all_pairs(launcher):
+def test_overlaps_of_capsules_and_discs_equal_a_count_over_all_pairs(launcher, overlap_count):
     rng = np.random.default_rng(5)
     n = 160
     domain = Domain((6.0, 4.0))
@@ -73,7 +72,7 @@ def test_overlaps_of_capsules_and_discs_equal_a_count_over_all_pairs(launcher):
     assert expected > 50
 
 
-def test_footprints_far_too_large_are_counted_without_looking_at_every_pair(launcher):
+def test_footprints_far_too_large_are_counted_without_looking_at_every_pair(launcher, overlap_count):
     """Every one of 30,000 discs overlaps every other: half a thousand million pairs, of which 200 a body are counted."""
     domain = Domain((1.0, 1.0))
     position = np.random.default_rng(2).random((30_000, 2))

@@ -112,4 +112,4 @@ def test_a_force_that_is_no_number_is_found_among_dots_that_move_together():
         descent.field_at_charge.assign(broken)
         descent.propose()
         descent.decide()
-        assert np.isnan(descent.residual())
+        assert np.isnan(descent.direction.residual())

@@ -255,14 +255,14 @@ def test_footprints_do_not_overlap_after_an_edit():
     def of(count):
         return Problem(DOMAIN, [BodyClass("k", [Size("a", 1.2, count)], HILLS)], avoid_overlap=True)
 
-    from esh.engine.quality.overlaps import overlap_count
+    from esh.engine.quality.overlaps import overlaps_of
 
     with Solver(of(1500), device="cpu") as solver:
         solver.run(40)
         solver.separate()
         solver.edit(of(1600))
         placement = solver.placement()
-        assert overlap_count(placement.position, placement.area, DOMAIN, solver.launcher) == 0
+        assert overlaps_of(placement, solver.launcher).count == 0
 
 
 def test_edits_give_the_same_bytes_on_any_number_of_threads(monkeypatch):

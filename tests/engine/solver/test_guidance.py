@@ -32,14 +32,14 @@ def ways(problem, position=None):
         contact, state, model = solver.descent.contact, solver.state, solver.model
         bodies, images = contact._bodies, contact._images
         parting = Separation(model, solver.launcher, bodies, images, state.pose, state.turn, state.bend)
-        home = wp.clone(parting._place)
+        home = wp.clone(parting._crowd_pose)
         guidance = Guidance(model, solver.launcher, bodies, state.bend)
-        guidance.lead(parting._place, parting._outlines, home)
+        guidance.lead(parting._crowd_pose, parting._outlines, home)
         first = home.numpy().copy()
-        guidance.lead(parting._place, parting._outlines, home)
+        guidance.lead(parting._crowd_pose, parting._outlines, home)
         np.testing.assert_array_equal(first, home.numpy())
         guidance.close()
-        place = parting._place.numpy()
+        place = parting._crowd_pose.numpy()
         assert (first[:, :2] >= 0.0).all() and (first[:, :2] <= np.array(model.size, np.float32)).all()
         way = (first - place)[:, :2].astype(np.float64)
         if problem.domain.periodic:

@@ -159,7 +159,9 @@ def test_long_lines_side_by_side_do_not_cross(contact):
     problem = Problem(Domain((40.0, 30.0)), [BodyClass("a", [Size("s", 3.0, 10, line=line)])], avoid_overlap=True)
     for seed in range(3):
         placement = solve(
-            Problem(problem.domain, problem.classes, problem.balance, seed, True), device="cpu", max_steps=60
+            Problem(problem.domain, problem.classes, problem.balance, seed=seed, avoid_overlap=True),
+            device="cpu",
+            max_steps=60,
         )
         assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
 

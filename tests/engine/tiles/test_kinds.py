@@ -228,8 +228,8 @@ def test_rare_lines_keep_to_their_density_and_off_obstacles(tmp_path):
     assert own.sum() == 30 and x.min() >= 40.0
     assert np.hypot(x - 60.0, y - 20.0).min() >= 7.0 - 1e-3
     assert np.abs(bodies["angle"][own] - 0.5).max() < 0.35
-    # Rare lines are stretched by their own charges. A window has not the steps in which one solve finds the pull against that.
-    assert bodies["length"][own].mean() == pytest.approx(2.0, rel=0.25)
+    # Rare lines are stretched by their own charges. What pulls against that is handed on from window to window.
+    assert bodies["length"][own].mean() == pytest.approx(2.0, rel=0.02)
     nearest = spatial.cKDTree(bodies["position"][own]).query(bodies["position"][own], 2)[0][:, 1]
     assert nearest.min() > 0.5 * math.sqrt((1600.0 - math.pi * 49.0) / 30)
 

@@ -1,0 +1,63 @@
+"""In which direction all bodies move: what every one of them adds to the sums, and what follows from these."""
+
+from __future__ import annotations
+
+import math
+
+import warp as wp
+
+from ..device.launcher import Launcher, Until
+from . import kernels_direction
+from .line_rules import LineRules
+from .surface_line_rules import SurfaceLineRules
+
+__all__ = ["Direction"]
+
+
+class Direction:
+    """The direction of a descent, in the plane or on a surface.
+
+    Args:
+        launcher: Where it is found.
+        body_count: Number of bodies.
+        rules: What lines are to do.
+
+    Attributes:
+        sums: What bodies add to, see :mod:`.kernels_direction`.
+        factors: What :func:`.kernels_direction.decide_direction` writes, shape ``[4]``.
+    """
+
+    def __init__(self, launcher: Launcher, body_count: int, rules: LineRules | SurfaceLineRules) -> None:
+        self._launcher, self._body_count, self._rules = launcher, body_count, rules
+        on_gpu = launcher.device.is_cuda
+        slots = kernels_direction.SLOTS_ON_GPU if on_gpu else kernels_direction.SLOTS_ON_CPU
+        count = kernels_direction.LENGTHS + rules.kind_count
+        # Those of no two threads in a line of the cache.
+        room = count if on_gpu else count + kernels_direction.SUMS_APART
+        self.sums = launcher.zeros((launcher.thread_count, room, slots), wp.int64)
+        self._totals = launcher.zeros(count, wp.int64)
+        self.factors = launcher.zeros(4, float)
+
+    def decide(self, length_factor: wp.array) -> None:
+        """Launch what decides, once all bodies have added to the sums; lengths of kinds of lines follow."""
+        count, slots = self._totals.shape[0], self.sums.shape[2]
+        at_once = min(kernels_direction.SLOTS_AT_ONCE, slots)
+        self._launcher.launch(kernels_direction.add_up, count * slots // at_once, [at_once], [self.sums, self._totals])
+        self._launcher.launch(
+            kernels_direction.decide_direction,
+            1,
+            [self._rules.kind_count, self._rules.line_count, self._rules.pressed],
+            [self._totals, self.factors, length_factor],
+        )
+
+    def residual(self) -> float:
+        """RMS of the moves that the forces asked for in the last step, over the local spacing; NaN where one is no finite number."""
+        squares = float(self.factors.numpy()[3])
+        return math.sqrt(max(squares, 0.0) / self._body_count) if math.isfinite(squares) else math.nan
+
+    def settled(self, tolerance: float) -> Until:
+        """When steps are to end: once the residual may be below a tolerance, or is no number.
+
+        Rounding must not hide that, so the limit is a little higher; whoever stops there looks at the residual itself.
+        """
+        return Until(self.factors, 3, tolerance**2 * self._body_count * (1.0 + 1e-5))
