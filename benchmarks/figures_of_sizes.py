@@ -17,6 +17,7 @@ from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from experiment_run import Run
 from pictures import camera, dark_word, face, gaussian, sheet
+from quality import regularity
 
 UNIFORM = np.ones((1, 1), dtype=np.float32)
 SQUARE = Domain((64.0, 64.0))
@@ -202,6 +203,20 @@ def continuous_sizes(run: Run) -> None:
     )
 
 
+def report_order(run: Run, name: str, placement: Placement) -> None:
+    """A row on a placement as its report and the table of quality measure it."""
+    report = placement.report
+    assert report is not None
+    order = [regularity(placement, placement.class_index == c) for c in range(len(report.classes))]
+    apart = " and ".join(f"{c.smallest_spacing or 0.0:.2f}" for c in report.classes)
+    run.row(
+        "14",
+        f"{name}: PSNR; smallest spacing and sixfold order of each class, and order of all",
+        f"{report.psnr or 0.0:.0f} dB; {apart}; {' and '.join(f'{value:.2f}' for value in order)}, "
+        f"{regularity(placement, slice(None)):.2f}",
+    )
+
+
 def separation_sweep(run: Run) -> None:
     """Figure 14: alpha trades the union against the classes."""
     pictures = []
@@ -212,6 +227,7 @@ def separation_sweep(run: Run) -> None:
             problem = Problem(SQUARE, two, Balance(class_separation=sixths / 6, rare_emphasis=0.0), seed=seed)
             # Not to the very end: there both classes and their union freeze in lattices of their own, which one being luck.
             placement = run.solve(problem)
+            report_order(run, f"seed {seed}, alpha = {sixths}/6", placement)
             direct = direct_solve(problem, run.launcher, steps=400)
             everything, own = np.ones(1024, dtype=bool), placement.class_index == 0
             unions.append(error(problem, placement.position, everything, 0.5))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import re
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
+from .signals import loading
+from .streams import complain, say
 
 if TYPE_CHECKING:
     from ..scenes.batch import BatchState
@@ -80,7 +81,8 @@ def add_batch(commands: Any, whole: Any) -> None:
 
 def batch(options: argparse.Namespace) -> int:
     """Run the command and return its exit status."""
-    from ..scenes.batch import Batch, run_batch
+    with loading():
+        from ..scenes.batch import Batch, run_batch
 
     asked = Batch(
         options.recipe,
@@ -104,11 +106,11 @@ def batch(options: argparse.Namespace) -> int:
             progress=follow,
         )
     if not options.quiet:
-        print(_summary(state, options.output))
+        say(_summary(state, options.output))
     for number, why in list(state.failed.items())[:LISTED]:
-        print(f"esh-scatter: scene {number:06d} failed: {why}", file=sys.stderr)
+        complain(f"scene {number:06d} failed: {why}")
     if len(state.failed) > LISTED:
-        print(f"esh-scatter: and {len(state.failed) - LISTED:,} more; the manifest has them all", file=sys.stderr)
+        complain(f"and {len(state.failed) - LISTED:,} more; the manifest has them all")
     return FAILED if state.failed and options.part == (1, 1) and not options.collect else 0
 
 

@@ -25,6 +25,19 @@ from ..problem.ink_models import DEFAULT_MODEL, INK_MODELS
 from ..version import __version__
 from .batch_command import add_batch, batch
 from .progress_bar import progress_bar
+from .signals import (
+    ENDING,
+    INTERRUPTED,
+    INTERRUPTING,
+    Ended,
+    after_all_is_written,
+    answered_here,
+    loading,
+    on_signals,
+    received,
+)
+from .signals import end as end_by_signal
+from .streams import close_output, complain, open_standard_streams, say
 from .tiles_command import add_tiles, tiles
 
 if TYPE_CHECKING:
@@ -37,11 +50,6 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 BAD_INPUT = 2
-# What shells report for a program that Ctrl-C ended.
-INTERRUPTED = 130
-INTERRUPTING = (signal.SIGINT,)
-# A process manager's way to end a program, and that of a terminal that is closed.
-ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 # Commands that have parts which stay.
 KEPT = {
     "batch": "the scenes that are done stay, and the same command continues",
@@ -74,33 +82,58 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     command = ""
     try:
-        _open_standard_streams()
+        open_standard_streams()
         for stream in (sys.stdout, sys.stderr):
             # A name that the terminal cannot show is no reason to fail.
             if hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="replace")
-        with _on_signals(ENDING, _end):
-            options = _parser().parse_args(arguments)
+        with answered_here():
+            options = _options(arguments)
             command = options.command
             return {"solve": _solve, "separate": _separate, "batch": batch, "tiles": tiles}[command](options)
-    except _Ended as end:
-        kept = KEPT.get(command, "nothing was written")
-        _complain(f"ended by {end.name}; {kept}")
-        return 128 + end.number
-    except EshError as error:
-        _complain(str(error))
-        return BAD_INPUT
-    except MemoryError:
-        _complain("there is not enough memory; lower the counts, or use smaller density images")
-        return BAD_INPUT
+    except Ended as ended:
+        return _answer(ended.number, command)
     except KeyboardInterrupt as interruption:
-        kept = "" if command in KEPT and str(interruption) else "; nothing was written"
-        _complain(f"stopped by Ctrl-C{interruption}{kept}")
-        return INTERRUPTED
+        return _answer(signal.SIGINT, command, str(interruption))
+    except Exception as error:
+        # What a library makes of a signal that interrupted it.
+        if received:
+            return _answer(received[0], command)
+        return _answer_error(error, command)
+
+
+def _answer(number: int, command: str, reached: str = "") -> int:
+    """Say which signal stopped a command, and return the exit status."""
+    name = signal.Signals(number).name
+    if number != signal.SIGINT:
+        complain(f"ended by {name}; {KEPT.get(command, 'nothing was written')}")
+        return 128 + number
+    kept = "" if command in KEPT and reached else "; nothing was written"
+    complain(f"stopped by Ctrl-C{reached}{kept}")
+    return INTERRUPTED
+
+
+def _answer_error(error: Exception, command: str) -> int:
+    """Say what is wrong, and return the exit status; raise the error again where it is a mistake of ours."""
+    if isinstance(error, EshError):
+        complain(str(error))
+    elif isinstance(error, MemoryError):
+        complain("there is not enough memory; lower the counts, or use smaller density images")
+    elif isinstance(error, BrokenPipeError):
+        complain(f"a stream was closed that is still written to; {KEPT.get(command, 'nothing was written')}")
+        close_output()
+    else:
+        raise error
+    return BAD_INPUT
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Read the arguments. Whoever reads the help may have had enough of it."""
+    try:
+        return _parser().parse_args(arguments)
     except BrokenPipeError:
-        # Whoever read the report has had enough of it.
-        _close_output()
-        return 0
+        close_output()
+        raise SystemExit(0) from None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -235,30 +268,31 @@ class _whole:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    _check_outputs(options)
-    from ..files.recipe import parse_recipe, read_recipe, recipe_densities
-    from ..problem.domain import Domain
+    with loading():
+        _check_outputs(options)
+        from ..device.profile import Profile
+        from ..files.recipe import parse_recipe, read_recipe, recipe_densities
+        from ..problem.cover import cover_of
+        from ..problem.domain import Domain
 
-    recipe = parse_recipe(options.recipe)
-    problem = read_recipe(recipe, seed=options.seed)
-    assets: dict[str, list[Path]] = {}
-    for name, path in options.asset:
-        assets.setdefault(name, []).append(path)
-    _check_not_inputs(options, [options.recipe, *recipe_densities(recipe), *(path for _, path in options.asset)])
-    for option in ("plot", "halftone"):
-        if getattr(options, option) is not None and not isinstance(problem.domain, Domain):
-            raise EshError(f"--{option} draws what lies in a rectangle; {options.recipe} has a surface")
-    if assets:
-        from ..files.bodies import check_assets
+        recipe = parse_recipe(options.recipe)
+        problem = read_recipe(recipe, seed=options.seed)
+        assets: dict[str, list[Path]] = {}
+        for name, path in options.asset:
+            assets.setdefault(name, []).append(path)
+        _check_not_inputs(options, [options.recipe, *recipe_densities(recipe), *(path for _, path in options.asset)])
+        for option in ("plot", "halftone"):
+            if getattr(options, option) is not None and not isinstance(problem.domain, Domain):
+                raise EshError(f"--{option} draws what lies in a rectangle; {options.recipe} has a surface")
+        if assets:
+            from ..files.bodies import check_assets
 
-        check_assets(problem, assets)
-    from ..device.profile import Profile
-    from ..problem.cover import cover_of
-
-    warning = cover_of(problem).warning if problem.avoid_overlap and not options.quiet else None
-    if warning is not None:
-        print(f"esh-scatter: {options.recipe}: {warning}", file=sys.stderr, flush=True)
-    profile = Profile() if options.profile else None
+            check_assets(problem, assets)
+        warning = cover_of(problem).warning if problem.avoid_overlap and not options.quiet else None
+        if warning is not None:
+            complain(f"{options.recipe}: {warning}")
+        _start_warp()
+        profile = Profile() if options.profile else None
     placement = _run(problem, options, profile)
     writers = {path: placement_writer(path, placement, assets=assets) for path in options.output}
     if options.report is not None:
@@ -272,14 +306,16 @@ def _solve(options: argparse.Namespace) -> int:
     if options.halftone is not None:
         writers[options.halftone] = _halftone_writer(options, placement, recipe)
     # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
-    with _on_signals(INTERRUPTING, signal.SIG_IGN):
+    with on_signals(INTERRUPTING, signal.SIG_IGN):
         write_files(writers)
-    _print(*([] if options.quiet else [placement.report]), *([] if profile is None else [profile]))
+    with after_all_is_written():
+        say(*([] if options.quiet else [placement.report]), *([] if profile is None else [profile]))
     return 0
 
 
 def _separate(options: argparse.Namespace) -> int:
-    from ..files.channel_files import channel_writers
+    with loading():
+        from ..files.channel_files import channel_writers
 
     folder: Path = options.output
     if options.model not in INK_MODELS:
@@ -306,7 +342,7 @@ def _separate(options: argparse.Namespace) -> int:
             with contextlib.suppress(OSError):
                 folder.rmdir()
         raise
-    _print(f"wrote {', '.join(path.name for path in writers)} into {folder}")
+    say(f"wrote {', '.join(path.name for path in writers)} into {folder}")
     return 0
 
 
@@ -339,13 +375,13 @@ def _halftone_writer(
     return lambda file: write_halftone_png(file, placement, pixels_per_metre=options.scale, colors=colors)
 
 
-def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None) -> Placement:
+def _start_warp() -> None:
+    """Start Warp without a word on the streams that are the report's and ours, but for where kernels are kept."""
     import warp
 
     from ..device.kernel_cache import CacheWarning
     from ..device.launcher import resolve_device
     from ..native_output import muted
-    from ..solve import solve
 
     # Warp tells of every kernel it loads on the stream that the report goes to, and of a missing GPU on the other.
     warp.config.log_level = warp.LOG_ERROR
@@ -354,22 +390,29 @@ def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None)
         resolve_device("cpu")
     for note in caught:
         if issubclass(note.category, CacheWarning):
-            _complain(str(note.message))
+            complain(str(note.message))
+
+
+def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None) -> Placement:
+    with loading():
+        from ..solve import solve
+
     show_bar = sys.stderr is not None and sys.stderr.isatty() and not options.quiet
     pressed: list[bool] = []
     reached = ""
 
     def press(number: int, frame: object) -> NoReturn:
         pressed.append(True)
+        received.append(number)
         raise KeyboardInterrupt(reached)
 
     def end(number: int, frame: object) -> NoReturn:
         pressed.append(True)
-        _end(number, frame)
+        end_by_signal(number, frame)
 
     with (
-        _on_signals(INTERRUPTING, press),
-        _on_signals(ENDING, end),
+        on_signals(INTERRUPTING, press),
+        on_signals(ENDING, end),
         _ends_in_compiled_code(lambda: bool(pressed)),
         _progress_bar(problem.body_count) if show_bar else contextlib.nullcontext() as bar,
     ):
@@ -391,36 +434,6 @@ def _run(problem: Problem, options: argparse.Namespace, profile: Profile | None)
     if pressed:
         raise KeyboardInterrupt(reached)
     return placement
-
-
-@contextlib.contextmanager
-def _on_signals(numbers: Sequence[int], handler: Any) -> Iterator[None]:
-    """Handle signals in this way for a while; those that are ignored stay so (``nohup``)."""
-    before = {}
-    try:
-        for number in numbers:
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, handler)
-    except ValueError:  # called from another thread than the main one, where no signal arrives
-        yield
-        return
-    try:
-        yield
-    finally:
-        for number, earlier in before.items():
-            signal.signal(number, earlier)
-
-
-class _Ended(BaseException):
-    """A signal that asks the process to end."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-        self.name = signal.Signals(number).name
-
-
-def _end(number: int, frame: object) -> NoReturn:
-    raise _Ended(number)
 
 
 @contextlib.contextmanager
@@ -449,7 +462,7 @@ def _ends_in_compiled_code(answered: Callable[[], bool]) -> Iterator[None]:
                 if answered():
                     return
             name = "Ctrl-C" if number[0] == signal.SIGINT else signal.Signals(number[0]).name
-            _complain(f"stopped by {name} in the middle of a step; nothing was written")
+            complain(f"stopped by {name} in the middle of a step; nothing was written")
             os._exit(128 + number[0])
 
     watcher = threading.Thread(target=watch, name="ESH Scatter signals", daemon=True)
@@ -506,43 +519,6 @@ def _outputs(options: argparse.Namespace) -> list[tuple[str, Path]]:
     named = [("-o", path) for path in options.output]
     more = [(f"--{n}", getattr(options, n)) for n in ("report", "plot", "halftone")]
     return named + [(option, path) for option, path in more if path is not None]
-
-
-def _open_standard_streams() -> None:
-    """Give streams that were closed nothing to write to, so that no file of ours gets their numbers, and what is meant for them."""
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)
-
-
-def _print(*parts: object) -> None:
-    """Print what a run has to say; raises EshError where that fails for another reason than a reader who has had enough."""
-    if sys.stdout is None or not parts:
-        return
-    try:
-        for part in parts:
-            print(part)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except (OSError, ValueError) as error:
-        _close_output()
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise EshError(f"the files are written, but the report could not be printed: {reason.lower()}") from None
-
-
-def _close_output() -> None:
-    """Send what still waits to be printed into nothing: Python tries it once more at its exit."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _complain(sentence: str) -> None:
-    if sys.stderr is not None:
-        with contextlib.suppress(OSError, ValueError):
-            print(f"esh-scatter: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

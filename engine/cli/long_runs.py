@@ -55,7 +55,7 @@ def following(
         KeyboardInterrupt: The run was stopped; it says what is done, and that the same command goes on.
     """
     reached: list[State] = []
-    shown = sys.stderr.isatty() and not options.quiet
+    shown = sys.stderr is not None and sys.stderr.isatty() and not options.quiet
     with bar() if shown else contextlib.nullcontext() as change:
 
         def follow(state: State) -> None:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
+from .signals import loading
+from .streams import say
 
 if TYPE_CHECKING:
     from ..tiles.tiles import TileState
@@ -61,8 +63,10 @@ def add_tiles(commands: Any, whole: Any) -> None:
 def tiles(options: argparse.Namespace) -> int:
     """Run the command and return its exit status."""
     from ..errors import EshError
-    from ..tiles.tile_files import TILE_WRITERS
-    from ..tiles.tiles import STEPS, solve_tiles
+
+    with loading():
+        from ..tiles.tile_files import TILE_WRITERS
+        from ..tiles.tiles import STEPS, solve_tiles
 
     if options.ending not in TILE_WRITERS:
         raise EshError(f"--as must be {' or '.join(TILE_WRITERS)}; got {options.ending!r}")
@@ -82,7 +86,7 @@ def tiles(options: argparse.Namespace) -> int:
         )
     if not options.quiet:
         columns, rows = state.tiles
-        print(
+        say(
             f"{state.bodies:,} bodies are placed in {columns * rows:,} tiles, {columns} by {rows}; their list is "
             f"{options.output / 'index.json'}"
         )

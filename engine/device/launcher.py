@@ -15,7 +15,6 @@ import re
 import reprlib
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, Protocol, TypeVar
 
@@ -23,9 +22,8 @@ import numpy as np
 import warp as wp
 
 from ..errors import DeviceError
-from ..native_output import muted
-from .kernel_cache import ensure_kernel_cache
 from .profile import Profile
+from .quiet_start import start_warp
 from .threads import Operation, Program, ThreadTeam
 
 __all__ = ["GRAIN", "GRAIN_OF_NEIGHBORS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
@@ -55,9 +53,7 @@ def resolve_device(name: str = "auto") -> wp.Device:
     Raises:
         DeviceError: An unknown name, or a GPU that this machine lacks.
     """
-    # Warp announces its version and every module it loads; a library keeps quiet.
-    wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
-    _start_warp()
+    start_warp()
     gpu_names = [device.alias for device in wp.get_cuda_devices()]
     accepted = ", ".join(f'"{choice}"' for choice in ["auto", "cpu", *gpu_names])
     if not isinstance(name, str):
@@ -73,14 +69,6 @@ def resolve_device(name: str = "auto") -> wp.Device:
         why = "this machine has no such NVIDIA GPU, or no driver for it"
         raise DeviceError(f"`device` {name!r} is not available: {why}; use one of {accepted}")
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
-
-
-@cache
-def _start_warp() -> None:
-    """Start Warp without its native remark that a machine has no GPU; who asks for one gets a DeviceError."""
-    ensure_kernel_cache()
-    with muted():
-        wp.init()
 
 
 def core_count() -> int:

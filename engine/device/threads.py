@@ -21,6 +21,7 @@ import warp as wp
 from ..errors import DeviceError
 from . import kernels_threads
 from .prebuilt_kernels import load_prebuilt
+from .quiet_start import start_warp
 
 __all__ = ["Operation", "Program", "ThreadTeam", "ticks"]
 
@@ -306,6 +307,7 @@ class _JoinIn(ctypes.Structure):
 
 def ticks() -> int:
     """Reading of the clock that operations are timed by."""
+    start_warp()
     reading = (ctypes.c_int64 * 1)()
     array = wp.array(ptr=ctypes.addressof(reading), shape=(1,), dtype=wp.int64, device="cpu")
     load_prebuilt(kernels_threads.read_clock.module)

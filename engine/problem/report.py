@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 
 __all__ = ["ClassReport", "Report", "SizeReport"]
+
+# Peak of a signal over its mean: a dot on every pixel of an image with four times as many pixels as there are dots on average.
+PEAK = 4.0
+
+
+def _psnr(coverage_error: float) -> float | None:
+    """Peak signal over the noise that a coverage error is [dB]; None where there is none."""
+    return 20.0 * math.log10(PEAK / coverage_error) if coverage_error > 0.0 else None
 
 
 @dataclass(frozen=True)
@@ -22,12 +31,20 @@ class SizeReport:
 class ClassReport:
     """One class: its counts and how well it follows its density.
 
-    ``coverage_error`` is :func:`~esh.engine.quality.coverage.coverage_error` at k = 1 of the class alone.
+    ``coverage_error`` is :func:`~esh.engine.quality.coverage.coverage_error` at k = 1 of the class alone, and ``smallest_spacing`` the
+    smallest distance between two of its bodies, over the hexagonal spacing of the class alone; None with fewer than two, and on
+    surfaces.
     """
 
     name: str
     coverage_error: float
     sizes: tuple[SizeReport, ...]
+    smallest_spacing: float | None = None
+
+    @property
+    def psnr(self) -> float | None:
+        """Peak signal-to-noise ratio of the class alone [dB]; see :attr:`Report.psnr`."""
+        return _psnr(self.coverage_error)
 
 
 @dataclass(frozen=True)
@@ -73,17 +90,30 @@ class Report:
     deepest_place: tuple[float, float] | None = None
     overlapping: tuple[int, ...] = ()
 
+    @property
+    def psnr(self) -> float | None:
+        """Peak signal-to-noise ratio of all bodies together [dB], both blurred by a mean spacing; the peak is four times the mean.
+
+        The coverage error in decibels, as halftones are compared; None for an error of 0.
+        """
+        return _psnr(self.coverage_error)
+
     def to_dict(self) -> dict:
         """Return the report as plain dictionaries and lists, ready for JSON."""
-        return asdict(self)
+        result = asdict(self) | {"psnr": self.psnr}
+        for entry, own in zip(result["classes"], self.classes, strict=True):
+            entry["psnr"] = own.psnr
+        return result
 
     def __str__(self) -> str:
-        rows = [("class", "size", "asked", "placed", "coverage error")]
+        rows = [("class", "size", "asked", "placed", "coverage error", "smallest spacing")]
         for entry in self.classes:
             for index, size in enumerate(entry.sizes):
                 error = f"{entry.coverage_error:.4f}" if index == 0 else ""
-                rows.append((entry.name if index == 0 else "", size.name, str(size.asked), str(size.placed), error))
-        widths = [max(len(row[column]) for row in rows) for column in range(5)]
+                apart = _two_digits(entry.smallest_spacing) if index == 0 else ""
+                name = entry.name if index == 0 else ""
+                rows.append((name, size.name, str(size.asked), str(size.placed), error, apart))
+        widths = [max(len(row[column]) for row in rows) for column in range(6)]
         aligned = [
             "  ".join(
                 cell.ljust(width) if column < 2 else cell.rjust(width)
@@ -91,13 +121,18 @@ class Report:
             ).rstrip()
             for row in rows
         ]
-        spacing = "-" if self.smallest_spacing is None else f"{self.smallest_spacing:.2f}"
+        noise = "" if self.psnr is None else f" ({self.psnr:.0f} dB)"
         state = "converged" if self.converged else "not converged"
         lines = [
             *aligned,
-            f"all bodies: coverage error {self.coverage_error:.4f}, smallest spacing {spacing} (hexagonal = 1), "
+            f"all bodies: coverage error {self.coverage_error:.4f}{noise}, smallest spacing "
+            f"{_two_digits(self.smallest_spacing)} (hexagonal = 1), "
             f"{self.overlaps} overlaps, {self.covered:.0%} of the space covered",
             f"{self.steps} steps, {state}, {self.seconds:.2f} s on {self.device}",
             *self.notes,
         ]
         return "\n".join(lines)
+
+
+def _two_digits(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from .balance import Balance
 from .problem import SamplingSettings
 from .settings import Choice, Settings, as_given, described, same_setting, setting
-from .validation import LARGEST_ANGLE
+from .validation import LARGEST_ANGLE, LARGEST_LENGTH
 
 __all__ = ["RunSettings", "ScatterSettings", "Standing", "TargetSettings"]
 
@@ -58,6 +58,8 @@ class Standing(Settings):
         metadata=setting(
             "How far objects are moved away from the ground, along its normal. Negative values sink them into it",
             unit="m",
+            low=-LARGEST_LENGTH,
+            high=LARGEST_LENGTH,
             soft_low=-1.0,
             soft_high=1.0,
         ),

@@ -488,6 +488,15 @@ def as_float(value: object) -> float | None:
     return None if math.isnan(number) else number
 
 
+def as_whole(value: object, low: int, high: int) -> int | None:
+    """Return a whole number within these bounds (3.0 is one, too), None for anything else."""
+    number = as_float(value)
+    if number is None or not math.isfinite(number) or number % 1.0:
+        return None
+    whole = int(value)  # type: ignore[call-overload]
+    return whole if low <= whole <= high else None
+
+
 def _positive(value: object, key: str, unit: str) -> float:
     number = as_float(value)
     if number is None or not 0.0 < number < math.inf:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
@@ -9,7 +11,7 @@ from ..device.launcher import Launcher
 from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
-from ..problem.problem import Problem
+from ..problem.prepared_class import PreparedClass
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
 from ..space.asked_counts import counts_in_cells
@@ -63,7 +65,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
         )
-    spacing = measure_spacing(bodies, _number_density(bodies, problem))
+    spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
+    apart = [spacing and spacing.smallest]
+    if len(problem.classes) > 1:
+        apart = [_smallest_of_class(placement, index, launcher) for index in range(len(problem.classes))]
     return Report(
         steps=0,
         converged=False,
@@ -79,7 +84,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         deepest_place=overlaps.place,
         overlapping=overlaps.bodies,
         covered=covered,
-        classes=_class_reports(placement, errors),
+        classes=_class_reports(placement, errors, apart),
         notes=tuple(notes),
     )
 
@@ -111,7 +116,9 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     )
 
 
-def _class_reports(placement: Placement, errors: list[float]) -> tuple[ClassReport, ...]:
+def _class_reports(
+    placement: Placement, errors: list[float], apart: Sequence[float | None] = ()
+) -> tuple[ClassReport, ...]:
     problem, class_index, size_index = placement.problem, placement.class_index, placement.size_index
     return tuple(
         ClassReport(
@@ -123,18 +130,26 @@ def _class_reports(placement: Placement, errors: list[float]) -> tuple[ClassRepo
                     zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
                 )
             ),
+            apart[i] if apart else None,
         )
         for i, c in enumerate(problem.classes)
     )
 
 
-def _number_density(bodies: MeasuredBodies, problem: Problem) -> wp.array:
-    """Number of bodies per square unit that is asked for at every body."""
+def _smallest_of_class(placement: Placement, index: int, launcher: Launcher) -> float | None:
+    """Smallest distance between two bodies of a class, over the hexagonal spacing of the class alone."""
+    bodies = measured_bodies(launcher, placement.problem.rectangle, placement.position[placement.class_index == index])
+    spacing = measure_spacing(bodies, _number_density(bodies, placement.problem.classes[index : index + 1]))
+    return spacing and spacing.smallest
+
+
+def _number_density(bodies: MeasuredBodies, classes: Sequence[PreparedClass]) -> wp.array:
+    """Number of bodies of some classes per square unit that is asked for at every body."""
     device = bodies.launcher.device
-    images = [c.density_image for c in problem.classes]
+    images = [c.density_image for c in classes]
     per_pixel = [
         c.body_count / (bodies.space.area * float(image.mean(dtype=np.float64)))
-        for c, image in zip(problem.classes, images, strict=True)
+        for c, image in zip(classes, images, strict=True)
     ]
     result = bodies.launcher.empty(bodies.count, float)
     bodies.launcher.launch(

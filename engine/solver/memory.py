@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from ..problem.clumps import BYTES_PER_PIXEL_OF_CLUMPS
 from ..problem.interaction import LEVELS, most_levels
 from ..problem.machine_memory import format_bytes, machine_memory
 from ..problem.problem import Problem
+from ..problem.size import Size
 from ..problem.surface import Surface
 from ..problem.validation import MOST_BODIES, show
 from ..space.asked_counts import typical_spacing
@@ -21,7 +24,7 @@ from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
 from .guidance import is_long
 
-__all__ = ["check_memory", "required_memory"]
+__all__ = ["check_counts", "check_memory", "required_memory"]
 
 # Python, NumPy, Warp and its compiled kernels, measured with the peak resident size of runs of a few bodies.
 BYTES_FIXED = 380_000_000
@@ -168,9 +171,6 @@ def check_memory(problem: Problem) -> None:
     fits = available is None or required <= available
     if fits and problem.body_count <= MOST_BODIES:
         return
-    body_class, size = max(
-        ((k, size) for k in problem.classes for size in k.sizes), key=lambda pair: pair[1].count or 0
-    )
     of_bodies = problem.charge_count * _bytes_per_charge(problem)
     if not fits and available is not None and required - of_bodies - BYTES_FIXED > max(of_bodies, BYTES_FIXED):
         raise ProblemError(
@@ -178,12 +178,42 @@ def check_memory(problem: Problem) -> None:
             f"{_group_count(problem)} groups (sizes of classes, {LEVELS} for a range of areas), and this machine has "
             f"{format_bytes(available)}; use fewer of them, or a less elongated domain"
         )
-    sentence = (
-        f'`count` of size "{size.name}" of class "{body_class.name}" is too large ({show(size.count)}): '
-        f"{show(problem.body_count)} bodies in all would take about {format_bytes(required)} of memory"
+    sizes = [(k.name, size) for k in problem.classes for size in k.sizes]
+    _refuse_counts(sizes, problem.body_count, required, None if fits else available, _bytes_per_charge(problem))
+
+
+def check_counts(sizes: Sequence[tuple[str, Size]], avoid_overlap: bool) -> None:
+    """Refuse counts that this machine cannot hold, before anything is made for every body: outlines, for example.
+
+    Args:
+        sizes: Of all classes, each with the name of its class, with their counts.
+        avoid_overlap: Whether bodies push each other apart.
+
+    Raises:
+        ProblemError: As :func:`check_memory`, which knows more, will do for the whole problem.
+    """
+    available = machine_memory()
+    bodies = sum(size.count or 0 for _, size in sizes)
+    per_body = (
+        BYTES_PER_BODY + BYTES_PER_CHARGE + (BYTES_PER_BODY_IN_CONTACT + BYTES_PER_CORNER if avoid_overlap else 0)
     )
-    if not fits and available is not None:
-        most = min(max(available - BYTES_FIXED, 0) // _bytes_per_charge(problem), MOST_BODIES)
+    required = BYTES_FIXED + per_body * bodies
+    fits = available is None or required <= available
+    if not fits or bodies > MOST_BODIES:
+        _refuse_counts(sizes, bodies, required, None if fits else available, per_body)
+
+
+def _refuse_counts(
+    sizes: Sequence[tuple[str, Size]], bodies: int, required: int, available: int | None, per_body: int
+) -> NoReturn:
+    """Raise ProblemError, which names the largest count; ``available`` is None where numbers run out before memory does."""
+    class_name, size = max(sizes, key=lambda pair: pair[1].count or 0)
+    sentence = (
+        f'`count` of size "{size.name}" of class "{class_name}" is too large ({show(size.count)}): '
+        f"{show(bodies)} bodies in all would take about {format_bytes(required)} of memory"
+    )
+    if available is not None:
+        most = min(max(available - BYTES_FIXED, 0) // per_body, MOST_BODIES)
         raise ProblemError(f"{sentence}, this machine has {format_bytes(available)}, enough for about {_rounded(most)}")
     raise ProblemError(f"{sentence}, and at most {MOST_BODIES} bodies can be placed")
 

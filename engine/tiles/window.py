@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -27,6 +27,7 @@ from ..solver.final_placement import position_in_meters
 from ..solver.initial_placement import first_pose
 from ..solver.line_rules import FIRST_LENGTH, LineRules, length_blocks
 from ..solver.model import Model
+from ..solver.state import State
 from ..space.density import move_into_support
 from ..space.support import images_for_kernels
 from .bodies import PartBodies
@@ -205,13 +206,8 @@ def relax(
     present = np.unique(plan.groups.group_of(bodies.identity))
     targets = _targets(plan, box, model, present, totals, scale, taper)
     descent = Descent(model, launcher, pose=pose, targets=targets)
-    # Sizes of lines that are here, in the order of the model's kinds, and how many factors each has.
-    lines = [g for g in present.tolist() if plan.groups.sizes[g].line is not None]
-    kinds = np.unique(plan.groups.layer[lines])
-    blocks = [rows * columns for rows, columns in length_blocks(model)]
-    if len(kinds):
-        first = np.concatenate([length_factor[kinds], np.repeat(length_factor[kinds], blocks)])
-        descent.state.length_factor.assign(first.astype(np.float32))
+    factors = _LengthFactors.of(plan, model, present)
+    factors.give(length_factor, descent.state)
     try:
         for _ in range(steps):
             descent.step.play()
@@ -220,37 +216,79 @@ def relax(
                 "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
             )
         state = descent.state
-        # Where everything fades nothing holds a free body: those that have strayed there, along an edge of the domain say, go back.
-        values = state.pose.numpy().copy()
-        came = box.depth(pose[:, :2] * model.unit + box.low)
-        depth = box.depth(values[:, :2] * model.unit + box.low)
-        strayed = ~pinned & (depth < STRAYED * margin)
-        if strayed.any():
-            # On their way, so that no two of them meet.
-            share = (came[strayed] - STRAYED * margin) / (came[strayed] - depth[strayed])
-            way = values[strayed, :2] - pose[strayed, :2]
-            values[strayed, :2] = pose[strayed, :2] + np.clip(share, 0.0, 1.0)[:, None] * way
-            state.pose.assign(values)
-            descent.place_charges()
+        _call_back(descent, box, pose, ~pinned, margin)
         if part and descent.contact is not None:
             descent.contact.separate(state.pose, state.turn, state.bend)
         moved = state.pose.numpy().astype(np.float64)
         position = _settled(plan, box, model, position_in_meters(model, state), ~pinned)
-        reached = state.length_factor.numpy().astype(np.float64)
+        length_factor = factors.taken(state, length_factor)
     finally:
         launcher.release(descent.step)
-    free = ~pinned
+    return _moved(bodies, ~pinned, position, moved, model), length_factor
+
+
+def _moved(bodies: PartBodies, free: np.ndarray, position: np.ndarray, pose: np.ndarray, model: Model) -> PartBodies:
+    """Bodies of which the free ones are where they settled: positions [m], shape ``[n, 2]``, and poses of the state."""
     result = bodies.position.copy()
     result[free] = position[free]
     angle, length = bodies.angle.copy(), bodies.length.copy()
     line = free & (model.body.kind >= 0)
-    angle[line] = np.mod(moved[line, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
-    length[line] = moved[line, 3] * model.unit
-    length_factor = length_factor.copy()
-    ends = len(kinds) + np.cumsum([0, *blocks])
-    for k, layer in enumerate(kinds.tolist()):
-        length_factor[layer] = reached[ends[k] : ends[k + 1]].mean() if blocks[k] else reached[k]
-    return PartBodies(bodies.identity, result, angle, length), length_factor
+    angle[line] = np.mod(pose[line, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
+    length[line] = pose[line, 3] * model.unit
+    return PartBodies(bodies.identity, result, angle, length)
+
+
+def _call_back(descent: Descent, box: Box, start: np.ndarray, free: np.ndarray, margin: float) -> None:
+    """Have free bodies that strayed to where everything fades, along an edge of the domain say, go back: nothing holds them there.
+
+    They go back on their way from their ``start``, so that no two of them meet.
+    """
+    model, state = descent.model, descent.state
+    values = state.pose.numpy().copy()
+    came = box.depth(start[:, :2] * model.unit + box.low)
+    depth = box.depth(values[:, :2] * model.unit + box.low)
+    strayed = free & (depth < STRAYED * margin)
+    if not strayed.any():
+        return
+    share = (came[strayed] - STRAYED * margin) / (came[strayed] - depth[strayed])
+    way = values[strayed, :2] - start[strayed, :2]
+    values[strayed, :2] = start[strayed, :2] + np.clip(share, 0.0, 1.0)[:, None] * way
+    state.pose.assign(values)
+    descent.place_charges()
+
+
+@dataclass(frozen=True)
+class _LengthFactors:
+    """Where a state has what makes up for the pressure on lines: a factor for every size of lines here, then one for each block.
+
+    Attributes:
+        layer: Sizes of lines that are here, in the order of the model's kinds.
+        blocks: How many blocks each has.
+    """
+
+    layer: np.ndarray
+    blocks: list[int]
+
+    @classmethod
+    def of(cls, plan: Plan, model: Model, present: np.ndarray) -> _LengthFactors:
+        """Those of a model that has the groups ``present``."""
+        lines = [g for g in present.tolist() if plan.groups.sizes[g].line is not None]
+        return cls(np.unique(plan.groups.layer[lines]), [rows * columns for rows, columns in length_blocks(model)])
+
+    def give(self, factor: np.ndarray, state: State) -> None:
+        """Let a state begin with the factors of all sizes."""
+        if len(self.layer):
+            first = np.concatenate([factor[self.layer], np.repeat(factor[self.layer], self.blocks)])
+            state.length_factor.assign(first.astype(np.float32))
+
+    def taken(self, state: State, factor: np.ndarray) -> np.ndarray:
+        """The factors of all sizes, those that are here as a state has them now."""
+        reached = state.length_factor.numpy().astype(np.float64)
+        factor = factor.copy()
+        ends = len(self.layer) + np.cumsum([0, *self.blocks])
+        for k, layer in enumerate(self.layer.tolist()):
+            factor[layer] = reached[ends[k] : ends[k + 1]].mean() if self.blocks[k] else reached[k]
+        return factor
 
 
 def onto_densities(plan: Plan, box: Box, bodies: PartBodies) -> PartBodies:

@@ -21,6 +21,7 @@ from ...engine.problem.settings import values_of
 from ...engine.problem.size import Size, with_count
 from ...engine.problem.surface_directions import SLOPE
 from ...engine.problem.validation import check_density
+from ...engine.solver.memory import check_counts
 from ...engine.surface.chart import Chart
 from .amount import Amount
 from .on_whole_surface import mean_footprint
@@ -95,9 +96,12 @@ class ClassesFromAbove:
         """
         asked = [self._ask(*one) for one in zip(self._classes, self._shapes, values, strict=True)]
         share = _share_of_cover([one for one in asked if one.most is not None])
-        return [
-            self._prepare_class(number, one, 1.0 if one.most is None else share) for number, one in enumerate(asked)
-        ]
+        counted = [self._count(one, 1.0 if one.most is None else share) for one in asked]
+        check_counts(
+            [(one.asked.name, size) for one, sizes in zip(asked, counted, strict=True) for size in sizes],
+            self._settings.avoid_overlap,
+        )
+        return [self._prepare_class(number, *pair) for number, pair in enumerate(zip(asked, counted, strict=True))]
 
     def _ask(self, c: ScatterClass, shapes: Sequence[SizeShape], values: np.ndarray) -> _Asked:
         """Return a class as the engine is asked for it, its density on the surface, and what of it the plan view shows."""
@@ -120,10 +124,13 @@ class ClassesFromAbove:
             density = np.minimum(density, most)
         return _Asked(asked, surface, density, most)
 
-    def _prepare_class(self, number: int, one: _Asked, share: float) -> PreparedClass:
+    def _count(self, one: _Asked, share: float) -> list[Size]:
+        """Return the sizes of a class, all with a whole count."""
+        area = float(self._chart.size[0]) * float(self._chart.size[1])
+        return list(count_sizes(one.asked, share * area * float(one.density.mean())))
+
+    def _prepare_class(self, number: int, one: _Asked, sizes: list[Size]) -> PreparedClass:
         chart, c = self._chart, self._classes[number]
-        area = float(chart.size[0]) * float(chart.size[1])
-        sizes = list(count_sizes(one.asked, share * area * float(one.density.mean())))
         if self._settings.avoid_overlap:
             sizes = [self._with_outlines((number, s), size) for s, size in enumerate(sizes)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.

@@ -205,11 +205,14 @@ def check_classes(classes: object) -> list[ScatterClass]:
         direction_of(entry)
         if entry.color is not None:
             try:
-                usable = len(entry.color) in (3, 4) and np.isfinite(np.array(entry.color, np.float64)).all()
-            except (TypeError, ValueError):
+                with np.errstate(over="ignore"):
+                    usable = len(entry.color) in (3, 4) and np.isfinite(np.array(entry.color, np.float32)).all()
+            except (OverflowError, TypeError, ValueError):
                 usable = False
             if not usable:
-                raise ProblemError(f"`color` of {key} must be 3 or 4 finite numbers; got {show(entry.color)}")
+                raise ProblemError(
+                    f"`color` of {key} must be 3 or 4 numbers that are finite in 32 bits; got {show(entry.color)}"
+                )
     check_unique([entry.name for entry in classes], "class names")
     return list(classes)
 

@@ -22,7 +22,7 @@ from ...engine.problem.problem import Problem, SamplingSettings
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import RunSettings, ScatterSettings
 from ...engine.problem.settings import takes, values_of
-from ...engine.problem.validation import check_name, show
+from ...engine.problem.validation import as_whole, check_name, show
 from ...engine.solve import solve
 from ...engine.solver.solver import Progress
 from ...engine.surface.chart import Chart
@@ -137,11 +137,12 @@ class ScatterJob:
         replaced = _check_result(result)
         self._result = None if replaced is None else Reference(replaced, "result")
         self.classes = check_classes(classes)
+        self._given_pinned = _check_pinned(pinned, len(self.classes))
         # What the classes place; and of all sizes, class by class, what their bodies look like.
         self._sources: list[Reference] = []
         self._shapes: list[SizeShape] = []
         self.survey = survey
-        self._given_obstacles, self._given_pinned = obstacles, pinned
+        self._given_obstacles = obstacles
         self._reading: _Reading | None = self._read(context)
         self.placement: Placement | None = None
         self._points: ResultPoints | None = None
@@ -175,7 +176,7 @@ class ScatterJob:
             return None
         now = [c.name for c in self.classes]
         by_name = [now.index(name) if name in now else None for name in json.loads(names)[0]]
-        numbers = by_name if isinstance(pinned, bool) else list(pinned)
+        numbers = by_name if isinstance(pinned, bool) else pinned
         pins = read_pins(own, names, [[size.name for size in c.sizes] for c in self.classes], numbers)
         if pins is None:
             return None
@@ -353,8 +354,25 @@ class ScatterJob:
         )
         names = [[c.name for c in self.classes], [[size.name for size in c.sizes] for c in self.classes]]
         item[CLASS_NAMES] = json.dumps(names)
-        item.data[SEED] = self.settings.seed
+        # Whole numbers of a file's properties have 32 bits.
+        seed = self.settings.seed
+        item.data[SEED] = seed if seed < 2**31 else str(seed)
         return item, sources
+
+
+def _check_pinned(pinned: object, class_count: int) -> bool | list[int | None]:
+    """Return whether what is pinned stays, or by class of the result which of so many it is now."""
+    if isinstance(pinned, bool | np.bool_):
+        return bool(pinned)
+    entries = pinned.tolist() if isinstance(pinned, np.ndarray) else pinned
+    if isinstance(entries, list | tuple):
+        whole = [n if n is None else as_whole(n, 0, class_count - 1) for n in entries]
+        if all((new is None) == (given is None) for new, given in zip(whole, entries, strict=True)):
+            return whole
+    raise ProblemError(
+        f"`pinned` must be true, false, or for every class of the result a number from 0 to {class_count - 1} or None; got "
+        f"{show(pinned)}"
+    )
 
 
 def _check_result(result: object) -> bpy.types.Object | None:

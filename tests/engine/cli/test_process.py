@@ -140,6 +140,89 @@ main()
     assert (finished.stdout, finished.stderr) == ("", "esh-scatter: stopped by Ctrl-C; nothing was written\n")
 
 
+# What numpy's own module in C makes of an exception while it is imported.
+WHILE_IMPORTED = """
+import os, signal, sys
+class Press:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            try:
+                os.kill(os.getpid(), signal.{signal})
+            except BaseException:
+                raise ImportError("you should not try to import numpy from its source directory")
+sys.meta_path.insert(0, Press())
+sys.argv = ["esh-scatter", {command!r}, "forest.toml", "-o", {output!r}, *{more!r}]
+from esh.engine.cli.{start} import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("start_module", ["start", "command_line"])
+@pytest.mark.parametrize(
+    ("command", "output", "more"),
+    [("solve", "b.npz", ()), ("batch", "scenes", ("--seeds", "0:2")), ("tiles", "tiled", ())],
+)
+def test_signals_while_libraries_are_loaded_are_a_sentence(folder, name, start_module, command, output, more):
+    before = files_of(folder)
+    script = WHILE_IMPORTED.format(
+        module="numpy.linalg", signal=name, command=command, output=output, more=more, start=start_module
+    )
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert finished.returncode == 128 + getattr(signal, name), finished.stderr
+    said = "stopped by Ctrl-C" if name == "SIGINT" else f"ended by {name}"
+    assert finished.stdout == "" and finished.stderr.startswith(f"esh-scatter: {said}; ")
+    assert finished.stderr.count("\n") == 1
+    assert files_of(folder) == before
+
+
+@pytest.mark.parametrize("when", [0.1, 0.2, 0.3, 0.45])
+def test_ctrl_c_at_any_time_after_the_start_is_a_sentence(folder, when):
+    write(folder, 2_000_000)
+    before = files_of(folder)
+    process = start(*SOLVE, "--max-steps", "1000000")
+    time.sleep(when)
+    process.send_signal(signal.SIGINT)
+    status, out, err = end_of(process)
+    # Earlier than our first line, Python itself answers.
+    if "esh-scatter: " in err:
+        assert (status, err.count("\n")) == (130, 1) and "Traceback" not in err
+    assert out == "" and files_of(folder) == before
+
+
+@pytest.mark.parametrize("closed", ["stdout", "stderr"])
+@pytest.mark.parametrize("option", ["--profile", "--quiet", "--max-steps=3"])
+def test_whoever_reads_may_leave_at_any_time(folder, closed, option):
+    # Crowded, so that there is something to say before the run as well.
+    text = (folder / "forest.toml").read_text().replace("area = 0.01", "area = 60.0")
+    (folder / "forest.toml").write_text(text.replace("[domain]", "avoid_overlap = true\n[domain]"))
+    process = start(*SOLVE, "--max-steps", "2", option)
+    getattr(process, closed).close()
+    setattr(process, closed, None)
+    status, out, err = end_of(process)
+    assert status == 0 and "Warp" not in (out or "")
+    assert not err or (err.count("\n") == 1 and "the footprints cover 250%" in err)
+    assert np.load("b.npz")["position"].shape == (200, 2)
+    assert (folder / "a.csv").read_bytes() != b"old a.csv"
+
+
+def test_no_stream_at_all_is_no_reason_to_lose_a_file(folder):
+    command = " ".join(["exec", *COMMAND, *SOLVE, "--max-steps", "2", "--profile", ">&-", "2>&-"])
+    assert subprocess.run(["sh", "-c", command], timeout=120, check=False).returncode == 0
+    assert np.load("b.npz")["position"].shape == (200, 2)
+
+
+def test_a_stream_that_closes_before_all_is_written_is_said(folder, monkeypatch, capsys):
+    def solve(*_, **__):
+        raise BrokenPipeError(32, "Broken pipe")
+
+    monkeypatch.setattr("esh.engine.solve.solve", solve)
+    before = files_of(folder)
+    status = command_line.main(list(SOLVE))
+    assert status == 2 and "nothing was written" in capsys.readouterr().err
+    assert files_of(folder) == before
+
+
 @pytest.mark.parametrize(("name", "said"), [("SIGINT", "Ctrl-C"), ("SIGTERM", "SIGTERM")])
 def test_signals_end_compiled_code_that_does_not_come_back(name, said):
     # Waiting for a condition that never holds: like a kernel, it knows nothing of signals.
@@ -148,7 +231,7 @@ import ctypes, signal, sys
 from esh.engine.cli import command_line as cli
 lock, condition = (ctypes.create_string_buffer(256) for _ in range(2))
 library = ctypes.CDLL(None)
-with cli._on_signals(cli.INTERRUPTING, cli._end), cli._on_signals(cli.ENDING, cli._end), \\
+with cli.on_signals(cli.INTERRUPTING, cli.end_by_signal), cli.on_signals(cli.ENDING, cli.end_by_signal), \\
         cli._ends_in_compiled_code(lambda: False):
     print("waiting", flush=True)
     library.pthread_mutex_lock(lock)

@@ -1,15 +1,21 @@
 """The measures themselves, on arrangements whose values are known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.placement import Placement
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measured_bodies import measured_bodies
-from esh.engine.quality.spacing import measure_spacing, smallest_spacing
+from esh.engine.quality.measurement import measure
+from esh.engine.quality.spacing import HEXAGONAL_SPACING, measure_spacing, smallest_spacing
 
 UNIFORM = np.ones((1, 1))
 
@@ -164,3 +170,28 @@ def test_neighbors_are_found_in_a_long_and_narrow_domain(boundary):
     finally:
         launcher.close()
     assert spacing == pytest.approx(5.0 * math.sqrt(0.1) / math.sqrt(2.0 / math.sqrt(3.0)), rel=1e-2)
+
+
+def test_a_report_measures_every_class_by_itself(launcher):
+    """Two square lattices, one inside the other: each has its own spacing, and the two are nearer to each other than to themselves."""
+    x, y = np.meshgrid(np.arange(8) + 0.25, np.arange(8) + 0.25)
+    coarse = np.stack([x.ravel(), y.ravel()], axis=1)
+    domain = Domain((8.0, 8.0), "periodic")
+    problem = Problem(
+        domain, [BodyClass(name, [Size("s", 0.1, 64)]) for name in "ab"] + [BodyClass("c", [Size("s", 0.1, 1)])]
+    )
+    position = np.concatenate([coarse, coarse + [0.5, 0.25], [[0.3, 0.9]]])
+    index = np.repeat([0, 1, 2], [64, 64, 1])
+    nothing = np.zeros(129)
+    report = measure(Placement(problem, position, index, 0 * index, nothing, nothing, nothing), launcher)
+    square = 1.0 / HEXAGONAL_SPACING
+    assert [c.smallest_spacing for c in report.classes] == [pytest.approx(square, rel=1e-5)] * 2 + [None]
+    assert report.smallest_spacing < 0.6 * square
+    assert report.psnr == pytest.approx(20.0 * math.log10(4.0 / report.coverage_error))
+    stored = report.to_dict()
+    assert stored["psnr"] == report.psnr and stored["classes"][1]["psnr"] == report.classes[1].psnr
+    assert f"({report.psnr:.0f} dB)" in str(report)
+    assert str(report).splitlines()[1].endswith(f"{square:.2f}") and str(report).splitlines()[3].endswith("-")
+    alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
+    single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
+    assert single.classes[0].smallest_spacing == single.smallest_spacing == pytest.approx(square, rel=1e-5)
