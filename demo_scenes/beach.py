@@ -259,6 +259,27 @@ def _add_sea(step: float) -> None:
     add("Sea Floor", shapes.grid(x, y, height - 0.006), bpy.data.materials["Sand"])
 
 
+def _add_driftwood() -> bpy.types.Object:
+    """Lay a branch onto the sand."""
+    wood = plain(
+        "Driftwood", [(0.3, (0.20, 0.165, 0.13)), (0.55, (0.46, 0.40, 0.33)), (0.8, (0.62, 0.56, 0.48))], 0.03, 0.85
+    )
+    branch = add("Driftwood", driftwood(), wood)
+    branch.location = (-0.5, 0.12, float(ground_height(np.array(-0.5), np.array(0.12))) - 0.012)
+    branch.rotation_euler = (0.02, 0.03, 0.42)
+    return branch
+
+
+def _add_starfish() -> bpy.types.Object:
+    """Lay a starfish onto the sand."""
+    star = add(
+        "Starfish", starfish(), plain("Starfish", [(0.3, (0.52, 0.11, 0.03)), (0.7, (0.78, 0.27, 0.07))], 0.012, 0.6)
+    )
+    star.location = (0.4, -0.16, float(ground_height(np.array(0.4), np.array(-0.16))) + 0.012)
+    star.rotation_euler = (-0.06, 0.04, 0.5)
+    return star
+
+
 def build(device: str = "auto", quick: bool = False) -> Built:
     """Build the beach in an empty file."""
     scene = bpy.context.scene
@@ -267,17 +288,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
     height = ground_height(x, y)
     beach = add("Beach", shapes.grid(x, y, height), sand_material())
     _add_sea(0.2 if quick else 0.03)
-    wood = plain(
-        "Driftwood", [(0.3, (0.20, 0.165, 0.13)), (0.55, (0.46, 0.40, 0.33)), (0.8, (0.62, 0.56, 0.48))], 0.03, 0.85
-    )
-    branch = add("Driftwood", driftwood(), wood)
-    branch.location = (-0.5, 0.12, float(ground_height(np.array(-0.5), np.array(0.12))) - 0.012)
-    branch.rotation_euler = (0.02, 0.03, 0.42)
-    star = add(
-        "Starfish", starfish(), plain("Starfish", [(0.3, (0.52, 0.11, 0.03)), (0.7, (0.78, 0.27, 0.07))], 0.012, 0.6)
-    )
-    star.location = (0.4, -0.16, float(ground_height(np.array(0.4), np.array(-0.16))) + 0.012)
-    star.rotation_euler = (-0.06, 0.04, 0.5)
+    branch, star = _add_driftwood(), _add_starfish()
     share = 0.03 if quick else 1.0
     stones, gravel = {}, {}
     for number, (name, (colors, grain, _)) in enumerate(STONES.items()):

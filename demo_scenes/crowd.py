@@ -471,17 +471,8 @@ def _add_lights(holder: bpy.types.Collection) -> None:
     _link("Bulbs", _joined_by(pieces), holder, bulb, wire)
 
 
-def build(device: str = "auto", quick: bool = False) -> Built:
-    """Build the square in an empty file."""
-    scene = bpy.context.scene
-    wide, deep = 0.5 * np.array(SQUARE)
-    x, y = np.meshgrid(np.linspace(-wide, wide, 45), np.linspace(-deep, deep, 37))
-    square = add("Square", shapes.grid(x, y, 0.0 * x), paving_material())
-    stage = collection("Stage and Loudspeakers", scene.collection)
-    _add_stage(stage)
-    stood = collection("Fountain and Trees", scene.collection)
-    _add_fountain(stood)
-    _add_trees(stood, 20 if quick else 420)
+def _materials_of_people() -> list[bpy.types.Material]:
+    """Make what people are colored with: coats, skin, hair, legs and shoes."""
     parts = [
         coat_material(),
         _by_person(
@@ -501,20 +492,40 @@ def build(device: str = "auto", quick: bool = False) -> Built:
         ),
         glossy("Shoes", (0.03, 0.022, 0.018), roughness=0.5, coat=0.0),
     ]
-    around = collection("Town", scene.collection)
-    _add_band(around, parts)
-    if not quick:
-        _add_houses(around)
-        _add_lights(around)
+    return parts
+
+
+def _add_streets(paving: bpy.types.Material) -> None:
+    """Add the ground beyond the square."""
     beyond = add(
         "Streets",
         (
             np.array([(-90, -90, -0.02), (90, -90, -0.02), (90, 90, -0.02), (-90, 90, -0.02)], float),
             np.array([(0, 1, 2, 3)]),
         ),
-        square.data.materials[0],
+        paving,
     )
     beyond.hide_select = True
+
+
+def build(device: str = "auto", quick: bool = False) -> Built:
+    """Build the square in an empty file."""
+    scene = bpy.context.scene
+    wide, deep = 0.5 * np.array(SQUARE)
+    x, y = np.meshgrid(np.linspace(-wide, wide, 45), np.linspace(-deep, deep, 37))
+    square = add("Square", shapes.grid(x, y, 0.0 * x), paving_material())
+    stage = collection("Stage and Loudspeakers", scene.collection)
+    _add_stage(stage)
+    stood = collection("Fountain and Trees", scene.collection)
+    _add_fountain(stood)
+    _add_trees(stood, 20 if quick else 420)
+    parts = _materials_of_people()
+    around = collection("Town", scene.collection)
+    _add_band(around, parts)
+    if not quick:
+        _add_houses(around)
+        _add_lights(around)
+    _add_streets(square.data.materials[0])
     people = {
         "grown-up": variants("Grown-up", [person(k) for k in range(3 if quick else 16)], *parts),
         "child": variants("Child", [person(100 + k, child=True) for k in range(2 if quick else 8)], *parts),

@@ -297,11 +297,8 @@ def _add_far_hills(quick: bool) -> tuple[bpy.types.Object, list[bpy.types.Object
     return hills[0], kinds
 
 
-def build(device: str = "auto", quick: bool = False) -> Built:
-    """Build the meadow in an empty file."""
-    scene = bpy.context.scene
-    ground, path = _add_ground(0.5 if quick else 0.14), _add_path()
-    hill, _ = _add_far_hills(quick)
+def _plants(quick: bool) -> tuple[dict[str, bpy.types.Collection], dict[str, bpy.types.Collection]]:
+    """Make variants of all grass and flowers, by what they are called."""
     blade = thin(
         "Grass",
         [
@@ -340,6 +337,36 @@ def build(device: str = "auto", quick: bool = False) -> Built:
         )
         for kind, (_, height, _) in FLOWERS.items()
     }
+    return grass, flowers
+
+
+def _woods(hill: bpy.types.Object, share: float, device: str, quick: bool) -> esh.ScatterResult:
+    """Scatter trees on a hill that is far away."""
+    woods = esh.scatter(
+        hill,
+        [
+            esh.ScatterClass(
+                "tree",
+                [esh.ScatterSize("any", round(share * 420), bpy.data.collections["Trees"], area=26.0, line=False)],
+                density=esh.NoiseDensity(scale=55.0, cover=0.5, seed=6),
+            )
+        ],
+        align_to_normal=0.0,
+        scale_jitter=0.25,
+        seed=SEED,
+        device=device,
+        max_steps=20 if quick else 60,
+        name="Woods",
+    )
+    return woods
+
+
+def build(device: str = "auto", quick: bool = False) -> Built:
+    """Build the meadow in an empty file."""
+    scene = bpy.context.scene
+    ground, path = _add_ground(0.5 if quick else 0.14), _add_path()
+    hill, _ = _add_far_hills(quick)
+    grass, flowers = _plants(quick)
     eye = (-0.35, -5.6, float(ground_height(np.array(-0.35), np.array(-5.6))) + 1.28)
     scene.camera = add_camera(scene, "Camera", eye, (0.55, 12.0, 1.75), lens=30.0, clip_end=1000.0)
     bpy.context.view_layer.update()
@@ -388,22 +415,7 @@ def build(device: str = "auto", quick: bool = False) -> Built:
         name="Meadow Plants",
     )
     # end: scatter
-    woods = esh.scatter(
-        hill,
-        [
-            esh.ScatterClass(
-                "tree",
-                [esh.ScatterSize("any", round(share * 420), bpy.data.collections["Trees"], area=26.0, line=False)],
-                density=esh.NoiseDensity(scale=55.0, cover=0.5, seed=6),
-            )
-        ],
-        align_to_normal=0.0,
-        scale_jitter=0.25,
-        seed=SEED,
-        device=device,
-        max_steps=20 if quick else 60,
-        name="Woods",
-    )
+    woods = _woods(hill, share, device, quick)
     materials.set_sky(scene, math.radians(33.0), math.radians(-98.0))
     scene.view_settings.exposure = 0.75
     return Built([result, woods], {"clump": clump})

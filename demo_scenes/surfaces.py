@@ -73,18 +73,28 @@ def _normals(item: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
     return place @ matrix[:3, :3].T + matrix[:3, 3], normal @ matrix[:3, :3].T
 
 
-def doughnut(device: str) -> list[Scattered]:
-    """Two doughnuts on a board."""
-    scene = bpy.context.scene
+def _add_board_and_table() -> None:
+    """Add what the doughnuts lie on."""
+    board = shapes.lathe(
+        np.array([(0.0, -0.016), (0.23, -0.016), (0.236, -0.011), (0.236, -0.006), (0.23, -0.001), (0.0, 0.0)]), 160
+    )
+    wood = mottled("Board", [(0.25, (0.72, 0.69, 0.64)), (0.75, (0.83, 0.8, 0.75))], 0.06, roughness=0.5, bump=0.0001)
+    item = _object("Board", board, wood, smooth=False)
+    item.location = (-0.04, 0.05, 0.0)
+    table = _object(
+        "Table",
+        (
+            np.array([(-3, -3, -0.016), (3, -3, -0.016), (3, 3, -0.016), (-3, 3, -0.016)], float),
+            np.array([(0, 1, 2, 3)]),
+        ),
+    )
+    table.data.materials.append(glossy("Table", (0.22, 0.39, 0.42), roughness=0.7, coat=0.0))
+
+
+def _iced_doughnuts() -> list[bpy.types.Object]:
+    """Add two doughnuts; returns their icings, whose upper sides are marked."""
     radius, thickness, depth = 0.042, 0.0235, 0.0028
     dough = mottled("Dough", [(0.3, (0.62, 0.33, 0.12)), (0.7, (0.78, 0.47, 0.2))], 0.03, roughness=0.75, bump=0.0006)
-    colors = {
-        "pink": (0.86, 0.09, 0.24),
-        "yellow": (0.95, 0.62, 0.06),
-        "green": (0.16, 0.55, 0.2),
-        "blue": (0.06, 0.33, 0.75),
-        "white": (0.93, 0.9, 0.86),
-    }
     iced = []
     for number, (name, color, place) in enumerate(
         (
@@ -98,6 +108,20 @@ def doughnut(device: str) -> list[Scattered]:
         bottom = _object(f"{name} Dough", shapes.ring(radius, thickness, SEED + number), dough)
         item.location = bottom.location = place
         iced.append(item)
+    return iced
+
+
+def doughnut(device: str) -> list[Scattered]:
+    """Two doughnuts on a board."""
+    scene = bpy.context.scene
+    colors = {
+        "pink": (0.86, 0.09, 0.24),
+        "yellow": (0.95, 0.62, 0.06),
+        "green": (0.16, 0.55, 0.2),
+        "blue": (0.06, 0.33, 0.75),
+        "white": (0.93, 0.9, 0.86),
+    }
+    iced = _iced_doughnuts()
     length = 0.0062
     # begin: scatter
     sprinkles = [
@@ -141,20 +165,7 @@ def doughnut(device: str) -> list[Scattered]:
     ]
     second = esh.scatter(iced[1], pearls, class_separation=0.5, max_steps=200, name="Pearls", **options)
     # end: scatter
-    board = shapes.lathe(
-        np.array([(0.0, -0.016), (0.23, -0.016), (0.236, -0.011), (0.236, -0.006), (0.23, -0.001), (0.0, 0.0)]), 160
-    )
-    wood = mottled("Board", [(0.25, (0.72, 0.69, 0.64)), (0.75, (0.83, 0.8, 0.75))], 0.06, roughness=0.5, bump=0.0001)
-    item = _object("Board", board, wood, smooth=False)
-    item.location = (-0.04, 0.05, 0.0)
-    table = _object(
-        "Table",
-        (
-            np.array([(-3, -3, -0.016), (3, -3, -0.016), (3, 3, -0.016), (-3, 3, -0.016)], float),
-            np.array([(0, 1, 2, 3)]),
-        ),
-    )
-    table.data.materials.append(glossy("Table", (0.22, 0.39, 0.42), roughness=0.7, coat=0.0))
+    _add_board_and_table()
     set_light(scene, (-0.55, 0.15, 0.7), 3.6, (0.86, 0.9, 0.97), 0.8)
     camera = add_camera(scene, "Doughnut", (0.13, -0.185, 0.16), (-0.022, 0.03, 0.013), lens=48.0, clip_end=20.0)
     camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 0.225, 16.0
@@ -162,9 +173,8 @@ def doughnut(device: str) -> list[Scattered]:
     return [Scattered(first, [iced[0]]), Scattered(second, [iced[1]])]
 
 
-def rocks(device: str) -> list[Scattered]:
-    """Rocks in a clearing, the north to the left."""
-    scene = bpy.context.scene
+def _stones() -> tuple[bpy.types.Collection, list[bpy.types.Object]]:
+    """Add rocks, in a collection of their own."""
     stone = mottled(
         "Stone",
         [(0.2, (0.13, 0.125, 0.12)), (0.5, (0.27, 0.26, 0.245)), (0.8, (0.42, 0.4, 0.37))],
@@ -172,7 +182,7 @@ def rocks(device: str) -> list[Scattered]:
         bump=0.02,
         fine=0.15,
     )
-    holder = collection("Rocks", scene.collection)
+    holder = collection("Rocks", bpy.context.scene.collection)
     placed = [
         ((0.9, 0.75, 0.78), (0.0, 0.0, 0.42), 1),
         ((0.55, 0.48, 0.42), (-1.05, -0.62, 0.2), 5),
@@ -186,22 +196,50 @@ def rocks(device: str) -> list[Scattered]:
         item.data.materials.append(stone)
         item.location = place
         items.append(item)
+    return holder, items
+
+
+def _grow_on(item: bpy.types.Object) -> None:
+    """Say where moss and lichen grow on a rock: the one where it looks north, the other where it does not."""
     north = np.array([-0.93, -0.05, 0.28]) / np.linalg.norm([-0.93, -0.05, 0.28])
+    place, normal = _normals(item)
+    facing = normal @ north
+    patches = 0.5 + 0.5 * shapes.waves(place, 0.5, 40)
+    moss = np.clip((facing - 0.1 + 0.55 * (patches - 0.5)) / 0.55, 0.0, 1.0) ** 1.5
+    above = np.clip((place[:, 2] - 0.02) / 0.1, 0.0, 1.0)
+    _values(item, "moss", moss * above)
+    _values(
+        item,
+        "lichen",
+        np.clip(0.25 - facing, 0.0, 1.0)
+        * np.clip(normal[:, 2] + 0.35, 0.0, 1.0)
+        * above
+        * np.clip(2.2 * (0.5 + 0.5 * shapes.waves(place, 0.35, 60)) - 0.7, 0.0, 1.0),
+    )
+
+
+def _add_soil() -> None:
+    """Add the ground between the rocks."""
+    side = np.linspace(-9.0, 9.0, 181)
+    x, y = np.meshgrid(side, side)
+    flat = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    flat[:, 2] = 0.05 * shapes.waves(flat, 2.0, 77) - 0.02
+    soil = mottled(
+        "Soil",
+        [(0.3, (0.045, 0.03, 0.018)), (0.6, (0.1, 0.07, 0.04)), (0.8, (0.16, 0.12, 0.06))],
+        0.4,
+        roughness=1.0,
+        bump=0.03,
+    )
+    _object("Soil", (flat, shapes.grid_faces(181, 181)), soil)
+
+
+def rocks(device: str) -> list[Scattered]:
+    """Rocks in a clearing, the north to the left."""
+    scene = bpy.context.scene
+    holder, items = _stones()
     for item in items:
-        place, normal = _normals(item)
-        facing = normal @ north
-        patches = 0.5 + 0.5 * shapes.waves(place, 0.5, 40)
-        moss = np.clip((facing - 0.1 + 0.55 * (patches - 0.5)) / 0.55, 0.0, 1.0) ** 1.5
-        above = np.clip((place[:, 2] - 0.02) / 0.1, 0.0, 1.0)
-        _values(item, "moss", moss * above)
-        _values(
-            item,
-            "lichen",
-            np.clip(0.25 - facing, 0.0, 1.0)
-            * np.clip(normal[:, 2] + 0.35, 0.0, 1.0)
-            * above
-            * np.clip(2.2 * (0.5 + 0.5 * shapes.waves(place, 0.35, 60)) - 0.7, 0.0, 1.0),
-        )
+        _grow_on(item)
     green = leafy("Moss", [(0.0, (0.13, 0.22, 0.02)), (0.5, (0.25, 0.34, 0.03)), (1.0, (0.42, 0.44, 0.05))])
     crust = leafy(
         "Lichen",
@@ -254,18 +292,7 @@ def rocks(device: str) -> list[Scattered]:
         name="Moss",
     )
     # end: scatter
-    side = np.linspace(-9.0, 9.0, 181)
-    x, y = np.meshgrid(side, side)
-    flat = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    flat[:, 2] = 0.05 * shapes.waves(flat, 2.0, 77) - 0.02
-    soil = mottled(
-        "Soil",
-        [(0.3, (0.045, 0.03, 0.018)), (0.6, (0.1, 0.07, 0.04)), (0.8, (0.16, 0.12, 0.06))],
-        0.4,
-        roughness=1.0,
-        bump=0.03,
-    )
-    _object("Soil", (flat, shapes.grid_faces(181, 181)), soil)
+    _add_soil()
     set_light(scene, (0.2, -0.62, 0.8), 4.2, (0.62, 0.74, 0.9), 1.0)
     camera = add_camera(scene, "Rocks", (-1.75, -3.7, 1.25), (0.08, -0.1, 0.36), lens=50.0, clip_end=60.0)
     camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 3.6, 4.0
@@ -273,9 +300,24 @@ def rocks(device: str) -> list[Scattered]:
     return [Scattered(result, items)]
 
 
-def boat(device: str) -> list[Scattered]:
-    """A boat out of the water, seen from where its bow is and from below."""
-    scene = bpy.context.scene
+def _add_yard() -> None:
+    """Add what the boat stands on."""
+    wood = mottled("Timber", [(0.3, (0.19, 0.12, 0.065)), (0.7, (0.34, 0.23, 0.13))], 0.25, roughness=0.9, bump=0.004)
+    for x in (-1.15, 0.55):
+        block = _object("Block", shapes.box((0.3, 1.1, 0.2)), wood, smooth=False)
+        block.location = (x, 0.0, 0.1)
+    concrete = mottled(
+        "Concrete", [(0.3, (0.26, 0.25, 0.235)), (0.7, (0.38, 0.37, 0.35))], 1.4, roughness=0.9, bump=0.01, fine=0.05
+    )
+    _object(
+        "Yard",
+        (np.array([(-40, -40, 0), (40, -40, 0), (40, 40, 0), (-40, 40, 0)], float), np.array([(0, 1, 2, 3)])),
+        concrete,
+    )
+
+
+def _boat_parts() -> list[bpy.types.Object]:
+    """Add hull, keel and rudder, and say where barnacles and mussels grow on them."""
     length, beam, draft, board = 5.6, 1.9, 0.62, 0.62
     (vertex, face), below = shapes.hull(length, beam, draft, board)
     paint = mottled(
@@ -314,6 +356,13 @@ def boat(device: str) -> list[Scattered]:
         _values(
             item, "band", np.clip(1.0 - np.abs(depth - 0.16) / 0.13, 0.0, 1.0) * np.clip(2.5 * colony - 0.7, 0.0, 1.0)
         )
+    return targets
+
+
+def boat(device: str) -> list[Scattered]:
+    """A boat out of the water, seen from where its bow is and from below."""
+    scene = bpy.context.scene
+    targets = _boat_parts()
     lime = leafy("Lime", [(0.0, (0.46, 0.42, 0.36)), (0.6, (0.66, 0.62, 0.54)), (1.0, (0.8, 0.76, 0.68))], through=0.0)
     shell = glossy("Shell", (0.012, 0.016, 0.035), roughness=0.3)
     # begin: scatter
@@ -358,18 +407,7 @@ def boat(device: str) -> list[Scattered]:
         name="Growth",
     )
     # end: scatter
-    wood = mottled("Timber", [(0.3, (0.19, 0.12, 0.065)), (0.7, (0.34, 0.23, 0.13))], 0.25, roughness=0.9, bump=0.004)
-    for x in (-1.15, 0.55):
-        block = _object("Block", shapes.box((0.3, 1.1, 0.2)), wood, smooth=False)
-        block.location = (x, 0.0, 0.1)
-    concrete = mottled(
-        "Concrete", [(0.3, (0.26, 0.25, 0.235)), (0.7, (0.38, 0.37, 0.35))], 1.4, roughness=0.9, bump=0.01, fine=0.05
-    )
-    _object(
-        "Yard",
-        (np.array([(-40, -40, 0), (40, -40, 0), (40, 40, 0), (-40, 40, 0)], float), np.array([(0, 1, 2, 3)])),
-        concrete,
-    )
+    _add_yard()
     set_light(scene, (0.5, -0.8, 0.32), 4.0, (0.6, 0.74, 0.92), 1.0, (1.0, 0.87, 0.7))
     camera = add_camera(scene, "Boat", (4.3, -3.9, 0.7), (0.25, 0.0, 0.92), lens=36.0, clip_end=200.0)
     scene.camera = camera

@@ -36,6 +36,8 @@ def name_of(block: object) -> str | None:
 
 
 SCRIPTS = blocks("python")
+# Of other programs, which are run where these are installed.
+FOREIGN_SCRIPTS = blocks("py")
 RECIPES = [block for _, block in blocks("toml")]
 (README_SCRIPT,) = [script for page, script in SCRIPTS if page == "README.md"]
 
@@ -43,8 +45,18 @@ RECIPES = [block for _, block in blocks("toml")]
 def test_there_is_a_script_for_each_world_and_recipes_of_bodies_and_of_inks():
     assert "bpy" not in README_SCRIPT
     assert any("bpy" in script for _, script in SCRIPTS)
-    assert ["[image]" in recipe for recipe in RECIPES] == [False, True, False]
-    assert "[[obstacle]]" in RECIPES[2]
+    assert ["[image]" in recipe for recipe in RECIPES] == [False, True, False, False]
+    assert "[[obstacle]]" in RECIPES[2] and "[surface]" in RECIPES[3]
+
+
+@pytest.mark.parametrize("page", TEXT)
+def test_no_recipe_or_script_hides_from_the_tests(page: str):
+    text = re.sub(r"^```\w+\n.*?^```$", "", TEXT[page], flags=re.MULTILINE | re.DOTALL)
+    assert not re.search(r"^ *(?:\[\[class\]\]|\[domain\]|version = 1)$", text, re.MULTILINE), (
+        "a recipe without a fence"
+    )
+    assert not re.search(r"^ *(?:import \w+$|from \w+ import )", text, re.MULTILINE), "a script without a fence"
+    assert set(re.findall(r"^```([^\s{]+)", TEXT[page], re.MULTILINE)) <= {"python", "py", "toml"}
 
 
 @pytest.mark.parametrize(("page", "script"), SCRIPTS, ids=name_of)
@@ -79,12 +91,71 @@ def test_the_script_places_what_its_text_says():
     assert np.bincount(placement.class_index).tolist() == [300, 80]
 
 
-@pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks", "what is there"])
+# What arrays are there as well, as the page of the command line says.
+ON_A_SURFACE = {"normal", "tangent", "mesh", "triangle", "barycentric"}
+
+
+def write_rock(path: Path) -> None:
+    """A ball of a meter, with moss on its upper half."""
+    trimesh = pytest.importorskip("trimesh")
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    ball.vertex_attributes["moss"] = (ball.vertices[:, 2] > 0.1).astype(np.float32)
+    ball.export(path)
+
+
+def imported(script: str) -> set[str]:
+    """The packages that a script imports."""
+    found = set()
+    for node in ast.walk(ast.parse(script)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+# What has to be there already for a script of another program, by something that it says.
+BEFORE = {
+    "OpaqueTerrain": """
+import bpy
+
+bpy.ops.wm.read_homefile(use_empty=True)
+bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=100.0)
+bpy.context.object.name = "OpaqueTerrain"
+bpy.ops.mesh.primitive_cone_add()
+trees = bpy.data.collections.new("assets:trees")
+trees.objects.link(bpy.context.object)
+""",
+}
+
+
+@pytest.mark.parametrize(("page", "script"), FOREIGN_SCRIPTS, ids=name_of)
+def test_scripts_of_other_programs_run_where_these_are_installed(page: str, script: str, tmp_path: Path):
+    compile(script, page, "exec")
+    # What they read of a placement is what the command line writes.
+    arrays = set(re.findall(r"^\| `(\w+)` \| \(", TEXT["docs/command-line.md"], re.MULTILINE))
+    read = set(re.findall(r"\b(?:placed|scene)\[\"(\w+)\"\]", script))
+    assert read <= arrays and (read or "esh" in imported(script))
+    missing = [name for name in sorted(imported(script)) if importlib.util.find_spec(name) is None]
+    if missing:
+        pytest.skip(f"needs {', '.join(missing)}")
+    before = "".join(text for word, text in BEFORE.items() if word in script)
+    (tmp_path / "scenes" / "000000").mkdir(parents=True)
+    command = [sys.executable, "-m", "esh.engine.cli.command_line", "solve", "-o", "scenes/000000/placement.npz"]
+    recipe = ROOT / "tests" / "recipes" / "dots-of-one-size.toml"
+    subprocess.run([*command, "--quiet", "--max-steps", "2", str(recipe)], cwd=tmp_path, check=True, timeout=600)
+    command = [sys.executable, "-c", before + script, "scenes/000000"]
+    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    assert outcome.returncode == 0, outcome.stderr
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=["bodies", "inks", "what is there", "surface"])
 def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
     image = pytest.importorskip("PIL.Image")
     (tmp_path / "recipe.toml").write_text(recipe, encoding="utf-8")
     image.fromarray(np.full((30, 40), 255, np.uint8)).save(tmp_path / "pine.png")
     image.fromarray(np.full((16, 16, 3), 200, np.uint8)).save(tmp_path / "photo.png")
+    write_rock(tmp_path / "rock.ply")
     # From another folder: the image is looked for beside the recipe.
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
@@ -105,7 +176,7 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
         documented = set(re.findall(r"^\| `(\w+)` \|", table.group(), re.MULTILINE))
         # Nothing may bend here, and only one of them has fixed bodies.
         marks = set() if recipe == RECIPES[2] else {"id", "fixed", "size_name"}
-        assert set(arrays) == documented - {"bends"} - marks
+        assert set(arrays) == documented - {"bends"} - marks | (ON_A_SURFACE if recipe == RECIPES[3] else set())
         if recipe == RECIPES[0]:
             pine, log = tomllib.loads(recipe)["class"]
             assert len(arrays["position"]) == pine["size"][0]["count"] + log["count"]
@@ -115,6 +186,9 @@ def test_the_recipes_can_be_solved_as_they_stand(recipe: str, tmp_path: Path):
             (fixed,) = described["fixed"]
             assert arrays["position"][arrays["fixed"]].tolist() == fixed["position"]
             assert (~arrays["fixed"]).sum() == described["class"][0]["size"][0]["count"]
+        elif recipe == RECIPES[3]:
+            assert len(arrays["position"]) == tomllib.loads(recipe)["class"][0]["size"][0]["count"]
+            assert (arrays["position"][:, 2] > 0.0).all(), "moss stands where there is none"
         else:
             # An even gray of 55 of 255 takes black dots alone.
             assert len(arrays["position"]) == round(256 * 256 * 55 / 255)
@@ -183,6 +257,22 @@ def test_contributing_has_the_rooms_as_they_are_held():
     assert {room: set(re.findall(r"`(\w+)(?:\.py)?`", below)) for room, below in rows} == rooms.MAY_IMPORT
     table = TEXT["CONTRIBUTING.md"].partition("| room or file |")[2].partition("\n\n")[0]
     assert tuple(re.findall(r"^\| `(\w+)(?:/|\.py)` \|", table, re.MULTILINE)) == rooms.BLENDER_ORDER
+
+
+def test_the_glossary_is_in_order_and_its_words_are_those_of_the_code():
+    words = re.findall(
+        r"^\| ([^|]+) \|", TEXT["CONTRIBUTING.md"].partition("| word | meaning |\n|---|---|\n")[2], re.MULTILINE
+    )
+    keys = [re.sub(r"[()]", "", word.lower()) for word in words]
+    assert keys == sorted(set(keys)) and len(keys) > 80
+    code = "\n".join(
+        path.read_text(encoding="utf-8").lower()
+        for room in ("engine", "esh_scatter")
+        for path in (ROOT / room).rglob("*.py")
+    )
+    for word in words:
+        for name in re.sub(r"\(.*\)", "", word).strip().split(", "):
+            assert re.search(rf"\b{re.escape(name.lower())}", code), f"nothing in the code is called {name}"
 
 
 def test_contributing_names_every_file_that_draws_random_numbers():

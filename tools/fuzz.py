@@ -56,19 +56,90 @@ class Seeded:
 
 def any_recipe(choose: Choices, folder: Path) -> str:
     """Write a recipe's images into a folder; return its text. About one value in a hundred has no meaning."""
+    return as_toml(RecipeMaker(choose, folder).recipe())
 
-    def sometimes(value: Any, *others: Any) -> Any:
-        return choose.pick(others) if others and choose.pick(range(120)) == 0 else value
 
-    def few() -> int:
-        return choose.pick([1, 1, 1, 2, 2, 3, 7])
+class RecipeMaker:
+    """Makes one recipe, part by part.
 
-    number = [0]
+    Args:
+        choose: Where decisions come from; the same decisions make the same recipe.
+        folder: Where its images go.
+    """
 
-    def image() -> str:
-        number[0] += 1
+    def __init__(self, choose: Choices, folder: Path) -> None:
+        self._choose, self._folder = choose, folder
+        self._images = 0
+        self._size = [1.0, 1.0]
+        self._ground = 1.0
+
+    def recipe(self) -> dict[str, Any]:
+        """The whole recipe."""
+        choose = self._choose
+        domain = self._domain()
+        recipe: dict[str, Any] = {"version": self._sometimes(1, 2, "1"), "domain": domain}
+        if choose.pick([True, False]):
+            recipe["seed"] = self._sometimes(int(choose.between(1, 1e9)), 2**63 - 1, -1, 1.5)
+        if choose.pick([True, False]):
+            recipe["avoid_overlap"] = self._sometimes(choose.pick([True, False]), "yes")
+        if choose.pick([True, False, False]):
+            recipe["regularity"] = self._sometimes(choose.pick([0.0, 0.25, 1.0]), 1.5, "high")
+        class_count = self._few()
+        if balance := self._balance(class_count):
+            recipe["balance"] = balance
+        if choose.pick([False] * 7 + [True]):
+            recipe["image"] = self._color_image()
+        else:
+            recipe["class"] = [self._class(c) for c in range(class_count)]
+        return recipe
+
+    def _sometimes(self, value: Any, *others: Any) -> Any:
+        """``value``, and now and then one of the others, which have no meaning."""
+        return self._choose.pick(others) if others and self._choose.pick(range(120)) == 0 else value
+
+    def _few(self) -> int:
+        return self._choose.pick([1, 1, 1, 2, 2, 3, 7])
+
+    def _domain(self) -> dict[str, Any]:
+        choose = self._choose
+        scale = self._sometimes(choose.pick([1.0, 1.0, 10.0, 1e-3, 1e4]), 1e-9, 1e12)
+        aspect = choose.pick([1.0, 1.0, 0.75, 3.0, 40.0, 900.0, 1e4])
+        self._size = choose.pick([[scale, scale * aspect], [scale * aspect, scale]])
+        self._ground = self._size[0] * self._size[1]
+        made: dict[str, Any] = {
+            "size": self._sometimes(self._size, [1.0], [0.0, 1.0], "wide", [math.nan, 1.0], [1e13, 1.0])
+        }
+        if choose.pick([True, False]):
+            made["boundary"] = self._sometimes(choose.pick(["open", "mirror", "periodic"]), "torus")
+        return made
+
+    def _balance(self, class_count: int) -> dict[str, Any]:
+        choose = self._choose
+        made: dict[str, Any] = {}
+        if choose.pick([True, False]):
+            made["class_separation"] = self._sometimes(choose.pick([0.0, 0.3, 1.0]), 2.0, math.nan)
+        if choose.pick([True, False]):
+            made["size_emphasis"] = self._sometimes(
+                choose.pick([1.0, 2.0, 10.0, 1e3, [1.0, 5.0, 5.0]]), 1e300, 0.5, [3.0, 2.0]
+            )
+        if choose.pick([True, False]):
+            made["rare_emphasis"] = self._sometimes(choose.pick([0.0, 0.5, 2.0]), 2.5, "much")
+        if choose.pick([False, False, True]):
+            made["non_overlap"] = np.eye(class_count).tolist()
+        return made
+
+    def _color_image(self) -> dict[str, Any]:
+        made = {"file": self._image(), "area": self._ground / self._choose.between(5, 500)}
+        if self._choose.pick([True, False]):
+            made["model"] = self._choose.pick(["CMY", "CMYK", "CMY-RGB-K", "RGB"])
+        return made
+
+    def _image(self) -> str:
+        """The name of an image that has been written, or of something else."""
+        choose = self._choose
+        self._images += 1
         rows, columns = (choose.pick([1, 2, 3, 8, 31, 64]) for _ in range(2))
-        name = f"image{number[0]}"
+        name = f"image{self._images}"
         kind = choose.pick(["noise", "noise", "edge", "spot", "ramp", "ramp", "one", "deep", "color", "huge", "alpha"])
         y, x = np.mgrid[0:rows, 0:columns]
         noise = np.random.default_rng(int(choose.between(1, 1e6))).random((rows, columns))
@@ -80,61 +151,87 @@ def any_recipe(choose: Choices, folder: Path) -> str:
             "huge": noise * 10.0 ** choose.pick([-300, -30, 30, 300]),
         }.get(kind, noise)
         if kind == "huge":
-            np.save(folder / f"{name}.npy", values)
+            np.save(self._folder / f"{name}.npy", values)
             return f"{name}.npy"
-        from PIL import Image
+        save_picture(values, kind, self._folder / f"{name}.png")
+        return self._sometimes(f"{name}.png", f"{name}.jpg", "absent.png", "recipe.toml")
 
-        gray = np.round(255 * values).astype(np.uint8)
-        picture = Image.fromarray(gray)
-        if kind == "deep":
-            picture = Image.fromarray(gray.astype(np.uint16) * 257)
-        elif kind in ("color", "alpha"):
-            picture = Image.fromarray(np.stack([gray, gray[::-1], gray[:, ::-1]], axis=2))
-            if kind == "alpha":
-                picture.putalpha(Image.fromarray(gray.T.copy()).resize((columns, rows)))
-        picture.save(folder / f"{name}.png")
-        return sometimes(f"{name}.png", f"{name}.jpg", "absent.png", "recipe.toml")
-
-    scale = sometimes(choose.pick([1.0, 1.0, 10.0, 1e-3, 1e4]), 1e-9, 1e12)
-    aspect = choose.pick([1.0, 1.0, 0.75, 3.0, 40.0, 900.0, 1e4])
-    size = choose.pick([[scale, scale * aspect], [scale * aspect, scale]])
-    domain: dict[str, Any] = {"size": sometimes(size, [1.0], [0.0, 1.0], "wide", [math.nan, 1.0], [1e13, 1.0])}
-    if choose.pick([True, False]):
-        domain["boundary"] = sometimes(choose.pick(["open", "mirror", "periodic"]), "torus")
-    ground = size[0] * size[1]
-    recipe: dict[str, Any] = {"version": sometimes(1, 2, "1"), "domain": domain}
-    if choose.pick([True, False]):
-        recipe["seed"] = sometimes(int(choose.between(1, 1e9)), 2**63 - 1, -1, 1.5)
-    if choose.pick([True, False]):
-        recipe["avoid_overlap"] = sometimes(choose.pick([True, False]), "yes")
-    if choose.pick([True, False, False]):
-        recipe["regularity"] = sometimes(choose.pick([0.0, 0.25, 1.0]), 1.5, "high")
-    class_count = few()
-
-    def area(count: int) -> float:
-        return sometimes(ground / count * choose.between(1e-3, 1.5), ground * 1e3, 1e-18, 0.0, 1e30, ground * 1e-9)
-
-    def areas(count: int) -> Any:
-        one = area(count)
+    def _class(self, number: int) -> dict[str, Any]:
+        choose = self._choose
+        made: dict[str, Any] = {
+            "name": self._sometimes(f"class {number}", "class 0", "é" * 40),
+            "density": self._sometimes(choose.pick([1, 0.5, self._image(), self._image()]), 0, -1, math.inf, 1e300),
+        }
+        if isinstance(made["density"], str) and choose.pick([False, False, True]):
+            made["invert"] = True
+        if choose.pick([False] * 4 + [True]):
+            made["density_correction"] = True
         if choose.pick([False, False, True]):
-            ratio = sometimes(choose.between(1.0, 30.0), 1e6, 0.5, 1e9)
+            made["clustering"] = self._sometimes(choose.pick([0.0, 0.3, 1.0]), -1, "much")
+            made["clump_size"] = self._sometimes(choose.between(0.01, 10.0), -1.0, 1e-9)
+        if choose.pick([False] * 4 + [True]):
+            made["look_at"] = {
+                "point": self._sometimes([choose.pick([-9.0, 0.0, 2.5]), choose.pick([-1.0, 0.5, 9.0]), 0.0], [1.0], 3),
+                "spread": self._sometimes(choose.pick([0.0, 0.1, 3.0]), -1.0, math.inf),
+                "front": self._sometimes(choose.pick(["x", "-x", "y", "-y"]), "z"),
+            }
+        if choose.pick([False] * 4 + [True]):
+            made["unsharp"] = {
+                "amount": self._sometimes(choose.between(0.1, 5), 1e300),
+                "radius": self._sometimes(2.0, 1e-9, 1e300),
+            }
+        sizes = self._few()
+        if choose.pick([False, False, True]):
+            made["count"] = self._sometimes(
+                choose.pick(["cover", int(choose.between(1, 300))]), 0, 2**63 - 1, 10**400, "many"
+            )
+        made["size"] = [self._one_size(k, sizes if "count" in made else 0) for k in range(sizes)]
+        return made
+
+    def _one_size(self, number: int, of_shares: int) -> dict[str, Any]:
+        choose = self._choose
+        count = int(choose.between(1, choose.pick([3, 40, 400])))
+        made: dict[str, Any] = {
+            "name": self._sometimes(f"size {number}", "", "a\nb", "=1"),
+            "area": self._areas(max(count, 1)),
+        }
+        if of_shares:
+            made["share"] = self._sometimes(1.0 / of_shares, 0.0, 2.0)
+        else:
+            made["count"] = self._sometimes(count, 0, -1, 2**31, 10**30, 2.5)
+        if isinstance(made["area"], list) and choose.pick([True, False]):
+            made["distribution"] = self._sometimes(choose.pick(["linear", "uniform"]), "normal", [1.0])
+        if choose.pick([False, False, True]):
+            made["line"] = self._line()
+        return made
+
+    def _areas(self, count: int) -> Any:
+        """An area, or a range of them."""
+        choose, ground = self._choose, self._ground
+        one = self._sometimes(ground / count * choose.between(1e-3, 1.5), ground * 1e3, 1e-18, 0.0, 1e30, ground * 1e-9)
+        if choose.pick([False, False, True]):
+            ratio = self._sometimes(choose.between(1.0, 30.0), 1e6, 0.5, 1e9)
             return [one, one * ratio]
         return one
 
-    def line() -> dict[str, Any]:
-        longest = max(size)
-        made: dict[str, Any] = {"length": sometimes(longest * choose.between(1e-3, 0.3), longest, 2 * longest, 0.0)}
+    def _line(self) -> dict[str, Any]:
+        choose = self._choose
+        longest = max(self._size)
+        made: dict[str, Any] = {
+            "length": self._sometimes(longest * choose.between(1e-3, 0.3), longest, 2 * longest, 0.0)
+        }
         if choose.pick([False, False, True]):
-            made["length"], made["length_range"] = image(), [longest * 0.01, longest * 0.1]
+            made["length"], made["length_range"] = self._image(), [longest * 0.01, longest * 0.1]
         if choose.pick([True, False]):
-            made["direction"] = sometimes(choose.pick(["density", "none", 0.7, -100.0, image()]), "up", 1e39)
+            directions = ["density", "none", 0.7, -100.0, self._image()]
+            made["direction"] = self._sometimes(choose.pick(directions), "up", 1e39)
             if isinstance(made["direction"], str) and "." in made["direction"]:
                 made["direction_kind"] = choose.pick(["angle", "vector"])
         for key, values in {
             "width": [longest * 0.01, longest * 0.1, longest, 1e-9],
             "charges": [2, 3, 5, 8, 64],
-            "middle_charge": [1, 6.0, 0.01, sometimes(2.0, 1e9)],
-            "turn_weights": [[0.4, 0.4], [0.0, 0.0], [1.0, 0.0], sometimes([0.4, 0.2], [0.9, 0.9])],
+            "middle_charge": [1, 6.0, 0.01, self._sometimes(2.0, 1e9)],
+            "turn_weights": [[0.4, 0.4], [0.0, 0.0], [1.0, 0.0], self._sometimes([0.4, 0.2], [0.9, 0.9])],
             "stretch_weights": [[0.2, 0.1], [0.0, 1.0], [1.0, 0.0]],
             "straightness": [0.0, 0.3, 1.0],
             "tensor_scales": [[1.0, 3.0], [0.1, 0.1], [1e-9, 50.0], [1e9, 1e9]],
@@ -143,69 +240,20 @@ def any_recipe(choose: Choices, folder: Path) -> str:
                 made[key] = choose.pick(values)
         return made
 
-    def one_size(k: int, of_shares: int) -> dict[str, Any]:
-        count = int(choose.between(1, choose.pick([3, 40, 400])))
-        made: dict[str, Any] = {"name": sometimes(f"size {k}", "", "a\nb", "=1"), "area": areas(max(count, 1))}
-        if of_shares:
-            made["share"] = sometimes(1.0 / of_shares, 0.0, 2.0)
-        else:
-            made["count"] = sometimes(count, 0, -1, 2**31, 10**30, 2.5)
-        if isinstance(made["area"], list) and choose.pick([True, False]):
-            made["distribution"] = sometimes(choose.pick(["linear", "uniform"]), "normal", [1.0])
-        if choose.pick([False, False, True]):
-            made["line"] = line()
-        return made
 
-    balance: dict[str, Any] = {}
-    if choose.pick([True, False]):
-        balance["class_separation"] = sometimes(choose.pick([0.0, 0.3, 1.0]), 2.0, math.nan)
-    if choose.pick([True, False]):
-        balance["size_emphasis"] = sometimes(
-            choose.pick([1.0, 2.0, 10.0, 1e3, [1.0, 5.0, 5.0]]), 1e300, 0.5, [3.0, 2.0]
-        )
-    if choose.pick([True, False]):
-        balance["rare_emphasis"] = sometimes(choose.pick([0.0, 0.5, 2.0]), 2.5, "much")
-    if choose.pick([False, False, True]):
-        balance["non_overlap"] = np.eye(class_count).tolist()
-    if balance:
-        recipe["balance"] = balance
-    if choose.pick([False] * 7 + [True]):
-        recipe["image"] = {"file": image(), "area": ground / choose.between(5, 500)}
-        if choose.pick([True, False]):
-            recipe["image"]["model"] = choose.pick(["CMY", "CMYK", "CMY-RGB-K", "RGB"])
-        return as_toml(recipe)
-    recipe["class"] = []
-    for c in range(class_count):
-        made: dict[str, Any] = {
-            "name": sometimes(f"class {c}", "class 0", "é" * 40),
-            "density": sometimes(choose.pick([1, 0.5, image(), image()]), 0, -1, math.inf, 1e300),
-        }
-        if isinstance(made["density"], str) and choose.pick([False, False, True]):
-            made["invert"] = True
-        if choose.pick([False] * 4 + [True]):
-            made["density_correction"] = True
-        if choose.pick([False, False, True]):
-            made["clustering"] = sometimes(choose.pick([0.0, 0.3, 1.0]), -1, "much")
-            made["clump_size"] = sometimes(choose.between(0.01, 10.0), -1.0, 1e-9)
-        if choose.pick([False] * 4 + [True]):
-            made["look_at"] = {
-                "point": sometimes([choose.between(-9.0, 9.0), choose.between(-9.0, 9.0), 0.0], [1.0], 3),
-                "spread": sometimes(choose.between(0.0, 3.0), -1.0, math.inf),
-                "front": sometimes(choose.pick(["x", "-x", "y", "-y"]), "z"),
-            }
-        if choose.pick([False] * 4 + [True]):
-            made["unsharp"] = {
-                "amount": sometimes(choose.between(0.1, 5), 1e300),
-                "radius": sometimes(2.0, 1e-9, 1e300),
-            }
-        sizes = few()
-        if choose.pick([False, False, True]):
-            made["count"] = sometimes(
-                choose.pick(["cover", int(choose.between(1, 300))]), 0, 2**63 - 1, 10**400, "many"
-            )
-        made["size"] = [one_size(k, sizes if "count" in made else 0) for k in range(sizes)]
-        recipe["class"].append(made)
-    return as_toml(recipe)
+def save_picture(values: np.ndarray, kind: str, path: Path) -> None:
+    """Write numbers 0..1 as a picture of a kind: "deep" has 16 bits, "color" three channels, "alpha" four."""
+    from PIL import Image
+
+    gray = np.round(255 * values).astype(np.uint8)
+    picture = Image.fromarray(gray)
+    if kind == "deep":
+        picture = Image.fromarray(gray.astype(np.uint16) * 257)
+    elif kind in ("color", "alpha"):
+        picture = Image.fromarray(np.stack([gray, gray[::-1], gray[:, ::-1]], axis=2))
+        if kind == "alpha":
+            picture.putalpha(Image.fromarray(gray.T.copy()).resize(gray.shape[::-1]))
+    picture.save(path)
 
 
 def as_toml(table: dict[str, Any], place: str = "") -> str:
@@ -371,26 +419,14 @@ def _watch(options: argparse.Namespace, say: Callable[[str], None]) -> int:
         while time.time() < until:
             command = [sys.executable, __file__, "--seed", str(options.seed), "--first", str(first)]
             told.write_text(f"{first} 0 0\n", encoding="utf-8")
-            with (Path(name) / "said").open("w+") as said:
-                worker = subprocess.Popen(
-                    [*command, "--told", str(told), "--until", str(until)], stdout=said, stderr=subprocess.STDOUT
-                )
-                hung = False
-                while worker.poll() is None:
-                    time.sleep(0.2)
-                    if time.time() - told.stat().st_mtime > LONGEST_CASE:
-                        hung = True
-                        worker.kill()
-                        worker.wait()
-                said.seek(0)
-                end = said.read()[-3000:]
+            status, hung, end = _run_worker([*command, "--told", str(told), "--until", str(until)], told)
             head, _, text = told.read_text(encoding="utf-8").partition("\n")
             k, more_refused, more_placed = map(int, head.split())
             refused, placed = refused + more_refused, placed + more_placed
-            if worker.returncode == 0:
+            if status == 0:
                 break
             broken += 1
-            what = f"took more than {LONGEST_CASE:.0f} s" if hung else f"ended with status {worker.returncode}"
+            what = f"took more than {LONGEST_CASE:.0f} s" if hung else f"ended with status {status}"
             say(
                 f"recipe {k} of seed {options.seed} {what}:\n{end}\n{text}\nonce more: {command[0]} tools/fuzz.py "
                 f"--seed {options.seed} --only {k}\n"
@@ -398,6 +434,21 @@ def _watch(options: argparse.Namespace, say: Callable[[str], None]) -> int:
             first = k + 1
     say(f"{refused + placed + broken} recipes: {placed} placed, {refused} refused in a sentence, {broken} broken")
     return 1 if broken else 0
+
+
+def _run_worker(command: Sequence[str], told: Path) -> tuple[int, bool, str]:
+    """Run a process that writes into a file which recipe it is at; return its status, whether it hung, and the end of what it said."""
+    hung = False
+    with told.with_name("said").open("w+") as said:
+        worker = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT)
+        while worker.poll() is None:
+            time.sleep(0.2)
+            if time.time() - told.stat().st_mtime > LONGEST_CASE:
+                hung = True
+                worker.kill()
+                worker.wait()
+        said.seek(0)
+        return worker.returncode, hung, said.read()[-3000:]
 
 
 if __name__ == "__main__":

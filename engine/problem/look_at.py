@@ -28,7 +28,7 @@ class LookAt(Settings):
         default=(0.0, 0.0, 0.0),
         metadata=setting(
             "The point that objects look at",
-            more="x, y and z; of a problem in a rectangle z means nothing, in Blender they are those of the world",
+            more="x, y and z; in a rectangle z is ignored, in Blender they are coordinates of the world",
             unit="m",
             low=-LARGEST_LENGTH,
             high=LARGEST_LENGTH,
@@ -37,13 +37,16 @@ class LookAt(Settings):
     spread: float = field(
         default=0.0,
         metadata=setting(
-            "How far objects look past it at most, to either side, at random", unit="rad", low=0.0, high=math.pi
+            "Largest random angle by which objects look past the point, to either side",
+            unit="rad",
+            low=0.0,
+            high=math.pi,
         ),
     )
     front: str = field(
         default="-y",
         metadata=setting(
-            "The side of the object that looks there",
+            "The side of the object that faces the point",
             choices=(
                 Choice("-y", "-Y", "What the front view shows", "NEGATIVE_Y"),
                 Choice("y", "Y", "What the back view shows", "POSITIVE_Y"),

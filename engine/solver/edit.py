@@ -16,12 +16,12 @@ import numpy as np
 from ..problem.image_filters import gaussian_blur
 from ..problem.problem import Problem
 from ..space.density import box_integrals, move_into_support, sample_density
+from .attraction import BLUR_OF_FIXED, vacancy
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
 from .line_rules import length_blocks
 from .model import Model
 from .state import State
-from .targets import BLUR_OF_FIXED, vacancy
 
 __all__ = ["carry_lines", "carry_over"]
 

@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from ..space.density import box_integrals
+from .attraction import group_targets
 from .model import Model
-from .targets import group_targets
 
 __all__ = ["Energy"]
 

@@ -12,8 +12,8 @@ from ..field.field import Field, FieldTarget
 from ..field.mirrored_field import MirroredField
 from ..space.asked_counts import typical_spacing
 from . import kernels_descent
+from .attraction import group_targets
 from .model import Model
-from .targets import group_targets
 
 __all__ = ["SMALLEST_DENSITY", "Forces"]
 

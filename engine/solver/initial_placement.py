@@ -18,8 +18,8 @@ from ..space.kernels_images import Images
 from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
+from .attraction import vacancy
 from .model import Model
-from .targets import vacancy
 
 __all__ = ["body_starts", "first_pose", "initial_placement"]
 

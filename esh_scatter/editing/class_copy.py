@@ -13,7 +13,7 @@ from ...engine.problem.scatter_settings import Standing
 from ...engine.problem.settings import settings_of
 from ..densities.density_curve import copy_curve
 from ..properties.described import shown_settings
-from ..properties.influence import LOOKS
+from ..properties.influential_settings import LOOKS
 
 __all__ = ["CLASS_PARTS", "KEPT_APART", "copy_class", "copy_values"]
 

@@ -17,7 +17,7 @@ from ...engine.problem.settings import settings_of
 from ..result import pins
 from ..targets import checksums
 from ..targets.target import members_of
-from .influence import LOOKS, WITHOUT_INFLUENCE
+from .influential_settings import LOOKS, WITHOUT_INFLUENCE
 
 __all__ = ["changes", "completed", "looks_of", "only_looks_differ", "record", "same"]
 

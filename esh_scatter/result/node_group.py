@@ -60,6 +60,15 @@ class Followed(NamedTuple):
     vertices: int
 
 
+class Placed(NamedTuple):
+    """Where the instances of one source are: points, which of them, and how they are turned and scaled."""
+
+    points: Socket
+    chosen: Socket
+    rotation: Socket
+    scale: Socket
+
+
 def show_input(class_name: str) -> str:
     """Return what the input is called that shows or hides a class."""
     return f"Show {class_name}"
@@ -118,46 +127,14 @@ def build_node_group(
     tree.column(12)
     index = tree.switch("INT", hidden, tree.attribute(INSTANCE_INDEX, "INT"), -1)
     scale = tree.scaled(tree.attribute(SCALE, "FLOAT_VECTOR"), inputs["Scale"])
-    # Two menus cannot hang on one input: one menu gives a number, and numbers choose.
-    menu = tree.add("GeometryNodeMenuSwitch", data_type="INT")
-    for item, label in zip(menu.enum_items, DISPLAYS, strict=False):
-        item.name = label
-    menu.enum_items.new(DISPLAYS[2])
-    tree.link(inputs["Display"], menu.inputs["Menu"])
-    for number, label in enumerate(DISPLAYS):
-        menu.inputs[label].default_value = number
-    display = tree.switch("INT", limited, 0, menu.outputs[0])
+    display = _display(tree, limited)
     as_points = tree.compare("EQUAL", display, 2, "INT")
     as_bounds = tree.compare("EQUAL", display, 1, "INT")
     join = tree.add("GeometryNodeJoinGeometry")
     for number, source in enumerate(sources):
         tree.column(13)
-        chosen = tree.compare("EQUAL", index, number, "INT")
-        as_one = isinstance(source, bpy.types.Collection)
-        info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
-        info.inputs["Collection" if as_one else "Object"].default_value = source
-        if not as_one:
-            info.inputs["As Instance"].default_value = True
-        geometry = info.outputs["Instances" if as_one else "Geometry"]
-        tree.column(14)
-        bounds = tree.call("GeometryNodeBoundBox", geometry)
-        boxed = tree.call("GeometryNodeGeometryToInstance", bounds)
-        tree.column(15)
-        shown = tree.switch("GEOMETRY", as_bounds, geometry, boxed)
-        transform = tree.add("GeometryNodeTransform")
-        tree.link(shown, transform.inputs["Geometry"])
-        for name in () if as_one else ("Rotation", "Scale"):
-            tree.link(info.outputs[name], transform.inputs[name])
-        tree.column(16)
-        instance = tree.add("GeometryNodeInstanceOnPoints")
-        # Picking the one instance, rather than wrapping it, keeps the instances flat: one level, one object each.
-        instance.inputs["Pick Instance"].default_value = True
-        for socket, value in (
-            *(("Points", points), ("Selection", chosen), ("Instance", transform.outputs["Geometry"])),
-            *(("Rotation", rotation), ("Scale", scale)),
-        ):
-            tree.link(value, instance.inputs[socket])
-        tree.link(instance.outputs["Instances"], join.inputs["Geometry"])
+        placed = Placed(points, tree.compare("EQUAL", index, number, "INT"), rotation, scale)
+        tree.link(_instances(tree, source, as_bounds, placed), join.inputs["Geometry"])
     tree.column(17)
     dots = tree.add("GeometryNodeMeshToPoints")
     tree.link(points, dots.inputs["Mesh"])
@@ -307,6 +284,50 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
     tree.link(follows, move.inputs["Selection"])
     tree.link(tree.vector("ADD", ground, away), move.inputs["Position"])
     return move.outputs[0], tree.attribute(ROTATION, "QUATERNION")
+
+
+def _display(tree: Tree, limited: Socket) -> Socket:
+    """Return the number of what is drawn of every object, which is the object itself where nothing is ``limited``."""
+    # Two menus cannot hang on one input: one menu gives a number, and numbers choose.
+    menu = tree.add("GeometryNodeMenuSwitch", data_type="INT")
+    for item, label in zip(menu.enum_items, DISPLAYS, strict=False):
+        item.name = label
+    menu.enum_items.new(DISPLAYS[2])
+    tree.link(tree.inputs["Display"], menu.inputs["Menu"])
+    for number, label in enumerate(DISPLAYS):
+        menu.inputs[label].default_value = number
+    return tree.switch("INT", limited, 0, menu.outputs[0])
+
+
+def _instances(
+    tree: Tree, source: bpy.types.Object | bpy.types.Collection, as_bounds: Socket, placed: Placed
+) -> Socket:
+    """Return the instances of one object, or of a collection as one, or of their bounds."""
+    as_one = isinstance(source, bpy.types.Collection)
+    info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
+    info.inputs["Collection" if as_one else "Object"].default_value = source
+    if not as_one:
+        info.inputs["As Instance"].default_value = True
+    geometry = info.outputs["Instances" if as_one else "Geometry"]
+    tree.column(14)
+    bounds = tree.call("GeometryNodeBoundBox", geometry)
+    boxed = tree.call("GeometryNodeGeometryToInstance", bounds)
+    tree.column(15)
+    shown = tree.switch("GEOMETRY", as_bounds, geometry, boxed)
+    transform = tree.add("GeometryNodeTransform")
+    tree.link(shown, transform.inputs["Geometry"])
+    for name in () if as_one else ("Rotation", "Scale"):
+        tree.link(info.outputs[name], transform.inputs[name])
+    tree.column(16)
+    instance = tree.add("GeometryNodeInstanceOnPoints")
+    # Picking the one instance, rather than wrapping it, keeps the instances flat: one level, one object each.
+    instance.inputs["Pick Instance"].default_value = True
+    for name, value in (
+        *(("Points", placed.points), ("Selection", placed.chosen), ("Instance", transform.outputs["Geometry"])),
+        *(("Rotation", placed.rotation), ("Scale", placed.scale)),
+    ):
+        tree.link(value, instance.inputs[name])
+    return instance.outputs["Instances"]
 
 
 def _turn(tree: Tree, before: tuple[Any, Any], now: tuple[Any, Any]) -> Socket:

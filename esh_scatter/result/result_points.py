@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...engine.problem.look_at import LookAt
 from ...engine.problem.placement import Placement
 from ...engine.problem.problem import Problem
-from ...engine.problem.scatter_settings import ScatterSettings
+from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.slopes import normal_of_slope, slope_at
 from ...engine.surface.chart import Chart
 from ...engine.surface.instances import Instances
+from ...engine.surface.mesh_outline import Outline
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.on_whole_surface import headings
@@ -65,14 +67,69 @@ def result_points(
         shapes: Of the sizes of all classes, one after the other.
         settings: How the scatter is made.
     """
-    count = len(placement.position)
-    first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in classes])])
-    outlined_sizes = [size.footprint is not None for c in problem.classes for size in c.sizes]
-    group = first[placement.class_index] + placement.size_index
     surface = (
         chart.surface_points(placement) if isinstance(chart, WholeSurface) else chart.surface_points(placement.position)
     )
-    ground = Ground(
+    ground = _ground(placement, surface, chart)
+    first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in classes])])
+    outlined = [size.footprint is not None for c in problem.classes for size in c.sizes]
+    group = first[placement.class_index] + placement.size_index
+    source = np.empty(len(placement.position), np.int32)
+    for number, shape in enumerate(shapes):
+        own = np.flatnonzero(group == number)
+        if len(own):
+            asked = classes[int(placement.class_index[own[0]])]
+            # Long objects lie along their bodies, whatever they would look at.
+            look = asked.look_at if shape.line is None else None
+            size = _Size(shape, outlined[number], standing_of(asked, settings), look, settings.seed)
+            variant = _variants(size, placement, own)
+            source[own] = np.array(shape.objects)[variant]
+            if size.outlined and isinstance(chart, Chart):
+                _take_known_normals(ground, size, placement, chart, own)
+            _fit(ground, size, placement, own, variant, isinstance(chart, Chart))
+            _lay_along(ground, size, own, variant)
+            if size.look is not None:
+                # Outlines were parted as they are turned, and what is pinned has the turn that it has.
+                free = own[:0] if size.own_outlines else own[~placement.fixed[own]]
+                _look(ground, size.look, size, surface.position, own, free)
+    rotation, scale, to_origin = _stand(ground, placement, classes, settings)
+    position = (surface.position + to_origin).astype(np.float32)
+    instances = Instances(position, rotation, scale, source)
+    return ResultPoints(instances, ground, to_origin, surface, stuck_attributes(surface))
+
+
+class _Size(NamedTuple):
+    """What is known of a size before its points are looked at.
+
+    Attributes:
+        shape: Of what it places.
+        outlined: Whether its bodies had outlines while they were placed; they were discs or lines otherwise.
+        standing: How its objects stand.
+        look: What they look at.
+        seed: Of what is drawn for each.
+    """
+
+    shape: SizeShape
+    outlined: bool
+    standing: Standing
+    look: LookAt | None
+    seed: int
+
+    @property
+    def own_outlines(self) -> bool:
+        """Whether these were those of its objects."""
+        return self.outlined and self.shape.own_outlines
+
+    @property
+    def outlines(self) -> list[Outline]:
+        """Those of its objects that have been measured."""
+        return [outline for outline in self.shape.outlines if outline is not None]
+
+
+def _ground(placement: Placement, surface: SurfacePoints, chart: Chart | WholeSurface) -> Ground:
+    """Return what objects stand on, as long as nothing is known of what they are."""
+    count = len(placement.position)
+    return Ground(
         placement.id.astype(np.int32),
         surface.normal,
         _headings(surface, placement),
@@ -83,60 +140,64 @@ def result_points(
         np.full(count, isinstance(chart, WholeSurface)),
         np.zeros(count, bool),
     )
-    source = np.empty(count, np.int32)
-    for number, shape in enumerate(shapes):
-        own = np.flatnonzero(group == number)
-        outlined, identity = outlined_sizes[number], placement.id[own]
-        # Of others the outline is a disc, whatever the object.
-        own_outlines = outlined and shape.own_outlines
-        variant = (
-            placement.variant[own]
-            if own_outlines
-            else variants_of(identity, len(shape.objects), shape.weights, settings.seed)
-        )
-        source[own] = np.array(shape.objects)[variant]
-        outlines = [outline for outline in shape.outlines if outline is not None]
-        ground.long[own] = shape.line is not None and bool(outlines)
-        standing = standing_of(classes[int(placement.class_index[own[0]])], settings) if len(own) else None
-        if outlined and standing is not None and isinstance(chart, Chart):
-            align = standing.align_to_normal
-            if (slope := chart.slope(align)) is not None:
-                # The normals that contact knew: between the chart's cells they differ a little from those of the faces.
-                ground.normal[own] = normal_of_slope(
-                    slope_at(slope, placement.position[own], problem.rectangle.size), align
-                )
-        # Of discs for objects that nobody has measured, the scale says nothing of the objects.
-        measured = bool(outlines) or not isinstance(shape.area, tuple)
-        if outlined and measured and standing is not None and isinstance(chart, Chart):
-            # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
-            # that were drawn for this body.
-            factor, turn = draw(standing, identity, ground.long[own], settings.seed)
-            looks = classes[int(placement.class_index[own[0]])].look_at is not None and shape.line is None
-            if own_outlines and not looks:
-                ground.heading[own] -= turn.astype(np.float32)
-            ground.fit[own] = placement.scale[own] / factor
-        elif isinstance(shape.area, tuple) and outlines:
-            ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
-        if shape.line is not None and outlines:
-            # Of lines, the outline's middle lies on the point.
-            ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
-            ground.heading[own] -= ground.axis[own]
-            ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
-        if shape.line is None and len(own):
-            look = classes[int(placement.class_index[own[0]])].look_at
-            if look is not None:
-                assert standing is not None
-                ground.looks[own] = True
-                # Outlines were parted as they are turned, and what is pinned has the turn that it has.
-                free = own[~placement.fixed[own]] if not (outlined and own_outlines) else own[:0]
-                ground.heading[free] = turns_towards(
-                    look,
-                    standing.align_to_normal,
-                    ground.normal[free],
-                    surface.position[free],
-                    ground.identity[free],
-                    settings.seed,
-                )
+
+
+def _variants(size: _Size, placement: Placement, own: np.ndarray) -> np.ndarray:
+    """Return which of a size's objects stands on each of its points; where the outline is a disc, any may."""
+    if size.own_outlines:
+        return placement.variant[own]
+    return variants_of(placement.id[own], len(size.shape.objects), size.shape.weights, size.seed)
+
+
+def _take_known_normals(ground: Ground, size: _Size, placement: Placement, chart: Chart, own: np.ndarray) -> None:
+    """Take the normals that contact knew: between the chart's cells they differ a little from those of the faces."""
+    align = size.standing.align_to_normal
+    slope = chart.slope(align)
+    if slope is not None:
+        extent = placement.problem.rectangle.size
+        ground.normal[own] = normal_of_slope(slope_at(slope, placement.position[own], extent), align)
+
+
+def _fit(
+    ground: Ground, size: _Size, placement: Placement, own: np.ndarray, variant: np.ndarray, from_above: bool
+) -> None:
+    """Say how much objects are scaled to fit their bodies, and whether they are long."""
+    outlines, ranged = size.outlines, isinstance(size.shape.area, tuple)
+    ground.long[own] = size.shape.line is not None and bool(outlines)
+    # Of discs for objects that nobody has measured, the scale says nothing of the objects.
+    if size.outlined and (outlines or not ranged) and from_above:
+        # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
+        # that were drawn for this body.
+        factor, turn = draw(size.standing, placement.id[own], ground.long[own], size.seed)
+        if size.own_outlines and size.look is None:
+            ground.heading[own] -= turn.astype(np.float32)
+        ground.fit[own] = placement.scale[own] / factor
+    elif ranged and outlines:
+        ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
+
+
+def _lay_along(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray) -> None:
+    """Lay the objects of lines along their bodies: the middle of the outline on the point, its longer side along the axis."""
+    outlines = size.outlines
+    if size.shape.line is not None and outlines:
+        ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
+        ground.heading[own] -= ground.axis[own]
+        ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
+
+
+def _look(ground: Ground, look: LookAt, size: _Size, position: np.ndarray, own: np.ndarray, free: np.ndarray) -> None:
+    """Turn those of a size's objects that are ``free`` towards what all of them look at."""
+    ground.looks[own] = True
+    ground.heading[free] = turns_towards(
+        look, size.standing.align_to_normal, ground.normal[free], position[free], ground.identity[free], size.seed
+    )
+
+
+def _stand(
+    ground: Ground, placement: Placement, classes: Sequence[ScatterClass], settings: ScatterSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how all objects are turned and scaled, and the way from point to origin [m]: ``[n, 4]``, ``[n]``, ``[n, 3]``."""
+    count = len(placement.position)
     rotation, to_origin = np.empty((count, 4), np.float32), np.empty((count, 3), np.float32)
     scale = np.empty(count, np.float32)
     for number, scatter_class in enumerate(classes):
@@ -144,9 +205,7 @@ def result_points(
         rotation[own], scale[own], to_origin[own] = stand(
             standing_of(scatter_class, settings), ground.part(own), settings.seed
         )
-    position = (surface.position + to_origin).astype(np.float32)
-    instances = Instances(position, rotation, scale, source)
-    return ResultPoints(instances, ground, to_origin, surface, stuck_attributes(surface))
+    return rotation, scale, to_origin
 
 
 def point_attributes(

@@ -210,12 +210,11 @@ def lets_through(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 
 def redraw_sidebars() -> None:
     """Have every 3D viewport's sidebar drawn anew."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
+    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    for area in areas:
+        for region in area.regions if area.type == "VIEW_3D" else ():
+            if region.type == "UI":
+                region.tag_redraw()
 
 
 def redraw_later() -> None:

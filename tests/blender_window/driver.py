@@ -5,38 +5,54 @@ import time
 from pathlib import Path
 
 import bpy
+from mathutils import Euler
 
 sys.path.insert(0, str(Path(__file__).parent))
 import window_steps as steps
 from window_steps import answer, take_screenshot, window_context
 
 LONGEST_RUN = 60.0
+# What is placed: how it is made, its scale, and its color; and the color of the ground.
+OBJECTS = {
+    "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
+    "Beech": ("ico_sphere", (0.4, 0.4, 0.6), (0.36, 0.46, 0.14)),
+    "Log": ("cube", (0.8, 0.1, 0.1), (0.33, 0.19, 0.09)),
+    "Mushroom": ("torus", (0.15, 0.15, 0.3), (0.72, 0.16, 0.07)),
+    "Pebble": ("uv_sphere", (0.1, 0.1, 0.06), (0.62, 0.60, 0.56)),
+}
+GROUND = (0.42, 0.40, 0.30)
 
 
 def fill_in():
     with window_context():
         steps.show_tab()
+        # As the pictures of the documentation show it: from a little above, and filled by the ground.
+        view = bpy.context.area.spaces.active.region_3d
+        view.view_rotation = Euler((0.9, 0.0, 0.5)).to_quaternion()
+        view.view_location, view.view_distance = (1.2, -0.6, 0.0), 17.5
         for item in list(bpy.data.objects):
             bpy.data.objects.remove(item)
         bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)
         ground = bpy.context.object
         ground.name = "Ground"
+        paint(ground, GROUND)
         made = [ground]
-        for name, add, scale in (
-            ("Pine", bpy.ops.mesh.primitive_cone_add, (0.4, 0.4, 0.9)),
-            ("Beech", bpy.ops.mesh.primitive_ico_sphere_add, (0.4, 0.4, 0.6)),
-            ("Log", bpy.ops.mesh.primitive_cube_add, (0.8, 0.1, 0.1)),
-            ("Mushroom", bpy.ops.mesh.primitive_torus_add, (0.15, 0.15, 0.3)),
-            ("Pebble", bpy.ops.mesh.primitive_uv_sphere_add, (0.1, 0.1, 0.06)),
-        ):
-            add(location=(30.0, 0.0, 0.0))
+        for name, (shape, scale, color) in OBJECTS.items():
+            getattr(bpy.ops.mesh, f"primitive_{shape}_add")(location=(30.0, 0.0, 0.0))
             bpy.context.object.name = name
             bpy.context.object.scale = scale
+            paint(bpy.context.object, color)
             made.append(bpy.context.object)
         for item in bpy.context.scene.objects:
             item.select_set(item in made)
         bpy.context.view_layer.objects.active = ground
         bpy.ops.ed.undo_push(message="Filled in")
+
+
+def paint(item, color):
+    material = bpy.data.materials.new(item.name)
+    material.diffuse_color = (*color, 1.0)
+    item.data.materials.append(material)
 
 
 def press():

@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 import esh  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.body_class import CLASS_COLORS  # noqa: E402
-from esh.esh_scatter.properties.influence import WITHOUT_INFLUENCE  # noqa: E402
+from esh.esh_scatter.properties.influential_settings import WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.names import unused_name  # noqa: E402
 
 

@@ -15,7 +15,7 @@ from esh.engine.problem.settings import Choice, Settings, setting, settings_of  
 from esh.engine.problem.size import Size  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.described import shown_settings, values_from, with_properties  # noqa: E402
-from esh.esh_scatter.properties.influence import AT_ONCE, WITHOUT_INFLUENCE  # noqa: E402
+from esh.esh_scatter.properties.influential_settings import AT_ONCE, WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 
 

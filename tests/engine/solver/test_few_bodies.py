@@ -10,11 +10,11 @@ from esh.engine.problem.domain import Domain
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
+from esh.engine.solver.attraction import group_targets
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.energy import Energy
 from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
-from esh.engine.solver.targets import group_targets
 
 SIDE = 8.0
 
