@@ -22,7 +22,6 @@ from ..space.asked_counts import typical_spacing
 from ..space.comparison_grid import comparison_cells
 from ..space.mesh_layout import MeshLayout
 from ..space.space import Space
-from .guidance import is_long
 
 __all__ = ["check_counts", "check_memory", "required_memory"]
 
@@ -114,14 +113,14 @@ def _required_for_meshes(problem: Problem) -> int:
     curve = 4.0 ** min(max(math.ceil(order), 3), 12) * BYTES_PER_CURVE_CELL
     of_field = of_coarse + _influence(coarse)
     while_made = of_fine + _influence(fine)
-    # Where long bodies are parted there is a second field for a while.
-    of_guidance = of_field + while_made if _has_long_outlines(problem) else 0.0
+    # Where outlines are parted there may be a second field for a while.
+    of_guidance = of_field + while_made if _has_outlines_with_corners(problem) else 0.0
     return int(of_field + max(while_made, kept_of_fine + max(of_report, curve, of_guidance)))
 
 
-def _has_long_outlines(problem: Problem) -> bool:
+def _has_outlines_with_corners(problem: Problem) -> bool:
     outlines = (o for c in problem.classes for size in c.sizes for o in size.outlines)
-    return problem.avoid_overlap and any(is_long(outline) for outline in outlines)
+    return problem.avoid_overlap and any(len(outline.corners) > 1 for outline in outlines)
 
 
 def _halves(layout: MeshLayout) -> int:
@@ -141,7 +140,7 @@ def _group_count(problem: Problem) -> int:
 
 def _bytes_per_charge(problem: Problem) -> int:
     per_charge = BYTES_PER_CHARGE + BYTES_PER_CHARGE_AND_GROUP * _group_count(problem)
-    if _has_long_outlines(problem):
+    if _has_outlines_with_corners(problem):
         per_charge += BYTES_PER_CHARGE_GUIDED
     if not isinstance(problem.domain, Surface) and problem.rectangle.mirrored:
         per_charge *= COPIES

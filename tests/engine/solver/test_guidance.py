@@ -89,9 +89,10 @@ def test_lines_are_led_by_the_sum_of_their_charges():
     assert 1e-3 < np.abs(way).mean() < 1.0
 
 
-def test_only_crowds_of_long_bodies_need_it():
-    box = Footprint.rectangle(0.8, 0.7)
-    for footprint, side, needed in ((PLANK, 10.0, True), (PLANK, 20.0, False), (PLANK, 6.0, False), (box, 9.0, False)):
+def test_only_crowds_that_are_not_round_need_it():
+    box, disc = Footprint.rectangle(0.8, 0.7), Footprint.disc(0.4)
+    planks = ((PLANK, 10.0, True), (PLANK, 20.0, False), (PLANK, 6.0, False))
+    for footprint, side, needed in (*planks, (box, 9.0, True), (box, 11.0, False), (disc, 8.0, False)):
         problem = problem_of([Size("s", count=100, footprint=footprint)], Domain((side, side)))
         with Solver(problem, device="cpu") as solver:
             assert needs_guidance(solver.model) is needed
