@@ -60,7 +60,8 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
     if warning is not None:
         notes.append(warning)
-    elif covered > 1.0:
+    # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
+    elif covered > 1.0 and overlaps.count:
         notes.append(
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
@@ -95,7 +96,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     notes = [note for c in placement.problem.classes for note in c.notes]
     if placement.problem.avoid_overlap and found.overlaps:
         notes.append(f"{found.overlaps} pairs of footprints still overlap")
-    if found.covered > 1.0:
+    if found.covered > 1.0 and found.overlaps:
         notes.append(
             f"the footprints add up to {found.covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"

@@ -346,7 +346,7 @@ class Solver:
             # Before the second step nothing has shown yet whether contact lets bodies move.
             if residual < TOLERANCE and step > 1:
                 return step, True
-        return max_steps, residual < SETTLED
+        return max_steps, step > 1 and residual < SETTLED
 
     def choose_start(self, max_steps: int) -> int:
         """Of a few bodies, begin where the least energy is reached from within ``max_steps``; returns which of several starts it is.

@@ -130,3 +130,10 @@ def test_a_closed_solver_is_let_go_at_once():
         assert seen() is None, "a circle of references holds the solver's arrays until the collector comes by"
     finally:
         gc.enable()
+
+
+def test_one_step_does_not_tell_that_bodies_have_settled():
+    """Nothing pushes a single body, but only a second step shows that what moved is at rest."""
+    alone = Problem(Domain((4.0, 3.0), "periodic"), [BodyClass("a", [Size("s", 0.5, 1)])])
+    assert not solve(alone, device="cpu", max_steps=1).report.converged
+    assert solve(alone, device="cpu").report.converged
