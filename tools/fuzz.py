@@ -320,7 +320,8 @@ def check_placement(placement: Any) -> None:
             low, high = np.min(entry.area), np.max(entry.area)
             assert (areas >= low * (1 - 1e-9)).all() and (areas <= high * (1 + 1e-9)).all(), "an area is another"
             if entry.line is None:
-                assert not placement.length[own].any() and not placement.angle[own].any(), "a dot has an axis"
+                assert not placement.length[own].any(), "a dot has an axis"
+                assert body_class.look_at is not None or not placement.angle[own].any(), "a dot is turned for nothing"
                 image = body_class.density_image
                 column = np.clip((position[own, 0] / size[0] * image.shape[1]).astype(int), 0, image.shape[1] - 1)
                 row = np.clip(((1 - position[own, 1] / size[1]) * image.shape[0]).astype(int), 0, image.shape[0] - 1)
