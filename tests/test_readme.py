@@ -123,7 +123,7 @@ bpy.ops.wm.read_homefile(use_empty=True)
 bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=100.0)
 bpy.context.object.name = "OpaqueTerrain"
 bpy.ops.mesh.primitive_cone_add()
-trees = bpy.data.collections.new("assets:trees")
+trees = bpy.data.collections.new("trees")
 trees.objects.link(bpy.context.object)
 """,
 }

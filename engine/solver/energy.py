@@ -37,7 +37,7 @@ class Energy:
         domain = model.problem.rectangle
         self._model = model
         self._mirrored = domain.mirrored
-        self._wraps = domain.periodic or domain.mirrored
+        self._wraps = domain.mirrored or not model.space.has_straight_ways
         self._charge = model.charge.charge.astype(np.float64)
         self._body = model.charge.body
         self._group = model.body.group[self._body]

@@ -98,11 +98,11 @@ def _opacity(tone: np.ndarray) -> np.ndarray:
 
 
 def _blurred(values: np.ndarray, domain: Domain) -> np.ndarray:
-    if not domain.periodic:
+    space = Space.of(domain)
+    if space.has_straight_ways:
         return gaussian_blur(values, BLUR)
-    reach = [min(math.ceil(4.0 * BLUR), n) for n in values.shape]
-    padded = np.pad(values, [(n, n) for n in reach], mode="wrap")
-    return gaussian_blur(padded, BLUR)[reach[0] : -reach[0], reach[1] : -reach[1]]
+    rows, columns = (min(math.ceil(4.0 * BLUR), n) for n in values.shape)
+    return gaussian_blur(space.padded(values, rows, columns), BLUR)[rows:-rows, columns:-columns]
 
 
 class _Cells(NamedTuple):

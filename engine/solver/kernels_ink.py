@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_space import Space, number_inside
+from ..space.kernels_space import Space, number_inside, number_repeated
 
 wp.set_module_options({"enable_backward": False})
 
@@ -68,19 +68,6 @@ def find_factors(
         factor[i] = total / float(POINTS)
 
 
-@wp.func
-def sample_inside(i: int, count: int, space: Space):
-    """Which of ``count`` samples along an axis stands for number ``i``, however many periods outside; -1 for none."""
-    if space.periodic != 0:
-        inside = i % count
-        if inside < 0:
-            inside += count
-        return inside
-    if i < 0 or i >= count:
-        return -1
-    return i
-
-
 @wp.kernel
 def draw_strokes(
     first: int,
@@ -101,7 +88,7 @@ def draw_strokes(
     high = wp.max(a[1], a[1] + axis[1]) + radius
     for row in range(int(wp.ceil(low / step[1] - 0.5)), int(wp.floor(high / step[1] - 0.5)) + 1):
         y = (float(row) + 0.5) * step[1]
-        inside = sample_inside(row, samples.rows, samples.space)
+        inside = number_repeated(row, samples.rows, samples.space)
         # The part of the axis from which the stroke reaches to this row.
         start = float(0.0)
         end = float(1.0)
@@ -120,7 +107,7 @@ def draw_strokes(
                 along = float(0.0)
                 if squared > 0.0:
                     along = wp.clamp(wp.dot(d, axis) / squared, 0.0, 1.0)
-                there = sample_inside(column, samples.columns, samples.space)
+                there = number_repeated(column, samples.columns, samples.space)
                 if there >= 0 and wp.length_sq(d - along * axis) <= radius * radius:
                     covered[inside * samples.columns + there] = wp.uint8(1)
 

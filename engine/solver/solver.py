@@ -477,16 +477,12 @@ def _are_few(model: Model) -> bool:
 def _smallest_spacing(model: Model, state: State) -> float:
     """Smallest distance between two bodies of a class, over the spacing that it has by itself, of all classes."""
     position = state.pose.numpy()[:, :2].astype(np.float64)
-    size = np.array(model.size)
     result = math.inf
     for index in np.unique(model.body.class_index):
         own = position[model.body.class_index == index]
         if len(own) < 2:
             continue
-        way = own[:, None] - own
-        if model.problem.rectangle.periodic:
-            way -= size * np.round(way / size)
-        squared = (way**2).sum(axis=2)
+        squared = (model.space.shortest(own[:, None] - own) ** 2).sum(axis=2)
         np.fill_diagonal(squared, math.inf)
         result = min(result, math.sqrt(float(squared.min()) * len(own)))
     return result

@@ -101,6 +101,19 @@ def number_across(i: int, count: int, space: Space):
 
 
 @wp.func
+def number_repeated(i: int, count: int, space: Space):
+    """Which of ``count`` cells along an axis stands for number ``i``, however many periods outside; -1 for none."""
+    if space.periodic != 0:
+        inside = i % count
+        if inside < 0:
+            inside += count
+        return inside
+    if i < 0 or i >= count:
+        return -1
+    return i
+
+
+@wp.func
 def period(space: Space):
     """After which distance along x and along y the space repeats itself; 0 where it does not."""
     if space.periodic != 0:
