@@ -107,7 +107,7 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
 
 
 def _overlaps(placement: Placement, launcher: Launcher) -> int:
-    """Pairs of footprints on one side that overlap, in a straight line, by more than 1e-3 of their distance."""
+    """Pairs of footprints on one sheet that overlap, in a straight line, by more than 1e-3 of their distance."""
     n = len(placement.position)
     radius = placement.radius
     # With less room than they have they may overlap that far.

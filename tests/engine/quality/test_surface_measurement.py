@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.placement import Placement
@@ -13,6 +14,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.quality.heat import HeatMesh
+from esh.engine.quality.kernels_heat import on_one_sheet
 from esh.engine.quality.measurement import measure
 
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
@@ -113,3 +115,36 @@ def test_slivers_and_large_triangles_are_measured(launcher):
     error = measure(placed(surface, points), launcher).coverage_error
     # Independent random points.
     assert 0.2 < error < 0.45
+
+
+@wp.kernel
+def look(
+    way: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    other: wp.array(dtype=wp.vec3),
+    found: wp.array(dtype=wp.int32),
+):
+    i = wp.tid()
+    found[i] = int(on_one_sheet(way[i], wp.length(way[i]), normal[i], other[i]))
+
+
+@pytest.mark.parametrize(
+    ("way", "other", "sheet"),
+    [
+        ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), True),
+        # Round a ridge, and across a fold.
+        ((1.0, 0.0, -0.4), (0.7, 0.0, 0.7), True),
+        ((1.0, 0.0, 0.6), (-0.8, 0.0, 0.6), True),
+        # On a rough surface; above it; on its other side.
+        ((1.0, 0.0, 0.3), (0.0, 0.0, 1.0), True),
+        ((0.5, 0.0, 0.8), (0.0, 0.0, 1.0), False),
+        ((0.5, 0.0, 0.8), (0.3, 0.0, 0.95), False),
+        ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), False),
+    ],
+)
+def test_what_lies_above_a_sheet_does_not_overlap_what_lies_on_it(way, other, sheet):
+    other = np.array(other) / np.linalg.norm(other)
+    given = [wp.array([v], dtype=wp.vec3, device="cpu") for v in (way, (0.0, 0.0, 1.0), tuple(other))]
+    found = wp.zeros(1, dtype=wp.int32, device="cpu")
+    wp.launch(look, dim=1, inputs=given, outputs=[found], device="cpu")
+    assert bool(found.numpy()[0]) is sheet
