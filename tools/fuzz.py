@@ -333,7 +333,9 @@ def check_placement(placement: Any) -> None:
         assert 0.0 <= report.classes[c].coverage_error < math.inf, "a coverage error is no number"
     for values in (placement.angle, placement.length, placement.width, placement.area):
         assert np.isfinite(values).all(), "a pose is no number"
-    assert (np.abs(placement.angle) <= 0.5001 * math.pi).all(), "an angle is more than a quarter turn"
+    # A line has no front; what looks at a point has.
+    most = np.where(placement.width > 0.0, 0.5001, 1.0001) * math.pi
+    assert (np.abs(placement.angle) <= most).all(), "a turn is more than it need be"
     assert 0.0 <= report.coverage_error < math.inf and 0.0 < report.covered < math.inf, "the report is no number"
     assert 1 <= report.steps <= MOST_STEPS and report.seconds > 0.0
     if 1 < len(position) <= FEW_BODIES:
