@@ -9,7 +9,7 @@ import warp as wp
 
 from ..space.kernels_images import Images, density_pixel, in_support, pixel_at
 from ..space.kernels_mesh import Mesh, nearest_node
-from ..space.kernels_space import Space, confine, difference, number_inside, overhang, wrapped
+from ..space.kernels_space import Space, between_cells, confine, difference, overhang, wrapped
 from .body_flags import BodyFlags
 from .kernels_direction import LENGTHS, add, add_length, add_products
 
@@ -366,23 +366,11 @@ def weigh_turn(kind: int, axis: Axis, fit: RigidMove, preferred_length: float, l
 def length_factor_at(center: wp.vec2, kind: int, lines: Lines, space: Space):
     """What a kind's preferred length is multiplied by at ``center``: linear between the middles of blocks."""
     rows = lines.block_rows[kind]
-    columns = lines.block_columns[kind]
     factor = lines.length_factor[kind]
     if rows > 0:
-        start = lines.block_start[kind]
-        u = center[0] / space.size[0] * float(columns) - 0.5
-        v = center[1] / space.size[1] * float(rows) - 0.5
-        left = int(wp.floor(u))
-        low = int(wp.floor(v))
-        fu = u - float(left)
-        fv = v - float(low)
-        x0 = number_inside(left, columns, space)
-        x1 = number_inside(left + 1, columns, space)
-        lower = start + number_inside(low, rows, space) * columns
-        upper = start + number_inside(low + 1, rows, space) * columns
-        of_lower = (1.0 - fu) * lines.length_factor[lower + x0] + fu * lines.length_factor[lower + x1]
-        of_upper = (1.0 - fu) * lines.length_factor[upper + x0] + fu * lines.length_factor[upper + x1]
-        factor = (1.0 - fv) * of_lower + fv * of_upper
+        factor = between_cells(
+            center, lines.length_factor, lines.block_start[kind], rows, lines.block_columns[kind], space
+        )
     return factor
 
 

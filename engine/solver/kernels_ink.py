@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_space import Space, number_inside, number_repeated
+from ..space.kernels_space import Space, between_cells, number_repeated
 
 wp.set_module_options({"enable_backward": False})
 
@@ -38,31 +38,19 @@ def find_factors(
     middle: wp.array(dtype=wp.vec2),
     half_axis: wp.array(dtype=wp.vec2),
     adapts: wp.array(dtype=wp.uint8),
-    of_cell: wp.array2d(dtype=float),
+    of_cell: wp.array(dtype=float),
+    rows: int,
+    columns: int,
     space: Space,
     # outputs
     factor: wp.array(dtype=float),
 ):
     """Factor on the width of every body: the mean along its axis of those of the cells, linear between their middles."""
     i = first + wp.tid()
-    rows = of_cell.shape[0]
-    columns = of_cell.shape[1]
     total = float(0.0)
     for k in range(POINTS):
         p = middle[i] + (2.0 * (float(k) + 0.5) / float(POINTS) - 1.0) * half_axis[i]
-        u = p[0] / space.size[0] * float(columns) - 0.5
-        v = p[1] / space.size[1] * float(rows) - 0.5
-        left = int(wp.floor(u))
-        low = int(wp.floor(v))
-        fu = u - float(left)
-        fv = v - float(low)
-        x0 = number_inside(left, columns, space)
-        x1 = number_inside(left + 1, columns, space)
-        y0 = number_inside(low, rows, space)
-        y1 = number_inside(low + 1, rows, space)
-        lower = (1.0 - fu) * of_cell[y0, x0] + fu * of_cell[y0, x1]
-        upper = (1.0 - fu) * of_cell[y1, x0] + fu * of_cell[y1, x1]
-        total += (1.0 - fv) * lower + fv * upper
+        total += between_cells(p, of_cell, 0, rows, columns, space)
     factor[i] = 1.0
     if adapts[i] != wp.uint8(0):
         factor[i] = total / float(POINTS)

@@ -114,6 +114,24 @@ def number_repeated(i: int, count: int, space: Space):
 
 
 @wp.func
+def between_cells(position: wp.vec2, values: wp.array(dtype=float), start: int, rows: int, columns: int, space: Space):
+    """Values of cells over the space, row 0 at the bottom, ``start`` the first: linear between their middles."""
+    u = position[0] / space.size[0] * float(columns) - 0.5
+    v = position[1] / space.size[1] * float(rows) - 0.5
+    left = int(wp.floor(u))
+    low = int(wp.floor(v))
+    fu = u - float(left)
+    fv = v - float(low)
+    x0 = number_inside(left, columns, space)
+    x1 = number_inside(left + 1, columns, space)
+    y0 = start + number_inside(low, rows, space) * columns
+    y1 = start + number_inside(low + 1, rows, space) * columns
+    lower = (1.0 - fu) * values[y0 + x0] + fu * values[y0 + x1]
+    upper = (1.0 - fu) * values[y1 + x0] + fu * values[y1 + x1]
+    return (1.0 - fv) * lower + fv * upper
+
+
+@wp.func
 def period(space: Space):
     """After which distance along x and along y the space repeats itself; 0 where it does not."""
     if space.periodic != 0:

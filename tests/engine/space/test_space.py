@@ -46,6 +46,21 @@ def number(
     beside[i] = kernels_space.numbers_beside(i - count, count, space)
 
 
+@wp.kernel
+def interpolate(
+    first: int,
+    position: wp.array(dtype=wp.vec2),
+    values: wp.array(dtype=float),
+    start: int,
+    rows: int,
+    columns: int,
+    space: kernels_space.Space,
+    result: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    result[i] = kernels_space.between_cells(position[i], values, start, rows, columns, space)
+
+
 @pytest.fixture
 def launcher():
     launcher = Launcher(resolve_device("cpu"))
@@ -89,6 +104,29 @@ def test_cells_beyond_an_end_are_those_of_the_other_side_or_none(launcher, perio
         met = [j for j in met if 0 <= j < count]
         assert len(set(met)) == len(met)
         assert set(met) == {(own + d) % count if periodic else own + d for d in (-1, 0, 1)} & set(range(count))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (5, 1)])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_values_are_linear_between_the_middles_of_cells(launcher, periodic, shape):
+    rng = np.random.default_rng(0)
+    values = rng.random(shape).astype(np.float32)
+    position = (rng.random((300, 2)) * SIZE).astype(np.float32)
+    before = np.full(7, np.nan, np.float32)
+    given = [
+        wp.array(position, dtype=wp.vec2, device="cpu"),
+        wp.array(np.concatenate([before, values.ravel()]), dtype=float, device="cpu"),
+    ]
+    result = launcher.empty(300, float)
+    space = Space(SIZE, periodic).for_kernels()
+    launcher.launch(interpolate, 300, [*given, len(before), *shape, space], [result])
+    around = np.pad(values, 1, mode="wrap" if periodic else "edge")
+    x, y = (position / SIZE * shape[::-1] + 0.5).T
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    u, v = x - column, y - row
+    below = (1.0 - u) * around[row, column] + u * around[row, column + 1]
+    above = (1.0 - u) * around[row + 1, column] + u * around[row + 1, column + 1]
+    np.testing.assert_allclose(result.numpy(), (1.0 - v) * below + v * above, atol=1e-5)
 
 
 def test_a_space_has_the_extent_of_its_domain_and_its_mirror_images_repeat():
