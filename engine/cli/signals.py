@@ -41,7 +41,6 @@ class Ended(BaseException):
 
     def __init__(self, number: int) -> None:
         self.number = number
-        self.name = signal.Signals(number).name
 
 
 def end(number: int, frame: object) -> NoReturn:
