@@ -14,7 +14,7 @@ from .body_flags import BodyFlags
 from .model import Model
 from .state import State
 
-__all__ = ["facing_turns", "placement_of", "position_in_meters"]
+__all__ = ["angle_within", "facing_turns", "looks_at_point", "placement_of", "position_in_meters"]
 
 
 def placement_of(model: Model, state: State) -> Placement:
@@ -24,17 +24,17 @@ def placement_of(model: Model, state: State) -> Placement:
     angle, length, width = (np.zeros(len(position)) for _ in range(3))
     given = model.footprints.is_outline
     if given.any():
-        angle[given] = _within(state.turn.numpy()[given].astype(np.float64), 2.0 * math.pi)
+        angle[given] = angle_within(state.turn.numpy()[given].astype(np.float64), 2.0 * math.pi)
     if model.kinds:
         pose = state.pose.numpy().astype(np.float64)
         # A line has no front, unless its outline has one: angles within half a turn.
         line = (body.kind >= 0) & ~given
-        angle[line] = _within(pose[line, 2], math.pi)
+        angle[line] = angle_within(pose[line, 2], math.pi)
         turned = (body.kind >= 0) & given
-        angle[turned] = _within(pose[turned, 2] + angle[turned], 2.0 * math.pi)
+        angle[turned] = angle_within(pose[turned, 2] + angle[turned], 2.0 * math.pi)
         length = pose[:, 3] * model.unit
         width = model.widths(length)
-    looking = _looking(model) & ~given
+    looking = looks_at_point(model) & ~given
     if looking.any():
         angle[looking] = facing_turns(model, position)[looking]
     fixed = model.problem.fixed
@@ -72,24 +72,24 @@ def placement_of(model: Model, state: State) -> Placement:
 def facing_turns(model: Model, position: np.ndarray) -> np.ndarray:
     """Turns with which bodies look where their class does [rad], shape ``[n]``; 0 of those that look nowhere."""
     turn = np.zeros(model.body_count)
-    looking = _looking(model)
+    looking = looks_at_point(model)
     for number, c in enumerate(model.problem.classes):
         if c.look_at is None:
             continue
         own = np.flatnonzero(looking & (model.body.class_index == number))
-        turn[own] = _within(
+        turn[own] = angle_within(
             facing(c.look_at, position[own], model.body.identity[own], model.problem.seed), 2.0 * math.pi
         )
     return turn
 
 
-def _looking(model: Model) -> np.ndarray:
+def looks_at_point(model: Model) -> np.ndarray:
     """Which bodies look at a point, shape ``[n]``: those of its class that are no lines, and that nobody has put there."""
     classes = np.array([c.look_at is not None for c in model.problem.classes])
     return classes[model.body.class_index] & (model.body.kind < 0) & ~model.fixed
 
 
-def _within(angle: np.ndarray, period: float) -> np.ndarray:
+def angle_within(angle: np.ndarray, period: float) -> np.ndarray:
     """Angles [rad] between minus and plus half of a period."""
     return np.mod(angle + 0.5 * period, period) - 0.5 * period
 

@@ -21,7 +21,7 @@ from .carried_over import CarriedOver
 from .descent import Descent
 from .edit import carry_lines, carry_over
 from .energy import Energy
-from .final_placement import facing_turns, placement_of, position_in_meters
+from .final_placement import angle_within, facing_turns, looks_at_point, placement_of, position_in_meters
 from .ink import with_widths
 from .memory import check_memory
 from .model import Model
@@ -412,13 +412,12 @@ class Solver:
         """
         model, descent = self.model, self.descent
         assert isinstance(descent, Descent)
-        looking = np.array([c.look_at is not None for c in model.problem.classes])[model.body.class_index]
-        looking &= model.footprints.is_outline & (model.body.kind < 0) & ~model.fixed
+        looking = looks_at_point(model) & model.footprints.is_outline
         if not looking.any():
             return False
         turn = descent.state.turn.numpy().copy()
         wanted = facing_turns(model, position_in_meters(model, descent.state))
-        away = looking & (np.abs(np.mod(wanted - turn + math.pi, 2.0 * math.pi) - math.pi) > past)
+        away = looking & (np.abs(angle_within(wanted - turn, 2.0 * math.pi)) > past)
         turn[away] = wanted[away]
         descent.state.turn.assign(turn)
         return bool(away.any())

@@ -9,6 +9,7 @@ from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
+from .final_placement import angle_within, looks_at_point
 from .model import Model
 from .surface_line_rules import tangent_frame
 from .surface_state import SurfaceState
@@ -47,13 +48,14 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
     asked = model.problem.fixed.angle[body.kind[model.fixed] < 0]
     angle[turned] = asked
     tangent[turned] = np.cos(asked)[:, None] * first[turned] + np.sin(asked)[:, None] * second[turned]
+    looking = looks_at_point(model)
     for number, c in enumerate(model.problem.classes):
         if c.look_at is not None:
-            own = np.flatnonzero((body.class_index == number) & (body.kind < 0) & ~model.fixed)
+            own = np.flatnonzero(looking & (body.class_index == number))
             turn = facing_on_surface(
                 c.look_at, points.position[own], first[own], second[own], body.identity[own], model.problem.seed
             )
-            angle[own] = np.mod(turn + np.pi, 2.0 * np.pi) - np.pi
+            angle[own] = angle_within(turn, 2.0 * np.pi)
             tangent[own] = np.cos(turn)[:, None] * first[own] + np.sin(turn)[:, None] * second[own]
     length = 2.0 * half * model.unit
     width = model.widths(length) if model.kinds else np.zeros(len(length))

@@ -23,7 +23,7 @@ from ..problem.problem import Problem
 from ..problem.size import Size, with_count
 from ..solver.body_flags import BodyFlags
 from ..solver.descent import Descent
-from ..solver.final_placement import position_in_meters
+from ..solver.final_placement import angle_within, position_in_meters
 from ..solver.initial_placement import first_pose
 from ..solver.line_rules import FIRST_LENGTH, LineRules, length_blocks
 from ..solver.model import Model
@@ -233,7 +233,7 @@ def _moved(bodies: PartBodies, free: np.ndarray, position: np.ndarray, pose: np.
     result[free] = position[free]
     angle, length = bodies.angle.copy(), bodies.length.copy()
     line = free & (model.body.kind >= 0)
-    angle[line] = np.mod(pose[line, 2] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
+    angle[line] = angle_within(pose[line, 2], math.pi)
     length[line] = pose[line, 3] * model.unit
     return PartBodies(bodies.identity, result, angle, length)
 
