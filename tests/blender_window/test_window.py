@@ -49,10 +49,12 @@ def test_a_stroke_with_the_mouse_is_followed(package: Path, tmp_path: Path):
     if not answer["mouse"]:
         pytest.skip("nothing moves the mouse: xdotool is missing")
     assert answer["mode"] == "PAINT_TEXTURE" and answer["live"] and answer["placed"] == 10_000
-    # Pixels changed while it was painted, and objects went; counts are kept, and what is far from it stays.
+    # Pixels changed while it was painted, and objects went; counts are kept, and what is far from it stays where it
+    # was, but for what had to make room. A stroke is followed in as many parts as the machine has time for: each part
+    # sends objects of its own there, and so the limits are wide (a quarter of the spacing, which is 0.8 m).
     assert answer["painted"] >= 2 and answer["followed"] >= 1
     assert answer["on_stroke_before"] > 100 > 5 >= answer["on_stroke"]
-    assert answer["far"]["count"] > 3000 and answer["far"]["median"] < 0.15 and answer["far"]["still"] > 0.85
+    assert answer["far"]["count"] > 3000 and answer["far"]["median"] < 0.2 and answer["far"]["still"] > 0.7
     # A quarter of a second on a machine of its own; others may be at work here.
     print({name: answer[name] for name in ("update", "first_after", "last_after", "usual_tick", "longest_tick")})
     assert answer["update"] < 10.0

@@ -9,6 +9,7 @@ bpy = pytest.importorskip("bpy")
 
 from esh.engine.problem.look_at import LookAt  # noqa: E402
 from esh.engine.problem.settings import settings_of  # noqa: E402
+from esh.engine.surface.chart import RESOLUTION  # noqa: E402
 from esh.esh_scatter.api import (  # noqa: E402
     AltitudeDensity,
     Amount,
@@ -29,8 +30,16 @@ from esh.esh_scatter.api import (  # noqa: E402
     Unsharp,
     scatter,
 )
+from esh.esh_scatter.classes.survey import Survey  # noqa: E402
 
 EXTREMES = (-1e300, 1e39, 2**31, 10**30)
+
+
+@pytest.fixture(autouse=True)
+def small_charts(monkeypatch):
+    """The ground is level and of one density: a finer chart says no more, and takes most of the time."""
+    assert Survey().resolution == RESOLUTION
+    monkeypatch.setattr(Survey.__init__, "__defaults__", (256,))
 
 
 @pytest.fixture(autouse=True)
