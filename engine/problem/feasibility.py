@@ -12,6 +12,7 @@ from ..errors import ProblemError
 from . import validation
 from .body_kind import disc_radius
 from .domain import Domain
+from .footprint import Footprints
 from .line import Line
 from .obstacles import Obstacle
 from .prepared_class import PreparedClass
@@ -48,10 +49,10 @@ def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequenc
         for size in c.sizes:
             if size.line is not None:
                 _check_line_on_surface(size.line, f'size "{size.name}" of class "{c.name}"')
-            if size.footprint is not None:
+            if isinstance(size.footprint, Footprints) and size.footprint.slope is not None:
                 raise ProblemError(
-                    f'`footprint` of size "{size.name}" of class "{c.name}" must lie in a rectangle; on a surface footprints are '
-                    "discs"
+                    f'`slope` of the `footprint` of size "{size.name}" of class "{c.name}" must be None on a surface, along which '
+                    "outlines lie"
                 )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
@@ -53,54 +51,3 @@ def nearest_distance(
         if j != i and wp.dot(normal[i], normal[j]) > 0.0:
             least = wp.min(least, wp.length(position[j] - own))
     distance[i] = least
-
-
-# Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
-# turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
-STEEPER = wp.constant(math.pi / 3.0)
-
-
-@wp.func
-def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
-    """Whether what lies at a way from here, where the surface looks along ``other``, lies on the sheet of the surface that is here."""
-    cosine = wp.dot(normal, other)
-    if cosine <= 0.0:
-        return False
-    if distance == 0.0:
-        return True
-    leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, 1.0))
-    leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, 1.0))
-    return leaves <= wp.acos(wp.min(cosine, 1.0)) + STEEPER
-
-
-@wp.kernel
-def count_touching(
-    first: int,
-    grid: wp.uint64,
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    axis: wp.array(dtype=wp.vec3),
-    radius: wp.array(dtype=float),
-    reach: float,
-    touch: float,
-    # outputs
-    count: wp.array(dtype=wp.int32),
-):
-    """Bodies of the same sheet whose discs, or capsules around half axes, overlap each one's, in a straight line."""
-    i = first + wp.tid()
-    own = position[i]
-    found = int(0)
-    query = wp.hash_grid_query(grid, own, wp.length(axis[i]) + radius[i] + reach)
-    j = int(0)
-    while wp.hash_grid_query_next(query, j):
-        if j != i:
-            way = position[j] - own
-            if wp.length_sq(axis[i]) + wp.length_sq(axis[j]) > 0.0:
-                places = wp.closest_point_edge_edge(
-                    own - axis[i], own + axis[i], position[j] - axis[j], position[j] + axis[j], 1.0e-9
-                )
-                way += (2.0 * places[1] - 1.0) * axis[j] - (2.0 * places[0] - 1.0) * axis[i]
-            gap = wp.length(way)
-            if gap < (radius[i] + radius[j]) * touch and on_one_sheet(way, gap, normal[i], normal[j]):
-                found += 1
-    count[i] = found

@@ -12,6 +12,7 @@ from ..problem.cover import cover_of
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.prepared_class import PreparedClass
+from ..problem.problem import Problem
 from ..problem.report import ClassReport, Report, SizeReport
 from ..problem.surface import Surface
 from ..space.asked_counts import counts_in_cells
@@ -19,7 +20,7 @@ from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .overlaps import overlaps_of
+from .overlaps import Overlaps, overlaps_of
 from .spacing import measure_spacing
 from .surface_measurement import measure_on_surface
 
@@ -54,18 +55,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     covered = float(seen.sum() / (domain.area * np.mean(counts_in_cells(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints)
-    # Why bodies still overlap is looked into where they do.
-    warning = cover_of(problem).warning if problem.avoid_overlap and overlaps.count else None
-    if problem.avoid_overlap and overlaps.count:
-        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
-    if warning is not None:
-        notes.append(warning)
-    # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
-    elif covered > 1.0 and overlaps.count:
-        notes.append(
-            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
-            "lower the counts or the areas"
-        )
+    notes += _notes_on_overlaps(problem, overlaps, covered)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     apart = [spacing and spacing.smallest]
     if len(problem.classes) > 1:
@@ -94,13 +84,8 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher)
     notes = [note for c in placement.problem.classes for note in c.notes]
-    if placement.problem.avoid_overlap and found.overlaps:
-        notes.append(f"{found.overlaps} pairs of footprints still overlap")
-    if found.covered > 1.0 and found.overlaps:
-        notes.append(
-            f"the footprints add up to {found.covered:.0%} of the space where they may be: they cannot fit without overlap; "
-            "lower the counts or the areas"
-        )
+    overlaps = found.overlaps
+    notes += _notes_on_overlaps(placement.problem, overlaps, found.covered)
     return Report(
         steps=0,
         converged=False,
@@ -110,11 +95,34 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
         smallest_spacing=found.smallest,
         closest=found.closest,
         usual=found.usual,
-        overlaps=found.overlaps,
+        overlaps=overlaps.count,
+        deepest_overlap=overlaps.deepest,
+        deepest_pair=overlaps.pair,
+        overlapping=overlaps.bodies,
         covered=found.covered,
         classes=_class_reports(placement, found.errors),
         notes=tuple(notes),
     )
+
+
+def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> list[str]:
+    """Say what still overlaps, and why; ``covered`` is the share of the ground that footprints have come to take."""
+    if not overlaps.count:
+        return []
+    notes = []
+    warning = None
+    if problem.avoid_overlap:
+        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
+        warning = cover_of(problem).warning
+    if warning is not None:
+        notes.append(warning)
+    # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
+    elif covered > 1.0:
+        notes.append(
+            f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
+            "lower the counts or the areas"
+        )
+    return notes
 
 
 def _class_reports(

@@ -15,9 +15,9 @@ from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..space.space import Space
-from . import kernels_overlaps
+from . import kernels_overlaps, kernels_sheets
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlaps_of"]
+__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_of"]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3
@@ -29,6 +29,8 @@ MOST_NAMED = 10_000
 MOST_LEVELS = 12
 # Parts in which bodies are sorted into cells on a GPU; threads of a processor have one each.
 PARTS_ON_GPU = 4096
+# Cells along every axis of the table in which bodies on a surface are looked up.
+HASHED_CELLS = 128
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
 MOST_IMAGES = 4
 
@@ -142,6 +144,65 @@ def find_overlaps(
     return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
 
 
+def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overlaps:
+    """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does; ``place`` is None.
+
+    Two outlines are compared where they see each other along one sheet of the surface: in the plane between those that touch it at
+    the two bodies, as far apart as these are in a straight line.
+    """
+    n = len(placement.position)
+    if n == 0:
+        return Overlaps(0)
+    assert placement.normal is not None and placement.tangent is not None
+    device, footprints = launcher.device, footprints_of_placement(placement)
+    most_corners = max([2, *(len(outline.corners) for outline in footprints.shapes)])
+    shapes = _laid_out(
+        footprints,
+        np.zeros((n, 2)),
+        np.zeros(n),
+        placement.length,
+        placement.width,
+        np.minimum(footprints.room, 1.0),
+        np.zeros((0, 2)),
+        _bent_lines(footprints, np.zeros((n, 2)), None),
+        launcher,
+        spare_corners=n * most_corners,
+    )
+    shapes.fixed = wp.array(placement.fixed.astype(np.int32), dtype=wp.int32, device=device)
+    reach = shapes.reach.numpy()
+    unit = float(reach.max())
+    middle = 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
+    # Only cells are in units.
+    in_units = wp.array(((placement.position - middle) / unit).astype(np.float32), dtype=wp.vec3, device=device)
+    grid = wp.HashGrid(HASHED_CELLS, HASHED_CELLS, HASHED_CELLS, device=device)
+    grid.build(in_units, 2.0)
+    sheets = kernels_sheets.Sheets()
+    for name, values in (
+        ("position", placement.position - middle),
+        ("normal", placement.normal),
+        ("along", placement.tangent),
+    ):
+        setattr(sheets, name, launcher.array(np.ascontiguousarray(values, np.float64), wp.vec3d))
+    sheets.copies, sheets.most_corners = len(shapes.corner) - n * most_corners, most_corners
+    found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
+    launcher.launch(
+        kernels_sheets.count_on_sheets,
+        n,
+        [grid.id, in_units, unit, sheets, shapes, TOLERANCE, MOST_OVERLAPS_PER_BODY],
+        [found, deepest, partner],
+        grain=GRAIN_OF_NEIGHBORS,
+    )
+    count = int(found.numpy().sum(dtype=np.int64)) // 2
+    if count == 0:
+        return Overlaps(0)
+    depth = deepest.numpy()
+    one = int(np.argmax(depth))
+    other = int(partner.numpy()[one])
+    lying = np.flatnonzero(depth > 0.0)
+    named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
+    return Overlaps(count, float(depth[one]), (min(one, other), max(one, other)), None, tuple(named.tolist()))
+
+
 class _BentLines(NamedTuple):
     """Lines that are bent: their bodies ``[m]``, where the points of each begin ``[m + 1]``, and the way to these ``[points, 2]``."""
 
@@ -171,8 +232,9 @@ def _laid_out(
     slope: np.ndarray,
     bent: _BentLines,
     launcher: Launcher,
+    spare_corners: int = 0,
 ) -> kernels_overlaps.Shapes:
-    """What lies where, but for what is fixed; without slopes all lies in horizontal planes."""
+    """What lies where, but for what is fixed; without slopes all lies in horizontal planes; corners have some room behind them."""
     device, n = launcher.device, len(position)
 
     def numbers(values: np.ndarray) -> wp.array:
@@ -202,7 +264,7 @@ def _laid_out(
     shapes = kernels_overlaps.Shapes()
     shapes.position = launcher.array(position, wp.vec2d)
     shapes.first_corner = launcher.array(first, wp.int32)
-    shapes.corner = launcher.empty(int(first[-1]), wp.vec4d)
+    shapes.corner = launcher.empty(int(first[-1]) + spare_corners, wp.vec4d)
     shapes.rounding, shapes.reach, shapes.width = (launcher.empty(n, wp.float64) for _ in range(3))
     shapes.pieces = launcher.array(pieces, wp.int32)
     launcher.launch(kernels_overlaps.lay_out, n, [given], [shapes])

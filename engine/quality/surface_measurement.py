@@ -9,12 +9,11 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
-from ..problem.body_footprints import footprints_of
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_heat
 from .heat import HeatMesh
-from .overlaps import TOLERANCE
+from .overlaps import Overlaps, find_overlaps_on_surface
 from .spacing import HEXAGONAL_SPACING
 
 __all__ = ["measure_on_surface"]
@@ -34,7 +33,7 @@ class SurfaceFigures(NamedTuple):
         smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbors.
         closest: Smallest distance of neighbors [m].
         usual: Median distance to the nearest neighbor [m].
-        overlaps: Pairs of footprints that overlap.
+        overlaps: What overlaps.
         covered: Sum of the footprints over the area where bodies may be.
     """
 
@@ -43,7 +42,7 @@ class SurfaceFigures(NamedTuple):
     smallest: float | None
     closest: float | None
     usual: float | None
-    overlaps: int
+    overlaps: Overlaps
     covered: float
 
 
@@ -71,7 +70,9 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     allowed = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
     covered = float(area.sum() / (surface.area * max(float(allowed), 1e-9)))
     smallest, closest, usual = _spacing(placement, surface, launcher) or (None, None, None)
-    return SurfaceFigures(errors, whole, smallest, closest, usual, _overlaps(placement, launcher), covered)
+    return SurfaceFigures(
+        errors, whole, smallest, closest, usual, find_overlaps_on_surface(placement, launcher), covered
+    )
 
 
 def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tuple[float, float, float] | None:
@@ -104,39 +105,6 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
     meters = near[found] * unit
     smallest = float((meters * np.sqrt(number[found])).min()) / HEXAGONAL_SPACING
     return smallest, float(meters.min()), float(np.median(meters))
-
-
-def _overlaps(placement: Placement, launcher: Launcher) -> int:
-    """Pairs of footprints on one sheet that overlap, in a straight line, by more than 1e-3 of their distance."""
-    n = len(placement.position)
-    radius = placement.radius
-    # With less room than they have they may overlap that far.
-    radius *= np.minimum(footprints_of(placement.problem).room, 1.0)
-    half = np.where(placement.width > 0.0, 0.5 * placement.length, 0.0)
-    unit = float((radius + half).max())
-    position, normal = _on_device(placement, unit, launcher)
-    assert placement.tangent is not None
-    device = launcher.device
-    grid = wp.HashGrid(CELLS, CELLS, CELLS, device=device)
-    grid.build(position, 1.0)
-    count = launcher.empty(n, wp.int32)
-    axis = (placement.tangent * (half / unit)[:, None]).astype(np.float32)
-    launcher.launch(
-        kernels_heat.count_touching,
-        n,
-        [
-            grid.id,
-            position,
-            normal,
-            wp.array(axis, dtype=wp.vec3, device=device),
-            wp.array(radius / unit, dtype=float, device=device),
-            1.0,
-            1.0 - TOLERANCE,
-        ],
-        [count],
-        grain=GRAIN_OF_NEIGHBORS,
-    )
-    return int(count.numpy().sum(dtype=np.int64)) // 2
 
 
 def _points(placement: Placement, surface: Surface) -> PointsOnSurface:

@@ -15,9 +15,9 @@ from . import kernels_contact, kernels_descent
 from .body_flags import BodyFlags
 from .guidance import Guidance, needs_guidance
 from .model import Model
-from .separation import Separation
+from .plane_separation import PlaneSeparation
 
-__all__ = ["Contact", "keeps_apart"]
+__all__ = ["DAMPING", "ROUNDS_PER_STEP", "SLACK", "Contact", "contact_radii", "keeps_apart"]
 
 # Rounds of pushing after every step of the relaxation.
 ROUNDS_PER_STEP = 4
@@ -40,6 +40,18 @@ def keeps_apart(model: Model) -> bool:
     radius = AXIS_RADIUS * radius_of(model.widths(longest), model.body.area)
     layers = float((2.0 * longest * radius + np.pi * radius**2).sum()) / model.problem.domain.area
     return layers < MOST_LAYERS
+
+
+def contact_radii(model: Model, length: np.ndarray) -> np.ndarray:
+    """Radius of every disc, half the thickness of every capsule [m], as they are pushed apart with axes of these lengths [m]."""
+    width = model.widths(length)
+    if not model.problem.avoid_overlap:
+        return AXIS_RADIUS * radius_of(width, model.body.area)
+    footprints = model.footprints
+    # While bodies find their places an outline is a disc of its area.
+    area = footprints.areas(length, width, apart=True)
+    half = 0.5 * width * footprints.room + 0.5 * footprints.gap
+    return np.where(width > 0.0, half, disc_radius(area))
 
 
 class Contact:
@@ -73,24 +85,13 @@ class Contact:
         self._near = Neighborhood(
             launcher,
             model.space,
-            self._radii(longest) / model.unit,
+            contact_radii(model, longest) / model.unit,
             half / model.unit,
             mass,
         )
         n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)
         self.discs = model.space.has_straight_ways and not (launcher.device.is_cuda or model.kinds)
-
-    def _radii(self, length: np.ndarray) -> np.ndarray:
-        """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
-        width = self._model.widths(length)
-        if not self._model.problem.avoid_overlap:
-            return AXIS_RADIUS * radius_of(width, self._model.body.area)
-        footprints = self._model.footprints
-        # While bodies find their places an outline is a disc of its area.
-        area = footprints.areas(length, width, apart=True)
-        half = 0.5 * width * footprints.room + 0.5 * footprints.gap
-        return np.where(width > 0.0, half, disc_radius(area))
 
     def push(self, pose: wp.array, bend: wp.array, displacement: wp.array) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that ``displacement`` describes."""
@@ -119,7 +120,7 @@ class Contact:
             again: Whether they were parted before, and have moved little since.
             guided: Whether forces may keep them even meanwhile, where that takes some; they follow the densities of the problem.
         """
-        parting = Separation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
+        parting = PlaneSeparation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
         if not guided or not needs_guidance(self._model) or parting.too_crowded:
             return parting.run(go_on, again=again)
         guidance = Guidance(self._model, self.launcher, self._bodies, bend)

@@ -71,7 +71,10 @@ class Guidance:
         self._recording: Recording | None = None
 
     def lead(self, crowd_pose: wp.array, outlines: kernels_outlines.Outlines, home: wp.array) -> None:
-        """Write where bodies are to go into ``home``; the arrays, those of a :class:`.separation.Separation`, are always the same."""
+        """Write where bodies are to go into ``home``.
+
+        The arrays, those of a :class:`.plane_separation.PlaneSeparation`, are always the same.
+        """
         if self._recording is None:
             self._recording = self._launcher.record(lambda: self._launch(crowd_pose, outlines, home))
         self._recording.play()

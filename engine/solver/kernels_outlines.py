@@ -219,11 +219,13 @@ def beyond_face(corner: wp.array(dtype=wp.vec4), a: int, a_count: int, b: int, b
 
 
 @wp.func
-def apart(i: int, a: int, j: int, d: wp.vec2, outlines: Outlines, enough: float):
-    """A lower bound of the distance of two outlines, exact where they overlap; beyond ``enough``, any. ``a`` is i's first corner."""
+def apart(i: int, a: int, j: int, b: int, d: wp.vec2, outlines: Outlines, enough: float):
+    """A lower bound of the distance of two outlines, exact where they overlap; beyond ``enough``, any.
+
+    ``a`` and ``b`` are the first corners of i and j, which is at offset ``d``.
+    """
     a_count = outlines.first_corner[i + 1] - outlines.first_corner[i]
-    b = outlines.first_corner[j]
-    b_count = outlines.first_corner[j + 1] - b
+    b_count = outlines.first_corner[j + 1] - outlines.first_corner[j]
     r = outlines.rounding[i] + outlines.rounding[j]
     best = float(-1.0e30)
     if a_count > 1:

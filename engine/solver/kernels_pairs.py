@@ -110,7 +110,7 @@ def pairs_with(before: int, room: int, i: int, j: int, crowd: Crowd, fill: int, 
             if wp.length_sq(d) < within * within and count < room:
                 if fill == 0:
                     count += 1
-                elif apart(i, outlines.first_corner[i], j, d, outlines, skins) < skins:
+                elif apart(i, outlines.first_corner[i], j, outlines.first_corner[j], d, outlines, skins) < skins:
                     slot = pairs.start[i] + count
                     pairs.second[slot] = j
                     pairs.note[slot] = note_of(

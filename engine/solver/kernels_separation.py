@@ -9,7 +9,7 @@ from ..space.kernels_space import Space, confine, difference
 from .kernels_descent import Bodies, confine_line, slide
 from .kernels_outlines import Outlines, wall_contact
 from .kernels_pairs import FACE_BITS, Crowd, Pairs, image_of
-from .kernels_touch import touch
+from .kernels_touch import Contact, touch
 
 wp.set_module_options({"enable_backward": False})
 
@@ -29,6 +29,23 @@ MOMENTUM = wp.constant(1)
 COASTING = wp.constant(2)
 PULL = wp.constant(3)
 SLACK = wp.constant(4)
+
+
+@wp.func
+def asked_by_contact(
+    contact: Contact, j: int, d: wp.vec2, lightness: float, ease: float, slack: float, outlines: Outlines
+):
+    """What a contact with body j, which is at offset ``d``, asks for: see :class:`~.kernels_pairs.Pairs`."""
+    n = contact.direction
+    at = contact.at
+    lever = at[0] * n[1] - at[1] * n[0]
+    other_lever = (at[0] - d[0]) * n[1] - (at[1] - d[1]) * n[0]
+    give = lightness + outlines.lightness[j] + lever * lever * ease + other_lever * other_lever * outlines.ease[j]
+    asked = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    if give > 0.0:
+        push = (slack - contact.distance) / give
+        asked = wp.vec4(n[0] * push, n[1] * push, lever * push, other_lever * push)
+    return asked
 
 
 @wp.kernel
@@ -61,21 +78,9 @@ def find_pushes(
         within = outlines.reach[i] + outlines.reach[j] + slack
         if wp.length_sq(d) < within * within:
             contact = touch(i, j, d, outlines, slack, note & FACE_BITS)
-            n = contact.direction
-            at = contact.at
             pairs.note[p] = (note & ~FACE_BITS) | contact.hint
             if contact.distance < slack:
-                lever = at[0] * n[1] - at[1] * n[0]
-                other_lever = (at[0] - d[0]) * n[1] - (at[1] - d[1]) * n[0]
-                give = (
-                    lightness
-                    + outlines.lightness[j]
-                    + lever * lever * ease
-                    + other_lever * other_lever * outlines.ease[j]
-                )
-                if give > 0.0:
-                    push = (slack - contact.distance) / give
-                    asked = wp.vec4(n[0] * push, n[1] * push, lever * push, other_lever * push)
+                asked = asked_by_contact(contact, j, d, lightness, ease, slack, outlines)
                 depth = -contact.distance / narrower
         pairs.push[p] = asked
         pairs.depth[p] = depth
@@ -269,6 +274,26 @@ def move_apart(
         wp.atomic_add(moves.moved_far, thread, 1)
 
 
+@wp.func
+def overlaps_of_pairs(i: int, pairs: Pairs, tolerance: float):
+    """Of the pairs whose first is body i: how many overlap by more than the tolerance, and at all; and its squared overlaps."""
+    deeper = int(0)
+    overlaps = int(0)
+    squares = float(0.0)
+    start = pairs.start[i]
+    for slot in range(start, start + pairs.count[i]):
+        depth = pairs.depth[slot]
+        if depth > 0.0:
+            overlaps += 1
+            squares += depth * depth
+            if depth > tolerance:
+                deeper += 1
+    for at in range(pairs.second_start[i], pairs.second_start[i + 1]):
+        depth = wp.max(pairs.depth[pairs.second_slot[at]], 0.0)
+        squares += depth * depth
+    return deeper, overlaps, squares
+
+
 @wp.kernel
 def measure_overlaps(
     first: int,
@@ -285,20 +310,7 @@ def measure_overlaps(
     Overlaps count in smaller widths; edges of the domain count as bodies.
     """
     i = first + wp.tid()
-    deeper = int(0)
-    overlaps = int(0)
-    squares = float(0.0)
-    start = pairs.start[i]
-    for slot in range(start, start + pairs.count[i]):
-        depth = pairs.depth[slot]
-        if depth > 0.0:
-            overlaps += 1
-            squares += depth * depth
-            if depth > tolerance:
-                deeper += 1
-    for at in range(pairs.second_start[i], pairs.second_start[i + 1]):
-        depth = wp.max(pairs.depth[pairs.second_slot[at]], 0.0)
-        squares += depth * depth
+    deeper, overlaps, squares = overlaps_of_pairs(i, pairs, tolerance)
     if crowd.inset != 0:
         outlines = crowd.outlines
         size = crowd.neighbors.grid.space.size

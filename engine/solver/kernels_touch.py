@@ -274,15 +274,19 @@ def touch_of_cores(a: Core, b: Core, d: wp.vec2, enough: float, hint: int, corne
 
 
 @wp.func
-def touch(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float, hint: int):
-    """The contact of body i with j, which is at offset ``d``; its distance is a lower bound where that is ``enough`` or more.
-
-    ``hint`` is that of the last contact of the two, 0 for none.
-    """
-    a = core_of(i, outlines)
-    b = core_of(j, outlines)
+def touch_between(i: int, j: int, a: Core, b: Core, d: wp.vec2, outlines: Outlines, enough: float, hint: int):
+    """The contact of body i with j, whose cores have these corners; see :func:`touch`."""
     if a.count == 1 and b.count == 1:
         result = touch_of_points(i, j, a, b, d, outlines.corner)
         result.hint = hint
         return result
     return touch_of_cores(a, b, d, enough, hint, outlines.corner)
+
+
+@wp.func
+def touch(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float, hint: int):
+    """The contact of body i with j, which is at offset ``d``; its distance is a lower bound where that is ``enough`` or more.
+
+    ``hint`` is that of the last contact of the two, 0 for none.
+    """
+    return touch_between(i, j, core_of(i, outlines), core_of(j, outlines), d, outlines, enough, hint)

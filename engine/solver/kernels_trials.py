@@ -45,7 +45,7 @@ def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: C
         for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within:
-                depth = -apart(i, corners, j, d, outlines, 0.0)
+                depth = -apart(i, corners, j, outlines.first_corner[j], d, outlines, 0.0)
                 if depth > 0.0:
                     depth = depth / wp.min(outlines.width[i], outlines.width[j])
                     total += depth * depth

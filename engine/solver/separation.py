@@ -1,31 +1,31 @@
-"""Separation: the end of a run in which convex outlines that overlap are parted.
+"""Separation: the end of a run in which convex outlines that overlap are parted, in any space.
 
 Pairs that are near are listed, with a skin, and listed anew when a body has moved beyond its skin. In every round all contacts are
 resolved at once, each by half as many as there are, with momentum that grows, while a pull that fades keeps bodies near where the
 descent put them. What stays stuck trades places with others of its kind; bodies whose turns are fixed have another try with more
-momentum and no pull.
+momentum and no pull. What depends on where bodies are is left to those who know: in a rectangle :mod:`.plane_separation`, on a surface
+:mod:`.surface_separation`.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, Recording
+from ..device.launcher import Launcher, Recording
 from ..problem.cover import cover_of
-from ..space import kernels_images
 from ..space.cell_sort import CellSort
-from ..space.neighborhood import Neighborhood
-from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from . import kernels_outlines, kernels_pairs, kernels_trials
 from .body_flags import BodyFlags
-from .footprint_tables import FootprintTables, footprint_tables, numbered
+from .footprint_tables import FootprintTables, numbered
 from .guidance import Guidance
 from .model import Model
-from .spatial_order import spatial_order
 
 __all__ = ["Separation"]
 
@@ -106,59 +106,40 @@ CROWDED = 0.66
 MOST_PAIRS_PER_BODY = 200
 LEAST_PAIRS_PER_BODY = 32
 MOST_PAIRS = 20_000_000
-# Periods that an image of a body may be away.
-MOST_IMAGES = 8
 # Room for more pairs than there are, so that arrays are not made anew whenever there are a few more.
 SPARE = 1.2
 
 
-class Separation:
+class Separation(ABC):
     """Parts the outlines of a model's bodies.
 
     Args:
         model: What was placed.
         launcher: Where to run.
-        bodies: As the descent's kernels take them.
-        images: Densities, as the descent's kernels take them.
-        pose: Where the bodies are, as the state has it; they are moved.
-        turn: How the outlines are turned, of lines from their axes [rad], float, shape ``[n]``; those that may turn are turned.
-        bend: As the state has it.
+        tables: The bodies' outlines.
+        order: In which order bodies lie in space: their numbers in the model, shape ``[n]``.
+        length: Lengths of the axes of lines [m], shape ``[n]``.
+        offset: How outlines are turned from these axes [rad], shape ``[n]``.
     """
+
+    # Whether every body needs room for corners of the others that it sees, and not only those for trials of how they may be turned.
+    SEES_COPIES: ClassVar[bool] = False
 
     def __init__(
         self,
         model: Model,
         launcher: Launcher,
-        bodies: kernels_descent.Bodies,
-        images: kernels_images.Images,
-        pose: wp.array,
-        turn: wp.array,
-        bend: wp.array,
+        tables: FootprintTables,
+        order: np.ndarray,
+        length: np.ndarray,
+        offset: np.ndarray,
     ) -> None:
         self.launcher = launcher
-        self._pose, self._turn, self._bend = pose, turn, bend
-        self._bodies, self._images = bodies, images
         self._model = model
         self._count = n = model.body_count
-        domain = model.problem.rectangle
-        self._space = model.space.for_kernels()
-        unit = model.unit
-        given = pose.numpy()
-        length = given[:, 3].astype(np.float64) * unit
-        tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
-        self._is_line = model.body.kind >= 0
-        start_turn = turn.numpy().astype(np.float64)
-        angle = np.where(self._is_line, given[:, 2], start_turn)
-        offset = np.where(self._is_line, start_turn, 0.0)
-        reach, skin = tables.reach / unit, SKIN * np.sqrt(tables.area) / unit
-        self._near = Neighborhood(launcher, model.space, reach + skin, np.zeros(n), np.ones(n))
-        order = spatial_order(launcher, pose, model.space.size)
         self._order = order
-        self._near.footprints.radius.assign((reach + skin)[order].astype(np.float32))
-        level = self._near.footprints.level.numpy()[order]
-        self._near.footprints.level.assign(level)
-        # Images that are farther than the nearest one matter where two bodies reach over half a period.
-        periods = model.space.images_within(2.0 * float((reach + skin).max()), MOST_IMAGES)
+        self._is_line = model.body.kind >= 0
+        unit = model.unit
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         mass = tables.area / tables.area.mean()
@@ -169,41 +150,103 @@ class Separation:
             pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
         )
         self._outlines = self._outlines_for_kernels(
-            tables, order, skin=skin, lightness=lightness, ease=ease, length=length / unit, offset=offset
+            tables,
+            order,
+            skin=SKIN * np.sqrt(tables.area) / unit,
+            lightness=lightness,
+            ease=ease,
+            length=length / unit,
+            offset=offset,
         )
-        self._slopes = self._slopes_for_kernels(order)
-        self._covered = float(tables.area.sum() / domain.area)
+        self._covered = float(tables.area.sum() / model.problem.domain.area)
         self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         self._prepare_bins(tables, is_round, pinned)
-        self._make_arrays(given, angle)
-        self._crowd = kernels_pairs.Crowd()
-        self._crowd.pose, self._crowd.outlines, self._crowd.neighbors = (
-            self._crowd_pose,
-            self._outlines,
-            self._near.for_kernels,
-        )
-        self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
+        self._settings = wp.zeros(5, dtype=float, device=launcher.device)
+        self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
+        self._cost = launcher.zeros(n, float)
+        pairs = kernels_pairs.Pairs()
+        pairs.start = launcher.zeros(n + 1, wp.int32)
+        pairs.count = launcher.zeros(n, wp.int32)
+        self._pairs = pairs
+        self._moves: Any = None
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
-    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_outlines.Slopes | None:
-        """Slopes of the planes that outlines lie in; None where all are horizontal."""
-        footprints, device = self._model.footprints, self.launcher.device
-        if not footprints.slopes:
-            return None
+    # What a space knows. Bodies are numbered as they lie in it.
 
-        def whole(values: Sequence[int] | np.ndarray) -> wp.array:
-            return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
+    @abstractmethod
+    def _places(self) -> Sequence[wp.array]:
+        """The arrays that say where bodies are and how they are turned."""
 
-        pixels = [image.reshape(-1, 2) for image in footprints.slopes]
-        slopes = kernels_outlines.Slopes()
-        slopes.image = whole(footprints.slope[order])
-        slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
-        slopes.rows = whole([image.shape[0] for image in footprints.slopes])
-        slopes.columns = whole([image.shape[1] for image in footprints.slopes])
-        slopes.pixel = wp.array(np.concatenate(pixels), dtype=wp.vec2, device=device)
-        return slopes
+    @abstractmethod
+    def _begin_list(self) -> None:
+        """Note where bodies are when pairs are listed, that none has moved far, and sort them into cells."""
+
+    @abstractmethod
+    def _sort(self) -> None:
+        """Sort bodies into cells where they are now."""
+
+    @abstractmethod
+    def _list_pairs(self, most: int, *, fill: bool) -> None:
+        """Count the pairs of every body, ``most`` at most, or note them."""
+
+    @abstractmethod
+    def _turn_corners(self) -> None:
+        """Turn corners as their bodies are turned."""
+
+    @abstractmethod
+    def _launch_find(self) -> None:
+        """Launch what finds out what every pair's contact asks for."""
+
+    @abstractmethod
+    def _launch_move(self) -> None:
+        """Launch what moves every body as its contacts ask for."""
+
+    @abstractmethod
+    def _measure(self) -> None:
+        """Measure the overlaps of every body."""
+
+    @abstractmethod
+    def _go_home(self) -> None:
+        """Put bodies back to where they were at first, and let them be drawn there again."""
+
+    @abstractmethod
+    def _cells(self, size: float) -> np.ndarray:
+        """Numbers of the cells of at least this size, in units, that bodies lie in, shape ``[n]``."""
+
+    @abstractmethod
+    def _trade(self, one: np.ndarray, other: np.ndarray) -> None:
+        """Let bodies have each other's places, and be drawn there."""
+
+    @abstractmethod
+    def _propose_swaps(self, stuck: wp.array, inputs: Sequence[Any], outputs: Sequence[wp.array]) -> None:
+        """Find whom stuck bodies had best trade places with; see :func:`.kernels_trials.propose_swaps`."""
+
+    @abstractmethod
+    def _find_costs(self, cost: wp.array) -> None:
+        """Sum up the squared overlaps of every body."""
+
+    @abstractmethod
+    def _propose_turns(
+        self, trials: int, keep: float, seed: int, cost: wp.array, angle: wp.array, gain: wp.array
+    ) -> None:
+        """Find how bodies had best be turned; see :func:`.kernels_trials.propose_turns`."""
+
+    @abstractmethod
+    def _accept_turns(self, angle: wp.array, gain: wp.array, turned: wp.array) -> None:
+        """Turn those that gain the most; see :func:`.kernels_trials.accept_turns`."""
+
+    @abstractmethod
+    def _write_back(self) -> None:
+        """Put bodies into the state as they are now."""
+
+    def _lead(self, guidance: Guidance) -> None:
+        """Say where bodies are to go."""
+        raise NotImplementedError
+
+    def _make_room(self, slots: int) -> None:  # noqa: B027
+        """Make room for what else is known of so many pairs; nothing, as a rule."""
 
     def _outlines_for_kernels(
         self, tables: FootprintTables, order: np.ndarray, **others: np.ndarray
@@ -231,9 +274,10 @@ class Separation:
         outlines.slope = self.launcher.zeros(len(order), wp.vec2)
         outlines.shape_start = whole(tables.start)
         outlines.shape_corner = wp.array(tables.corners.astype(np.float32), dtype=wp.vec4, device=device)
-        # Behind them there is room for trials of how bodies may be turned.
+        # Behind them there is room for corners that are seen by somebody else, or might be.
         self._corner_count = int(first[-1])
-        self._trial_corners = int(corners[(others["ease"] > 0.0)[order]].max(initial=0))
+        seen = corners if self.SEES_COPIES else corners[(others["ease"] > 0.0)[order]]
+        self._trial_corners = int(seen.max(initial=0))
         outlines.corner = self.launcher.empty(self._corner_count + len(order) * self._trial_corners, wp.vec4)
         return outlines
 
@@ -265,26 +309,6 @@ class Separation:
         )
         self._swap_reach = 2.0 * float(tables.reach[self._order][members].max(initial=0.0)) / self._model.unit
 
-    def _make_arrays(self, given: np.ndarray, angle: np.ndarray) -> None:
-        launcher, n = self.launcher, self._count
-        values = np.zeros((n, 4), np.float32)
-        values[:, :2], values[:, 2] = given[:, :2], angle
-        values = values[self._order]
-        self._start = values
-        self._crowd_pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
-        moves = kernels_separation.Moves()
-        moves.home, moves.built = wp.clone(self._crowd_pose), wp.clone(self._crowd_pose)
-        moves.last = launcher.zeros(n, wp.vec4)
-        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
-        self._moves = moves
-        self._settings = wp.zeros(5, dtype=float, device=launcher.device)
-        self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
-        self._cost = launcher.zeros(n, float)
-        pairs = kernels_pairs.Pairs()
-        pairs.start = launcher.zeros(n + 1, wp.int32)
-        pairs.count = launcher.zeros(n, wp.int32)
-        self._pairs = pairs
-
     def run(
         self, go_on: Callable[[], bool] | None = None, *, again: bool = False, guidance: Guidance | None = None
     ) -> bool:
@@ -298,32 +322,11 @@ class Separation:
         self._again, self._guidance = again, guidance
         parted = self._try(go_on, hot=False)
         if parted is False and self._fixed and self._swappable and not self.too_crowded:
-            self._crowd_pose.assign(self._start)
-            self._moves.home.assign(self._start)
+            self._go_home()
             parted = self._try(go_on, hot=True)
         self._write_back()
-        if self._model.may_bend.any():
-            self._straighten()
         self._forget()
         return bool(parted)
-
-    def _straighten(self) -> None:
-        """Let lines bend no farther than there is room: they were parted as if they were straight."""
-        launcher, n = self.launcher, self._count
-        self._turn_corners()
-        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
-        launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
-        # Bodies as they lie in space; those that are bent are looked for as far as they reach.
-        reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
-        near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
-        # Cells know only places inside of a periodic domain.
-        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
-        near.sort(self._crowd_pose)
-        crowd = kernels_pairs.Crowd()
-        crowd.pose, crowd.outlines, crowd.neighbors = self._crowd_pose, self._outlines, near.for_kernels
-        crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
-        launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
-        launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
 
     def _forget(self) -> None:
         """Let go of what was recorded, where there is something."""
@@ -370,7 +373,7 @@ class Separation:
             guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, swapped, clean = math.inf, 0, 0, 0
-        best, best_pose, stopped = math.inf, None, False
+        best, best_places, stopped = math.inf, None, False
         for number in range(guided + most + 1):
             if number % ROUNDS_PER_RISE == 0 and number and not hot:
                 momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
@@ -379,7 +382,7 @@ class Separation:
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
-                guidance.lead(self._crowd_pose, self._outlines, self._moves.home)
+                self._lead(guidance)
             self._find()
             if number % ROUNDS_AT_ONCE == 0 and number < guided:
                 if go_on is not None and not go_on():
@@ -398,7 +401,7 @@ class Separation:
                 if clean >= LAST_ROUNDS:
                     return True
                 if squares < best:
-                    best, best_pose = squares, wp.clone(self._crowd_pose)
+                    best, best_places = squares, [wp.clone(array) for array in self._places()]
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
                 if number == guided + most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
@@ -414,18 +417,17 @@ class Separation:
                         since = 0
                         self._find()
             self._move()
-        if best_pose is not None:
-            self._crowd_pose.assign(best_pose)
+        if best_places is not None:
+            for array, values in zip(self._places(), best_places, strict=True):
+                array.assign(values)
         return None if stopped else False
 
     def _rebuild(self) -> None:
         """List the pairs that are near."""
-        launcher, n, near, pairs = self.launcher, self._count, self._near, self._pairs
-        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
-        self._turn_corners()
-        near.sort(self._crowd_pose)
-        search = [self._crowd, max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n))]
-        launcher.launch(kernels_pairs.find_pairs, n, [*search, 0], [pairs], grain=GRAIN_OF_NEIGHBORS)
+        launcher, n, pairs = self.launcher, self._count, self._pairs
+        self._begin_list()
+        most = max(LEAST_PAIRS_PER_BODY, min(MOST_PAIRS_PER_BODY, MOST_PAIRS // n))
+        self._list_pairs(most, fill=False)
         start = np.zeros(n + 1, np.int64)
         np.cumsum(pairs.count.numpy(), out=start[1:])
         slots = max(int(start[-1]), 1)
@@ -436,44 +438,13 @@ class Separation:
             pairs.depth = launcher.empty(self._slots, float)
             self._seconds = CellSort(launcher, self._slots, n + 1)
             pairs.second_start, pairs.second_slot = self._seconds.cell_start, self._seconds.order
+            self._make_room(self._slots)
             self._forget()
         pairs.start.assign(start.astype(np.int32))
-        launcher.launch(kernels_pairs.find_pairs, n, [*search, 1], [pairs], grain=GRAIN_OF_NEIGHBORS)
+        self._list_pairs(most, fill=True)
         self._seconds.sort(kernels_pairs.second_keys, [pairs.start, pairs, n])
         if self._one_round is None:
             self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
-
-    def _turn_corners(self) -> None:
-        if self._slopes is not None:
-            self.launcher.launch(
-                kernels_outlines.find_slopes,
-                self._count,
-                [self._crowd_pose, self._slopes, self._space],
-                [self._outlines.slope],
-            )
-        self.launcher.launch(
-            kernels_outlines.turn_corners, self._count, [self._crowd_pose, self._outlines], [self._outlines.corner]
-        )
-
-    def _launch_find(self) -> None:
-        self._turn_corners()
-        self.launcher.launch(
-            kernels_separation.find_pushes,
-            self._count,
-            [self._crowd, self._settings],
-            [self._pairs],
-            grain=GRAIN_OF_NEIGHBORS,
-        )
-
-    def _launch_move(self) -> None:
-        self.launcher.launch(
-            kernels_separation.move_apart,
-            self._count,
-            [self._pairs, self._bodies, self._bend, self._images, self._settings],
-            [self._crowd, self._moves],
-            grain=GRAIN_OF_NEIGHBORS,
-            per_thread=True,
-        )
 
     def _find(self) -> None:
         """What contacts there are, with the pairs listed anew where that is due."""
@@ -493,13 +464,7 @@ class Separation:
 
     def _left(self) -> tuple[int, int, float]:
         """Overlaps that count, all overlaps, and the sum of their squares, each twice."""
-        self.launcher.launch(
-            kernels_separation.measure_overlaps,
-            self._count,
-            [self._crowd, self._pairs, TOLERANCE],
-            [self._deep, self._touching, self._cost],
-            grain=GRAIN_OF_NEIGHBORS,
-        )
+        self._measure()
         deep, touching = (int(array.numpy().sum(dtype=np.int64)) for array in (self._deep, self._touching))
         return deep, touching, float(self._cost.numpy().sum(dtype=np.float64))
 
@@ -515,41 +480,18 @@ class Separation:
             stuck = stuck[: max(1, int(share * self._count))]
         candidates = max(1, min(CANDIDATES, PLACES_TO_TRY // len(stuck)))
         stuck = stuck[:PLACES_TO_TRY]
-        device = self.launcher.device
-        self._near.sort(self._crowd_pose)
+        self._sort()
         partner, gain = self.launcher.zeros(len(stuck), wp.int32), self.launcher.zeros(len(stuck), float)
-        self.launcher.launch(
-            kernels_trials.propose_swaps,
-            len(stuck),
-            [
-                wp.array(stuck.astype(np.int32), dtype=wp.int32, device=device),
-                self._bins,
-                candidates,
-                keep,
-                (self._model.problem.seed * 7919 + number) % (1 << 31),
-                self._crowd,
-                self._cost,
-            ],
-            [partner, gain],
-            grain=8,
-        )
+        seed = (self._model.problem.seed * 7919 + number) % (1 << 31)
+        on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=self.launcher.device)
+        self._propose_swaps(on_device, [self._bins, candidates, keep, seed], [partner, gain])
         found, gained = partner.numpy(), gain.numpy()
         proposed = np.flatnonzero(found >= 0)
         proposed = proposed[np.argsort(-gained[proposed], kind="stable")]
         one, other = stuck[proposed], found[proposed]
-        poses, home, last = (
-            self._crowd_pose.numpy().copy(),
-            self._moves.home.numpy().copy(),
-            self._moves.last.numpy().copy(),
-        )
-        chosen = self._compatible(one, other, poses)
+        chosen = self._compatible(one, other)
         one, other = one[chosen], other[chosen]
-        both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
-        poses[both, :2], home[both, :2] = poses[swapped, :2], home[swapped, :2]
-        last[both] = 0.0
-        self._crowd_pose.assign(poses)
-        self._moves.home.assign(home)
-        self._moves.last.assign(last)
+        self._trade(one, other)
         if len(one):
             self._rebuild()
         return len(one)
@@ -559,59 +501,26 @@ class Separation:
         launcher, n = self.launcher, self._count
         angle, gain, cost = (launcher.zeros(n, float) for _ in range(3))
         turned = launcher.zeros(n, wp.int32)
-        self._near.sort(self._crowd_pose)
+        self._sort()
         most = FIRST_TURNS if n * FIRST_TURNS <= TURNS_TO_TRY else max(2, TURNS_TO_TRY // n)
         for number in range(most):
-            launcher.launch(kernels_trials.find_costs, n, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)
-            launcher.launch(
-                kernels_trials.propose_turns,
-                n,
-                [
-                    TRIALS,
-                    self._corner_count,
-                    self._trial_corners,
-                    KEEP_TURNS,
-                    (self._model.problem.seed * 7919 + (1 << 20) + number) % (1 << 31),
-                    cost,
-                ],
-                [self._crowd, angle, gain],
-                grain=8,
-            )
-            launcher.launch(
-                kernels_trials.accept_turns,
-                n,
-                [angle, gain],
-                [self._crowd, turned],
-                grain=GRAIN_OF_NEIGHBORS,
-            )
+            self._find_costs(cost)
+            seed = (self._model.problem.seed * 7919 + (1 << 20) + number) % (1 << 31)
+            self._propose_turns(TRIALS, KEEP_TURNS, seed, cost, angle, gain)
+            self._accept_turns(angle, gain, turned)
             self._turn_corners()
             if int(turned.numpy().sum()) < LEAST_SWAPS * n:
                 break
         self._rebuild()
 
-    def _compatible(self, one: np.ndarray, other: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    def _compatible(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Which couples do not disturb each other: the best ones first, none of whose cells another one's body leaves or enters."""
         if not len(one):
             return np.zeros(0, bool)
-        size = np.array(self._model.size)
-        counts = np.maximum(1, (size / max(self._swap_reach, 1e-30)).clip(max=4096).astype(np.int64))
-        cell = np.clip((poses[:, :2] / size * counts).astype(np.int64), 0, counts - 1)
-        number = cell[:, 1] * counts[0] + cell[:, 0]
-        first, second = number[one], number[other]
+        cell = self._cells(self._swap_reach)
+        first, second = cell[one], cell[other]
         rank = np.arange(len(one))
-        claims = np.full(int(counts.prod()), len(one))
+        claims = np.full(int(cell.max()) + 1, len(one))
         np.minimum.at(claims, first, rank)
         np.minimum.at(claims, second, rank)
         return (claims[first] == rank) & (claims[second] == rank)
-
-    def _write_back(self) -> None:
-        """Put bodies into the state as they are now."""
-        crowd_pose = self._crowd_pose.numpy()
-        pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
-        lines, order = self._is_line[self._order], self._order
-        pose[order, :2] = self._model.space.wrapped(crowd_pose[:, :2])
-        pose[order[lines], 2] = crowd_pose[lines, 2]
-        dots = ~lines
-        turn[order[dots]] = crowd_pose[dots, 2]
-        self._pose.assign(pose)
-        self._turn.assign(turn)

@@ -29,7 +29,7 @@ from .spread import spread
 from .state import State
 from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
-from .surface_placement import placement_on_surface, points_of
+from .surface_placement import facing_headings, placement_on_surface, points_of
 from .surface_state import SurfaceState
 
 __all__ = ["Edit", "Progress", "Solver"]
@@ -197,7 +197,7 @@ class Solver:
                 before, points, model, new.facets, new.share, self._next_identity, rng
             )
             model.carry(before, carried)
-            new.take_over(carried.source, spots, old)
+            new.take_over(carried.source, spots, before, old)
 
         self.launcher.release(descent.step)
         self.model, self.descent = model, SurfaceDescent(model, self.launcher, start)
@@ -385,25 +385,27 @@ class Solver:
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
         """
-        if isinstance(self.descent, SurfaceDescent):
-            if self.descent.contact is None or not self.model.problem.avoid_overlap:
-                return True
-            with self.launcher.phase("contact"):
-                return self.descent.separate(go_on)
         self._face(0.0)
-        contact = self.descent.contact
-        if contact is None or not self.model.problem.avoid_overlap:
+        if self.descent.contact is None or not self.model.problem.avoid_overlap:
             return True
-        state = self.descent.state
         with self.launcher.phase("contact"):
-            parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
+            parted = self._part(go_on, again=again)
             for _ in range(MOST_FACINGS):
                 # Who was parted looks from elsewhere now.
                 if not self._face(LOOKS_AWAY) or (go_on is not None and not go_on()):
                     break
-                parted = contact.separate(state.pose, state.turn, state.bend, go_on, again=True, guided=False)
+                parted = self._part(go_on, again=True)
             self.descent.place_charges()
         return parted
+
+    def _part(self, go_on: Callable[[], bool] | None, *, again: bool) -> bool:
+        """Part outlines once; see :meth:`separate`."""
+        descent = self.descent
+        if isinstance(descent, SurfaceDescent):
+            return descent.separate(go_on, again=again)
+        state, contact = descent.state, descent.contact
+        assert contact is not None
+        return contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
 
     def _face(self, past: float) -> bool:
         """Turn outlines that look past the point of their class by more than this [rad]; tell whether there were any.
@@ -411,15 +413,17 @@ class Solver:
         They keep these turns while they are parted.
         """
         model, descent = self.model, self.descent
-        assert isinstance(descent, Descent)
         looking = looks_at_point(model) & model.footprints.is_outline
         if not looking.any():
             return False
-        turn = descent.state.turn.numpy().copy()
-        wanted = facing_turns(model, position_in_meters(model, descent.state))
+        if isinstance(descent, SurfaceDescent):
+            turns, wanted = descent.state.heading, facing_headings(model, points_of(descent.facets, descent.state))
+        else:
+            turns, wanted = descent.state.turn, facing_turns(model, position_in_meters(model, descent.state))
+        turn = turns.numpy().copy()
         away = looking & (np.abs(angle_within(wanted - turn, 2.0 * math.pi)) > past)
         turn[away] = wanted[away]
-        descent.state.turn.assign(turn)
+        turns.assign(turn)
         return bool(away.any())
 
     def placement(self) -> Placement:

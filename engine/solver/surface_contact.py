@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, Recording
-from ..problem.body_kind import radius_of
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_descent, kernels_on_surface, kernels_surface_contact
 from .body_flags import BodyFlags
-from .contact import AXIS_RADIUS, DAMPING, ROUNDS_PER_STEP, SLACK
+from .contact import DAMPING, ROUNDS_PER_STEP, SLACK, contact_radii
 from .model import Model
 
-__all__ = ["SurfaceContact"]
+__all__ = ["SLOTS_PER_BODY", "SurfaceContact", "levels_of"]
 
-# Rounds of pushing at the end, where a run of so many without progress is the last.
-LAST_ROUNDS = 2000
-ROUNDS_WITHOUT_PROGRESS = 200
-# Where footprints cannot fit, ever fewer of them part: progress is to have at most this share of the overlaps left that there were, or
-# fewer than before once only so many are left.
-PROGRESS = 0.97
-FEW_OVERLAPS = 100
-# Rounds between two looks at the number of overlaps that are left.
-ROUNDS_AT_ONCE = 10
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
 SLOTS_PER_BODY = 2
 
 
 class SurfaceContact:
-    """Pushes bodies on a surface apart whose footprints overlap, while the relaxation runs and at its end.
+    """Pushes bodies on a surface apart whose footprints overlap, while the relaxation runs.
 
     Args:
         model: What is to be placed.
@@ -58,11 +45,9 @@ class SurfaceContact:
         device, n = launcher.device, model.body_count
         longest = model.body.longest
         half = 0.5 * kernels_descent.LONGEST_LINE * longest / model.unit
-        radius = self._radii(longest) / model.unit
+        radius = contact_radii(model, longest) / model.unit
         reach = radius + half
-        level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
-        level = np.unique(level, return_inverse=True)[1].ravel().astype(np.int32)
-        level_reach = np.array([reach[level == m].max() for m in range(int(level.max()) + 1)])
+        level, level_reach = levels_of(reach)
         mass = np.where(model.body.flags & BodyFlags.PINNED, np.inf, model.body.area)
         footprints = kernels_surface_contact.Footprints()
         footprints.level_count = len(level_reach)
@@ -83,50 +68,11 @@ class SurfaceContact:
         self._pushes.shift, self._pushes.turn = launcher.zeros(n, wp.vec3), launcher.zeros(n, float)
         self._pushes.count, self._pushes.overlaps = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
 
-    def _radii(self, length: np.ndarray) -> np.ndarray:
-        """Radius of every disc, half the thickness of every capsule [m], for axes of these lengths [m]."""
-        width = self._model.widths(length)
-        radius = radius_of(width, self._model.body.area)
-        footprints = self._model.footprints
-        apart = radius * footprints.room + 0.5 * footprints.gap
-        return apart if self._model.problem.avoid_overlap else AXIS_RADIUS * radius
-
     def push(self) -> None:
         """Push overlapping bodies apart for a few rounds, as part of the step that the motion describes."""
         self._find()
         for _ in range(ROUNDS_PER_STEP):
             self._round()
-
-    def separate(self, go_on: Callable[[], bool] | None = None) -> bool:
-        """Push until nothing overlaps, no progress is made or ``go_on`` says so; returns whether nothing overlaps."""
-        reached = 2.0 * np.linalg.norm(self._poses.axis.numpy().astype(np.float64), axis=1) * self._model.unit
-        self._footprints.radius.assign((self._radii(reached) / self._model.unit).astype(np.float32))
-
-        def run_round() -> None:
-            self._find()
-            self._round()
-
-        one_round = self._launcher.record(run_round)
-        try:
-            return self._push_until_parted(one_round, go_on)
-        finally:
-            self._launcher.release(one_round)
-
-    def _push_until_parted(self, one_round: Recording, go_on: Callable[[], bool] | None) -> bool:
-        fewest, since = math.inf, 0
-        for _ in range(0, LAST_ROUNDS, ROUNDS_AT_ONCE):
-            one_round.play(ROUNDS_AT_ONCE)
-            # As they were before the last push.
-            left = int(self._pushes.overlaps.numpy().sum(dtype=np.int64)) // 2
-            if left == 0:
-                return True
-            if go_on is not None and not go_on():
-                return False
-            since = 0 if left < max(PROGRESS * fewest, min(fewest, FEW_OVERLAPS)) else since + ROUNDS_AT_ONCE
-            fewest = min(fewest, left) if since == 0 else fewest
-            if since >= ROUNDS_WITHOUT_PROGRESS:
-                return False
-        return False
 
     def _find(self) -> None:
         """Sort bodies into cells where they are now."""
@@ -153,3 +99,10 @@ class SurfaceContact:
             [self._pushes, self._bodies, ground],
             [self._poses, self._position, self._motion],
         )
+
+
+def levels_of(reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Levels of size, the largest first, by how far bodies reach: that of each, int32, and the farthest reach in every one."""
+    level = np.clip(np.log2(reach.max() / reach), 0, MOST_LEVELS - 1).astype(np.int32)
+    level = np.unique(level, return_inverse=True)[1].ravel().astype(np.int32)
+    return level, np.array([reach[level == m].max() for m in range(int(level.max()) + 1)])

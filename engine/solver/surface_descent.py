@@ -32,6 +32,7 @@ from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules
 from .surface_own_forces import own_forces
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
+from .surface_separation import SurfaceSeparation
 from .surface_state import SurfaceState
 
 __all__ = ["SurfaceDescent"]
@@ -115,6 +116,8 @@ class SurfaceDescent:
         self.state = self._first_state(started)
         if start is not None:
             start(self)
+            # Bodies that come along have brought their outlines.
+            self.ground.clear.assign(clearances(model).astype(np.float32))
         if fixed is not None:
             rows = np.flatnonzero(model.fixed)
             self._put(rows, fixed)
@@ -144,12 +147,15 @@ class SurfaceDescent:
             with self.launcher.phase("update"):
                 self.place_charges()
 
-    def separate(self, go_on: Callable[[], bool] | None = None) -> bool:
-        """Push footprints apart until none overlap, no progress is made or ``go_on`` says so; returns whether none do."""
-        assert self.contact is not None
-        parted = self.contact.separate(go_on)
-        self.place_charges()
-        return parted
+    def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
+        """Part all outlines, where the surface can hold them; returns whether none overlap any more.
+
+        Args:
+            go_on: Called now and then; returning False ends it.
+            again: Whether they were parted before, and have moved little since.
+        """
+        parting = SurfaceSeparation(self.model, self.launcher, self.bodies, self.ground, self.facets, self.state)
+        return parting.run(go_on, again=again)
 
     def place_charges(self) -> None:
         """Put the charges of all bodies where these are."""
@@ -270,12 +276,20 @@ class SurfaceDescent:
         ground.clear = wp.array(self._clear, dtype=float, device=device)
         return ground
 
-    def take_over(self, source: np.ndarray, spots: tuple[np.ndarray, np.ndarray], before: SurfaceState) -> None:
-        """Put bodies where they were before an edit, lines as they lay; ``source`` is their number then, -1 for new ones."""
+    def take_over(
+        self, source: np.ndarray, spots: tuple[np.ndarray, np.ndarray], old: Model, before: SurfaceState
+    ) -> None:
+        """Put bodies where they were before an edit, as they lay; ``source`` is their number then, -1 for new ones."""
         self._put(np.arange(len(source)), spots)
         came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
         if len(came):
             self._lay(came, before.axis.numpy()[source[came]])
+        outlined = np.flatnonzero((source >= 0) & self.model.footprints.is_outline & ~self.model.fixed)
+        outlined = outlined[old.footprints.is_outline[source[outlined]]]
+        if len(outlined):
+            heading = self.state.heading.numpy().copy()
+            heading[outlined] = before.heading.numpy()[source[outlined]]
+            self.state.heading.assign(heading)
 
     def _lay(self, rows: np.ndarray, axis: np.ndarray) -> None:
         """Give some bodies an axis."""
@@ -323,6 +337,7 @@ class SurfaceDescent:
             displacement=launcher.zeros(n, wp.vec3),
             move=launcher.zeros(n, wp.vec3),
             axis=wp.array(axis.astype(np.float32), dtype=wp.vec3, device=device),
+            heading=launcher.array(model.footprints.turn.astype(np.float32), float),
             turned=launcher.zeros(n, wp.vec2),
             turn=launcher.zeros(n, wp.vec2),
             length_factor=wp.array(np.ones(max(self.rules.kind_count, 1), np.float32), dtype=float, device=device),

@@ -14,7 +14,7 @@ from .model import Model
 from .surface_line_rules import tangent_frame
 from .surface_state import SurfaceState
 
-__all__ = ["placement_on_surface", "points_of"]
+__all__ = ["facing_headings", "placement_on_surface", "points_of"]
 
 
 def points_of(facets: Facets, state: SurfaceState) -> PointsOnSurface:
@@ -25,6 +25,22 @@ def points_of(facets: Facets, state: SurfaceState) -> PointsOnSurface:
     weight = np.maximum(weight, 0.0)
     weight /= weight.sum(axis=1, keepdims=True)
     return facets.surface.points(*facets.in_triangle(state.facet.numpy(), weight))
+
+
+def facing_headings(model: Model, points: PointsOnSurface) -> np.ndarray:
+    """Angles [rad] with which bodies look where their class does, from the directions nearest to x; 0 of those that look nowhere."""
+    angle = np.zeros(model.body_count)
+    looking = looks_at_point(model)
+    for number, c in enumerate(model.problem.classes):
+        if c.look_at is None:
+            continue
+        own = np.flatnonzero(looking & (model.body.class_index == number))
+        first, second = tangent_frame(points.normal[own])
+        turn = facing_on_surface(
+            c.look_at, points.position[own], first, second, model.body.identity[own], model.problem.seed
+        )
+        angle[own] = angle_within(turn, 2.0 * np.pi)
+    return angle
 
 
 def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> Placement:
@@ -40,23 +56,18 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
     tangent[half > 0.0] = axis[half > 0.0] / half[half > 0.0, None]
     tangent -= (tangent * normal).sum(axis=1, keepdims=True) * normal
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    angle = np.where(half > 0.0, np.arctan2((tangent * second).sum(axis=1), (tangent * first).sum(axis=1)), 0.0)
-    # A line has no front.
-    angle = angle - np.pi * np.round(angle / np.pi)
-    turned = np.flatnonzero(model.fixed & (body.kind < 0))
-    # Of dots that are put there, their angle says where their objects' x axes point.
-    asked = model.problem.fixed.angle[body.kind[model.fixed] < 0]
-    angle[turned] = asked
-    tangent[turned] = np.cos(asked)[:, None] * first[turned] + np.sin(asked)[:, None] * second[turned]
-    looking = looks_at_point(model)
-    for number, c in enumerate(model.problem.classes):
-        if c.look_at is not None:
-            own = np.flatnonzero(looking & (body.class_index == number))
-            turn = facing_on_surface(
-                c.look_at, points.position[own], first[own], second[own], body.identity[own], model.problem.seed
-            )
-            angle[own] = angle_within(turn, 2.0 * np.pi)
-            tangent[own] = np.cos(turn)[:, None] * first[own] + np.sin(turn)[:, None] * second[own]
+    lying = np.where(half > 0.0, np.arctan2((tangent * second).sum(axis=1), (tangent * first).sum(axis=1)), 0.0)
+    # A line has no front, unless its outline has one.
+    angle = angle_within(lying, np.pi)
+    outlined = model.footprints.is_outline
+    angle[outlined] = angle_within(lying + state.heading.numpy(), 2.0 * np.pi)[outlined]
+    looking = looks_at_point(model) & ~outlined
+    angle[looking] = facing_headings(model, points)[looking]
+    # What is put there lies as it was put.
+    put = model.fixed & (outlined | (body.kind < 0))
+    angle[put] = model.problem.fixed.angle[put[model.fixed]]
+    turned = looking | outlined | put
+    tangent[turned] = (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second)[turned]
     length = 2.0 * half * model.unit
     width = model.widths(length) if model.kinds else np.zeros(len(length))
     mesh, triangle, barycentric = points.source()
@@ -70,6 +81,8 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
         width[shown],
         id=body.identity[shown].astype(np.int64),
         fixed=model.fixed[shown],
+        variant=model.footprints.variant[shown],
+        scale=model.footprints.scale[shown],
         normal=normal[shown],
         tangent=tangent[shown],
         mesh=mesh[shown].astype(np.int32),

@@ -146,12 +146,18 @@ def balls_of(model: Model, facets: Facets) -> np.ndarray:
 
 
 def clearances(model: Model) -> np.ndarray:
-    """Return how far bodies keep off obstacles, in units: by their footprints where these may not overlap, shape ``[n]``."""
+    """Return how far bodies keep off obstacles, in units, shape ``[n]``: by their footprints where these may not overlap.
+
+    Outlines reach as far as their farthest points, however they come to be turned; of lines, to their sides.
+    """
     if not model.problem.avoid_overlap:
         return np.zeros(model.body_count)
     longest = model.body.longest
     width = model.widths(longest) if model.kinds else np.zeros(len(longest))
-    return radius_of(width, model.body.area) / model.unit
+    footprints = model.footprints
+    circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
+    outlined = footprints.is_outline & (model.body.kind < 0)
+    return np.where(outlined, circle * footprints.factor, radius_of(width, model.body.area)) / model.unit
 
 
 def clear_of_balls(model: Model, facets: Facets, share: np.ndarray, balls: np.ndarray, clear: np.ndarray) -> np.ndarray:

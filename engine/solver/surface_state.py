@@ -24,6 +24,8 @@ class SurfaceState(StateArrays):
         displacement: What the last step changed of the positions, ``wp.vec3``.
         move: What the forces asked for in the last step, ``wp.vec3``.
         axis: Half the axis of every body along the surface, ``wp.vec3``; 0 for a dot.
+        heading: How every outline is turned [rad], float: from the direction along the surface that is nearest to x (to y where it
+            looks along x), of a line from its axis.
         turned: What the last step changed of angle and length, ``wp.vec2``.
         turn: What the forces asked to change of them, ``wp.vec2``.
         length_factor: What makes up for the pressure of the charges in the length of every kind of line, float.
@@ -35,6 +37,7 @@ class SurfaceState(StateArrays):
     displacement: wp.array
     move: wp.array
     axis: wp.array
+    heading: wp.array
     turned: wp.array
     turn: wp.array
     length_factor: wp.array
@@ -46,6 +49,7 @@ class SurfaceState(StateArrays):
         "displacement": wp.vec3,
         "move": wp.vec3,
         "axis": wp.vec3,
+        "heading": float,
         "turned": wp.vec2,
         "turn": wp.vec2,
         "length_factor": float,

@@ -14,7 +14,7 @@ from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.quality.heat import HeatMesh
-from esh.engine.quality.kernels_heat import on_one_sheet
+from esh.engine.quality.kernels_sheets import on_one_sheet
 from esh.engine.quality.measurement import measure
 
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
@@ -119,9 +119,9 @@ def test_slivers_and_large_triangles_are_measured(launcher):
 
 @wp.kernel
 def look(
-    way: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    other: wp.array(dtype=wp.vec3),
+    way: wp.array(dtype=wp.vec3d),
+    normal: wp.array(dtype=wp.vec3d),
+    other: wp.array(dtype=wp.vec3d),
     found: wp.array(dtype=wp.int32),
 ):
     i = wp.tid()
@@ -144,7 +144,7 @@ def look(
 )
 def test_what_lies_above_a_sheet_does_not_overlap_what_lies_on_it(way, other, sheet):
     other = np.array(other) / np.linalg.norm(other)
-    given = [wp.array([v], dtype=wp.vec3, device="cpu") for v in (way, (0.0, 0.0, 1.0), tuple(other))]
+    given = [wp.array([v], dtype=wp.vec3d, device="cpu") for v in (way, (0.0, 0.0, 1.0), tuple(other))]
     found = wp.zeros(1, dtype=wp.int32, device="cpu")
     wp.launch(look, dim=1, inputs=given, outputs=[found], device="cpu")
     assert bool(found.numpy()[0]) is sheet

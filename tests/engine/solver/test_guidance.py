@@ -14,7 +14,7 @@ from esh.engine.problem.size import Size
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solve import solve
 from esh.engine.solver.guidance import BLUR_OVER_SPACING, Guidance, needs_guidance
-from esh.engine.solver.separation import Separation
+from esh.engine.solver.plane_separation import PlaneSeparation
 from esh.engine.solver.solver import Solver
 
 PLANK = Footprint.rectangle(2.0, 0.3)
@@ -31,7 +31,7 @@ def ways(problem, position=None):
             solver.start_at(position)
         contact, state, model = solver.descent.contact, solver.state, solver.model
         bodies, images = contact._bodies, contact._images
-        parting = Separation(model, solver.launcher, bodies, images, state.pose, state.turn, state.bend)
+        parting = PlaneSeparation(model, solver.launcher, bodies, images, state.pose, state.turn, state.bend)
         home = wp.clone(parting._crowd_pose)
         guidance = Guidance(model, solver.launcher, bodies, state.bend)
         guidance.lead(parting._crowd_pose, parting._outlines, home)

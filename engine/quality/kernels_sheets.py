@@ -1,0 +1,121 @@
+"""Kernels that count overlapping outlines on a surface, in double precision, with nothing taken from contact."""
+
+from __future__ import annotations
+
+import math
+
+import warp as wp
+
+from .kernels_overlaps import ONE, ZERO, Shapes, depth_of_cores
+
+wp.set_module_options({"enable_backward": False})
+
+# Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
+# turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
+STEEPER = wp.constant(wp.float64(math.pi / 3.0))
+
+
+@wp.struct
+class Sheets:
+    """Bodies on a surface: positions, where the surface looks to there, and the x axes of their outlines.
+
+    Corners of outlines that somebody sees are noted from ``copies`` on, ``most_corners`` for each body that sees them.
+    """
+
+    position: wp.array(dtype=wp.vec3d)
+    normal: wp.array(dtype=wp.vec3d)
+    along: wp.array(dtype=wp.vec3d)
+    copies: wp.int32
+    most_corners: wp.int32
+
+
+@wp.func
+def on_one_sheet(way: wp.vec3d, distance: wp.float64, normal: wp.vec3d, other: wp.vec3d):
+    """Whether what lies at a way from here, where the surface looks along ``other``, lies on the sheet of the surface that is here."""
+    cosine = wp.dot(normal, other)
+    if cosine <= ZERO:
+        return False
+    if distance == ZERO:
+        return True
+    leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, ONE))
+    leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, ONE))
+    return leaves <= wp.acos(wp.min(cosine, ONE)) + STEEPER
+
+
+@wp.func
+def in_plane_between(vector: wp.vec3d, normal: wp.vec3d, between: wp.vec3d):
+    """A vector along the surface, which looks along ``normal``, turned the shortest way to where it looks along ``between``."""
+    axis = wp.cross(normal, between)
+    return (
+        vector * wp.dot(normal, between)
+        + wp.cross(axis, vector)
+        + axis * (wp.dot(axis, vector) / (ONE + wp.dot(normal, between)))
+    )
+
+
+@wp.func
+def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, sheets: Sheets, shapes: Shapes):
+    """How deep two outlines lie in each other in the plane between them."""
+    between = wp.normalize(sheets.normal[i] + sheets.normal[j])
+    x = in_plane_between(sheets.along[i], sheets.normal[i], between)
+    y = wp.cross(between, x)
+    axis = in_plane_between(sheets.along[j], sheets.normal[j], between)
+    c = wp.dot(axis, x)
+    s = wp.dot(axis, y)
+    at = wp.vec2d(wp.dot(way, x), wp.dot(way, y))
+    flat = wp.length(at)
+    if flat > ZERO:
+        at = at * (distance / flat)
+    begin = shapes.first_corner[j]
+    count = shapes.first_corner[j + 1] - begin
+    to = sheets.copies + i * sheets.most_corners
+    for k in range(count):
+        v = shapes.corner[begin + k]
+        shapes.corner[to + k] = wp.vec4d(
+            c * v[0] - s * v[1], s * v[0] + c * v[1], c * v[2] - s * v[3], s * v[2] + c * v[3]
+        )
+    r = shapes.rounding[i] + shapes.rounding[j]
+    return depth_of_cores(shapes.corner, shapes.first_corner[i], shapes.first_corner[i + 1], to, to + count, r, at)
+
+
+@wp.kernel
+def count_on_sheets(
+    first: int,
+    grid: wp.uint64,
+    in_units: wp.array(dtype=wp.vec3),
+    unit: wp.float64,
+    sheets: Sheets,
+    shapes: Shapes,
+    tolerance: wp.float64,
+    most: int,
+    # outputs
+    overlaps: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.float64),
+    partner: wp.array(dtype=wp.int32),
+):
+    """Of every body: in how many others it lies deeper than ``tolerance`` smaller widths, how deep at most [m], and in which.
+
+    No body reaches farther than a unit. A body is left as soon as ``most`` are found.
+    """
+    i = first + wp.tid()
+    found = int(0)
+    depth_of_deepest = wp.float64(0.0)
+    in_which = int(-1)
+    # A little farther than they reach, because places in units are rounded.
+    query = wp.hash_grid_query(grid, in_units[i], 1.001 * (1.0 + float(shapes.reach[i] / unit)))
+    j = int(0)
+    while wp.hash_grid_query_next(query, j):
+        if j != i and found < most and shapes.fixed[i] * shapes.fixed[j] == 0:
+            way = sheets.position[j] - sheets.position[i]
+            distance = wp.length(way)
+            if distance < shapes.reach[i] + shapes.reach[j]:
+                if on_one_sheet(way, distance, sheets.normal[i], sheets.normal[j]):
+                    depth = depth_on_sheet(i, j, way, distance, sheets, shapes)
+                    if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
+                        found += 1
+                        if depth > depth_of_deepest:
+                            depth_of_deepest = depth
+                            in_which = j
+    overlaps[i] = found
+    deepest[i] = depth_of_deepest
+    partner[i] = in_which

@@ -1,0 +1,630 @@
+"""Kernels that move outlines apart on a surface: each pair in the plane between the two that touch the surface at its bodies.
+
+The second body of a pair is seen in that plane, as far off as it is in a straight line. Its corners are copied as the first body sees
+them, and then all is as in a rectangle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import warp as wp
+
+from ..cascade.kernels_points import cell_at, same_cell
+from ..surface.kernels_facets import carried, spot_at, tangential
+from .kernels_descent import Bodies
+from .kernels_on_surface import Ground, walk
+from .kernels_outlines import Outlines, apart
+from .kernels_pairs import Pairs
+from .kernels_separation import PULL, SLACK, Asked, asked_by_contact, limited, move_of, overlaps_of_pairs
+from .kernels_surface_contact import Slots, cell_of_block, in_plane, slot_of_level
+from .kernels_surface_lines import Lying, allowed
+from .kernels_touch import Core, core_of, touch_between
+from .kernels_trials import Bins
+
+wp.set_module_options({"enable_backward": False})
+
+# Bodies on one sheet see each other along it. Where the way between them leaves the two planes by this much more [rad] than these are
+# turned, they lie on two sheets, one above the other.
+STEEPER = wp.constant(math.pi / 3.0)
+
+
+@wp.struct
+class SurfaceCrowd:
+    """Bodies whose outlines are parted, in the order in which they lie along the surface.
+
+    Where they are: facet, weights of its second and third corner, position; the direction of the x axis of their outlines. Turns
+    that were given, from the direction along the surface that every facet has in ``frame``. Outlines, whose corners are seen along
+    these x axes; behind them there is room for the ``most_corners`` of somebody else for each body, from ``copies`` on. Levels of
+    size, with the largest reach and the inverse size of the cells of each; and who is in which cell.
+    """
+
+    facet: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=wp.vec2)
+    position: wp.array(dtype=wp.vec3)
+    along: wp.array(dtype=wp.vec3)
+    heading: wp.array(dtype=float)
+    frame: wp.array(dtype=wp.vec3)
+    outlines: Outlines
+    copies: wp.int32
+    most_corners: wp.int32
+    ground: Ground
+    level_count: wp.int32
+    level: wp.array(dtype=wp.int32)
+    level_reach: wp.array(dtype=float)
+    inverse_cell: wp.array(dtype=float)
+    slots: Slots
+
+
+@wp.struct
+class SurfaceMoves:
+    """What is remembered of every body: its last move, along its x axis, across it, and its turn; and where the pull draws it.
+
+    Where it was when pairs were listed, and how far it has turned since then. And for every thread how many bodies are farther
+    than their skins from there.
+    """
+
+    last: wp.array(dtype=wp.vec4)
+    home: wp.array(dtype=wp.vec3)
+    built: wp.array(dtype=wp.vec3)
+    turned: wp.array(dtype=float)
+    moved_far: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Standing:
+    """How a body stands: where, on which facet, and where its x axis points."""
+
+    position: wp.vec3
+    facet: wp.int32
+    along: wp.vec3
+
+
+@wp.struct
+class Glance:
+    """How a body sees another one: whether it does, the way there, and the cosine and sine of its turn, all along its own x axis."""
+
+    met: wp.int32
+    way: wp.vec2
+    turned: wp.vec2
+
+
+@wp.func
+def standing_of(i: int, crowd: SurfaceCrowd):
+    result = Standing()
+    result.position = crowd.position[i]
+    result.facet = crowd.facet[i]
+    result.along = crowd.along[i]
+    return result
+
+
+@wp.func
+def direction_at(heading: float, facet: int, crowd: SurfaceCrowd):
+    """Where something points that is turned by an angle from the direction of its facet."""
+    one = crowd.frame[facet]
+    return wp.cos(heading) * one + wp.sin(heading) * wp.cross(crowd.ground.facets.normal[facet], one)
+
+
+@wp.func
+def angle_between(one: wp.vec3, other: wp.vec3, normal: wp.vec3):
+    """Angle from one direction in a plane to another."""
+    return wp.atan2(wp.dot(wp.cross(one, other), normal), wp.dot(one, other))
+
+
+@wp.func
+def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
+    """Whether what lies at a way from here lies on the sheet of the surface that is here; normals here and there."""
+    cosine = wp.dot(normal, other)
+    if cosine <= 0.0:
+        return False
+    if distance == 0.0:
+        return True
+    leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, 1.0))
+    leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, 1.0))
+    return leaves <= wp.acos(wp.min(cosine, 1.0)) + STEEPER
+
+
+@wp.func
+def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
+    """How a body that stands somewhere sees body j."""
+    seen = Glance()
+    facets = crowd.ground.facets
+    there = crowd.facet[j]
+    normal = facets.normal[here.facet]
+    other = facets.normal[there]
+    way = crowd.position[j] - here.position
+    distance = wp.length(way)
+    if facets.label[here.facet] != facets.label[there] or not on_one_sheet(way, distance, normal, other):
+        return seen
+    seen.met = 1
+    # Into the plane between the two, as far off as they are, and with that into the plane here.
+    between = wp.normalize(normal + other)
+    flat = tangential(way, between)
+    flat = flat * (distance / wp.max(wp.length(flat), 1.0e-12))
+    beside = wp.cross(normal, here.along)
+    seen.way = in_plane(carried(flat, between, normal), here.along, beside)
+    seen.turned = wp.normalize(in_plane(carried(crowd.along[j], other, normal), here.along, beside))
+    return seen
+
+
+@wp.func
+def copy_corners(i: int, j: int, turned: wp.vec2, crowd: SurfaceCrowd):
+    """Note the corners of body j, whose x axis is seen with this cosine and sine, in body i's room; returns where the first is."""
+    outlines = crowd.outlines
+    to = crowd.copies + i * crowd.most_corners
+    begin = outlines.first_corner[j]
+    c = turned[0]
+    s = turned[1]
+    for k in range(outlines.first_corner[j + 1] - begin):
+        v = outlines.corner[begin + k]
+        outlines.corner[to + k] = wp.vec4(
+            c * v[0] - s * v[1], s * v[0] + c * v[1], c * v[2] - s * v[3], s * v[2] + c * v[3]
+        )
+    return to
+
+
+@wp.kernel
+def crowd_slots(
+    first: int,
+    crowd: SurfaceCrowd,
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    i = first + wp.tid()
+    m = crowd.level[i]
+    key[i] = slot_of_level(cell_at(crowd.position[i], crowd.inverse_cell[m]), m, crowd.slots.mask)
+    order[i] = i
+
+
+@wp.kernel
+def begin_list_on_surface(
+    first: int,
+    crowd: SurfaceCrowd,
+    # outputs
+    moves: SurfaceMoves,
+):
+    """Note where bodies are when pairs are listed."""
+    i = first + wp.tid()
+    moves.built[i] = crowd.position[i]
+    moves.turned[i] = 0.0
+    if i == 0:
+        for thread in range(moves.moved_far.shape[0]):
+            moves.moved_far[thread] = 0
+
+
+@wp.func
+def pairs_of_cell(
+    before: int, room: int, i: int, smaller: bool, cell: wp.vec3i, m: int, crowd: SurfaceCrowd, fill: int, pairs: Pairs
+):
+    """How many pairs body i has with those before and those of a cell; with those that are near noted where they are filled in."""
+    count = before
+    outlines = crowd.outlines
+    here = standing_of(i, crowd)
+    slot = slot_of_level(cell, m, crowd.slots.mask)
+    for s in range(crowd.slots.start[slot], crowd.slots.start[slot + 1]):
+        j = crowd.slots.order[s]
+        skins = outlines.skin[i] + outlines.skin[j]
+        within = outlines.reach[i] + outlines.reach[j] + skins
+        near = crowd.level[j] == m and (smaller or j > i) and outlines.lightness[i] + outlines.lightness[j] > 0.0
+        if near and count < room and wp.length_sq(crowd.position[j] - here.position) < within * within:
+            if same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell):
+                if fill == 0:
+                    count += 1
+                else:
+                    seen = glance_at(here, j, crowd)
+                    # Whom it does not see now it may see round an edge.
+                    wanted = (
+                        seen.met == 0
+                        and crowd.ground.facets.label[here.facet] == crowd.ground.facets.label[crowd.facet[j]]
+                    )
+                    if seen.met != 0:
+                        copied = copy_corners(i, j, seen.turned, crowd)
+                        wanted = apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, skins) < skins
+                    if wanted:
+                        at = pairs.start[i] + count
+                        pairs.second[at] = j
+                        pairs.note[at] = 0
+                        count += 1
+    return count
+
+
+@wp.kernel
+def find_pairs_on_surface(
+    first: int,
+    crowd: SurfaceCrowd,
+    most: int,
+    fill: int,
+    # outputs
+    pairs: Pairs,
+):
+    """Count the bodies that may come near each one while both move by no more than their skins; or note those that really may.
+
+    Of two bodies of a level the one with the smaller number has the pair, else the smaller one of the two.
+    """
+    i = first + wp.tid()
+    own_level = crowd.level[i]
+    at = crowd.position[i]
+    count = int(0)
+    room = most
+    if fill != 0:
+        room = pairs.start[i + 1] - pairs.start[i]
+    for m in range(own_level + 1):
+        reach = crowd.outlines.reach[i] + crowd.outlines.skin[i] + crowd.level_reach[m]
+        low = cell_at(at - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
+        counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.inverse_cell[m]) - low + wp.vec3i(1, 1, 1)
+        for number in range(counts[0] * counts[1] * counts[2]):
+            if count < room:
+                cell = low + cell_of_block(number, counts)
+                count = pairs_of_cell(count, room, i, m < own_level, cell, m, crowd, fill, pairs)
+    pairs.count[i] = count
+
+
+@wp.kernel
+def find_pushes_on_surface(
+    first: int,
+    crowd: SurfaceCrowd,
+    settings: wp.array(dtype=float),
+    # outputs
+    pairs: Pairs,
+    turned: wp.array(dtype=wp.vec2),
+):
+    """What every pair's contact asks for, and how the second body is turned as the first one sees it."""
+    i = first + wp.tid()
+    outlines = crowd.outlines
+    here = standing_of(i, crowd)
+    start = pairs.start[i]
+    lightness = outlines.lightness[i]
+    ease = outlines.ease[i]
+    width = outlines.width[i]
+    slack_share = settings[SLACK]
+    own = core_of(i, outlines)
+    for p in range(start, start + pairs.count[i]):
+        j = pairs.second[p]
+        narrower = wp.min(width, outlines.width[j])
+        slack = slack_share * narrower
+        asked = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        depth = float(-1.0)
+        within = outlines.reach[i] + outlines.reach[j] + slack
+        if wp.length_sq(crowd.position[j] - here.position) < within * within:
+            seen = glance_at(here, j, crowd)
+            if seen.met != 0:
+                turned[p] = seen.turned
+                other = Core()
+                other.first = copy_corners(i, j, seen.turned, crowd)
+                other.count = outlines.first_corner[j + 1] - outlines.first_corner[j]
+                other.rounding = outlines.rounding[j]
+                contact = touch_between(i, j, own, other, seen.way, outlines, slack, pairs.note[p])
+                pairs.note[p] = contact.hint
+                if contact.distance < slack:
+                    asked = asked_by_contact(contact, j, seen.way, lightness, ease, slack, outlines)
+                    depth = -contact.distance / narrower
+        pairs.push[p] = asked
+        pairs.depth[p] = depth
+
+
+@wp.func
+def asked_by_neighbors(i: int, lightness: float, ease: float, pairs: Pairs, turned: wp.array(dtype=wp.vec2)):
+    """What the contacts with other bodies ask of body i, along its x axis and across it."""
+    sx = float(0.0)
+    sy = float(0.0)
+    turn = float(0.0)
+    contacts = int(0)
+    start = pairs.start[i]
+    for slot in range(start, start + pairs.count[i]):
+        if pairs.depth[slot] > -1.0:
+            push = pairs.push[slot]
+            sx -= push[0]
+            sy -= push[1]
+            turn -= push[2]
+            contacts += 1
+    for at in range(pairs.second_start[i], pairs.second_start[i + 1]):
+        slot = pairs.second_slot[at]
+        if pairs.depth[slot] > -1.0:
+            push = pairs.push[slot]
+            c = turned[slot][0]
+            s = turned[slot][1]
+            sx += c * push[0] + s * push[1]
+            sy += c * push[1] - s * push[0]
+            turn += push[3]
+            contacts += 1
+    result = Asked()
+    result.shift = wp.vec2(sx * lightness, sy * lightness)
+    result.turn = turn * ease
+    result.contacts = contacts
+    return result
+
+
+@wp.func
+def moved_on_surface(i: int, move: wp.vec3, bodies: Bodies, crowd: SurfaceCrowd):
+    """How body i lies after a move along its x axis, across it and with a turn: no farther than where it may be."""
+    body = crowd.outlines.body[i]
+    ground = crowd.ground
+    along = crowd.along[i]
+    normal = ground.facets.normal[crowd.facet[i]]
+    beside = wp.cross(normal, along)
+    way = move[0] * along + move[1] * beside
+    after = wp.cos(move[2]) * along + wp.sin(move[2]) * beside
+    new = Lying()
+    if bodies.kind[body] < 0:
+        new.middle = walk(crowd.facet[i], crowd.weight[i], way, body, bodies.support[body], ground)
+        new.axis = carried(after, normal, ground.facets.normal[new.middle.facet])
+        if crowd.outlines.ease[i] == 0.0:
+            # Its turn was given.
+            new.axis = direction_at(crowd.heading[i], new.middle.facet, crowd)
+    else:
+        half = wp.max(0.5 * crowd.outlines.length[i], 1.0e-6)
+        old = Lying()
+        old.middle = spot_at(crowd.facet[i], crowd.weight[i], ground.facets)
+        old.axis = half * along
+        old.turned = wp.vec2(0.0, 0.0)
+        turned = Lying()
+        turned.middle = old.middle
+        turned.axis = half * after
+        turned.turned = wp.vec2(move[2], 0.0)
+        new = allowed(body, old, turned, way, bodies, ground)
+    # Turning into another plane keeps lengths but for rounding.
+    new.axis = wp.normalize(tangential(new.axis, ground.facets.normal[new.middle.facet]))
+    return new
+
+
+@wp.kernel
+def move_apart_on_surface(
+    first: int,
+    thread: int,
+    pairs: Pairs,
+    turned: wp.array(dtype=wp.vec2),
+    bodies: Bodies,
+    settings: wp.array(dtype=float),
+    # outputs
+    crowd: SurfaceCrowd,
+    moves: SurfaceMoves,
+):
+    """Move every body as its contacts, its momentum and the pull to where it came from ask for."""
+    i = first + wp.tid()
+    outlines = crowd.outlines
+    lightness = outlines.lightness[i]
+    if lightness == 0.0:
+        return
+    normals = crowd.ground.facets.normal
+    ease = outlines.ease[i]
+    position = crowd.position[i]
+    along = crowd.along[i]
+    normal = normals[crowd.facet[i]]
+    asked = asked_by_neighbors(i, lightness, ease, pairs, turned)
+    move = move_of(asked, moves.last[i], settings)
+    pull = settings[PULL]
+    if pull > 0.0:
+        back = in_plane(moves.home[i] - position, along, wp.cross(normal, along))
+        move = wp.vec3(move[0] + pull * back[0], move[1] + pull * back[1], move[2])
+    move = limited(move, outlines.reach[i])
+    new = moved_on_surface(i, move, bodies, crowd)
+    new_normal = normals[new.middle.facet]
+    # What it has turned, beside what the surface has turned it.
+    turn = angle_between(carried(along, normal, new_normal), new.axis, new_normal)
+    way = carried(tangential(new.middle.position - position, normal), normal, new_normal)
+    gone = in_plane(way, new.axis, wp.cross(new_normal, new.axis))
+    crowd.facet[i] = new.middle.facet
+    crowd.weight[i] = new.middle.weight
+    crowd.position[i] = new.middle.position
+    crowd.along[i] = new.axis
+    moves.last[i] = wp.vec4(gone[0], gone[1], turn * wp.where(ease > 0.0, 1.0, 0.0), 0.0)
+    since = moves.turned[i] + turn
+    moves.turned[i] = since
+    if not (wp.length(new.middle.position - moves.built[i]) + wp.abs(since) * outlines.reach[i] <= outlines.skin[i]):
+        wp.atomic_add(moves.moved_far, thread, 1)
+
+
+@wp.kernel
+def measure_overlaps_on_surface(
+    first: int,
+    pairs: Pairs,
+    tolerance: float,
+    # outputs
+    deep: wp.array(dtype=wp.int32),
+    touching: wp.array(dtype=wp.int32),
+    cost: wp.array(dtype=float),
+):
+    """Of every body: how many pairs whose first it is overlap by more than the tolerance, and at all; and its squared overlaps."""
+    i = first + wp.tid()
+    deeper, overlaps, squares = overlaps_of_pairs(i, pairs, tolerance)
+    deep[i] = deeper
+    touching[i] = overlaps
+    cost[i] = squares
+
+
+@wp.func
+def cost_with_cell(
+    before: float,
+    i: int,
+    room_of: int,
+    here: Standing,
+    without: int,
+    most: float,
+    cell: wp.vec3i,
+    m: int,
+    crowd: SurfaceCrowd,
+):
+    """What there was before, and the squared overlaps that body i would have somewhere with the bodies of a cell, but for one."""
+    total = before
+    outlines = crowd.outlines
+    slot = slot_of_level(cell, m, crowd.slots.mask)
+    for s in range(crowd.slots.start[slot], crowd.slots.start[slot + 1]):
+        j = crowd.slots.order[s]
+        within = outlines.reach[i] + outlines.reach[j]
+        near = crowd.level[j] == m and j != i and j != without and total < most
+        if near and wp.length_sq(crowd.position[j] - here.position) < within * within:
+            if same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell):
+                seen = glance_at(here, j, crowd)
+                if seen.met != 0:
+                    copied = copy_corners(room_of, j, seen.turned, crowd)
+                    depth = -apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, 0.0)
+                    if depth > 0.0:
+                        depth = depth / wp.min(outlines.width[i], outlines.width[j])
+                        total += depth * depth
+    return total
+
+
+@wp.func
+def cost_of_standing(i: int, room_of: int, here: Standing, without: int, most: float, crowd: SurfaceCrowd):
+    """Squared overlaps that body i would have somewhere with all others but one; ``most`` or more where they are more.
+
+    Copies of corners go where there is room for those that body ``room_of`` sees.
+    """
+    total = float(0.0)
+    for m in range(crowd.level_count):
+        reach = crowd.outlines.reach[i] + crowd.level_reach[m]
+        low = cell_at(here.position - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
+        high = cell_at(here.position + wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
+        counts = high - low + wp.vec3i(1, 1, 1)
+        for number in range(counts[0] * counts[1] * counts[2]):
+            if total < most:
+                cell = low + cell_of_block(number, counts)
+                total = cost_with_cell(total, i, room_of, here, without, most, cell, m, crowd)
+    return total
+
+
+@wp.func
+def in_place_of(i: int, j: int, crowd: SurfaceCrowd):
+    """How body i stands in the place of body j: turned there as it is here."""
+    normal = crowd.ground.facets.normal[crowd.facet[i]]
+    result = standing_of(j, crowd)
+    heading = angle_between(crowd.frame[crowd.facet[i]], crowd.along[i], normal)
+    result.along = direction_at(heading, result.facet, crowd)
+    return result
+
+
+@wp.kernel
+def propose_swaps_on_surface(
+    first: int,
+    stuck: wp.array(dtype=wp.int32),
+    bins: Bins,
+    candidates: int,
+    keep: float,
+    seed: int,
+    crowd: SurfaceCrowd,
+    cost: wp.array(dtype=float),
+    # outputs
+    partner: wp.array(dtype=wp.int32),
+    gain: wp.array(dtype=float),
+):
+    """The body of its bin with which a stuck one had best trade places, and by how much their squared overlaps fall; -1: none."""
+    q = first + wp.tid()
+    i = stuck[q]
+    outlines = crowd.outlines
+    begin = bins.start[bins.bin[i]]
+    end = bins.start[bins.bin[i] + 1]
+    state = wp.rand_init(seed, i)
+    best = float(0.0)
+    chosen = int(-1)
+    if end - begin > 1:
+        for _candidate in range(candidates):
+            j = bins.member[wp.randi(state, begin, end)]
+            apart_by = outlines.reach[i] + outlines.reach[j]
+            if j != i and wp.length_sq(crowd.position[j] - crowd.position[i]) > 4.0 * apart_by * apart_by:
+                before = cost[i] + cost[j]
+                # As much may be left at most.
+                most = keep * before - best
+                after = cost_of_standing(i, i, in_place_of(i, j, crowd), j, most, crowd)
+                if after < most:
+                    # Others may try something for body j at the same time.
+                    after += cost_of_standing(j, i, in_place_of(j, i, crowd), i, most - after, crowd)
+                if after < most:
+                    best = keep * before - after
+                    chosen = j
+    partner[q] = chosen
+    gain[q] = best
+
+
+@wp.kernel
+def find_costs_on_surface(
+    first: int,
+    crowd: SurfaceCrowd,
+    # outputs
+    cost: wp.array(dtype=float),
+):
+    """Squared overlaps of every body."""
+    i = first + wp.tid()
+    cost[i] = cost_of_standing(i, i, standing_of(i, crowd), i, 1.0e30, crowd)
+
+
+@wp.kernel
+def propose_turns_on_surface(
+    first: int,
+    trials: int,
+    keep: float,
+    seed: int,
+    cost: wp.array(dtype=float),
+    crowd: SurfaceCrowd,
+    # outputs
+    angle: wp.array(dtype=float),
+    gain: wp.array(dtype=float),
+):
+    """By how much a body that overlaps others had best turn to overlap them least, and by how much its squared overlaps fall."""
+    i = first + wp.tid()
+    outlines = crowd.outlines
+    best = float(0.0)
+    chosen = float(0.0)
+    if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
+        here = standing_of(i, crowd)
+        along = here.along
+        beside = wp.cross(crowd.ground.facets.normal[here.facet], along)
+        state = wp.rand_init(seed, i)
+        for _trial in range(trials):
+            trial = wp.randf(state, 0.0, 2.0 * wp.pi)
+            here.along = wp.cos(trial) * along + wp.sin(trial) * beside
+            # As much may be left at most.
+            most = keep * cost[i] - best
+            after = cost_of_standing(i, i, here, i, most, crowd)
+            if after < most:
+                best = keep * cost[i] - after
+                chosen = trial
+    angle[i] = chosen
+    gain[i] = best
+
+
+@wp.func
+def gains_most_of_cell(i: int, reach: float, cell: wp.vec3i, m: int, gain: wp.array(dtype=float), crowd: SurfaceCrowd):
+    """Whether none of the bodies of a cell that may touch body i gains more than it does, or as much with a smaller number."""
+    best = bool(True)
+    slot = slot_of_level(cell, m, crowd.slots.mask)
+    for s in range(crowd.slots.start[slot], crowd.slots.start[slot + 1]):
+        j = crowd.slots.order[s]
+        if gain[j] > gain[i] or (gain[j] == gain[i] and j < i):
+            within = reach + crowd.outlines.reach[j]
+            near = wp.length_sq(crowd.position[j] - crowd.position[i]) < within * within
+            if (
+                near
+                and crowd.level[j] == m
+                and same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell)
+            ):
+                best = False
+    return best
+
+
+@wp.kernel
+def accept_turns_on_surface(
+    first: int,
+    angle: wp.array(dtype=float),
+    gain: wp.array(dtype=float),
+    # outputs
+    crowd: SurfaceCrowd,
+    turned: wp.array(dtype=wp.int32),
+):
+    """Turn those that gain more than all others within reach: of two that may touch only one turns at a time."""
+    i = first + wp.tid()
+    at = crowd.position[i]
+    best = gain[i] > 0.0
+    for m in range(crowd.level_count):
+        own = crowd.outlines.reach[i]
+        reach = own + crowd.level_reach[m]
+        low = cell_at(at - wp.vec3(reach, reach, reach), crowd.inverse_cell[m])
+        counts = cell_at(at + wp.vec3(reach, reach, reach), crowd.inverse_cell[m]) - low + wp.vec3i(1, 1, 1)
+        for number in range(counts[0] * counts[1] * counts[2]):
+            if best:
+                best = gains_most_of_cell(i, own, low + cell_of_block(number, counts), m, gain, crowd)
+    turned[i] = int(best)
+    if best:
+        along = crowd.along[i]
+        beside = wp.cross(crowd.ground.facets.normal[crowd.facet[i]], along)
+        crowd.along[i] = wp.cos(angle[i]) * along + wp.sin(angle[i]) * beside

@@ -1,0 +1,248 @@
+"""Separation in a rectangle: outlines as they are seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..space import kernels_images
+from ..space.neighborhood import Neighborhood
+from . import kernels_bends, kernels_descent, kernels_outlines, kernels_pairs, kernels_separation, kernels_trials
+from .footprint_tables import footprint_tables
+from .guidance import Guidance
+from .model import Model
+from .separation import SKIN, TOLERANCE, Separation
+from .spatial_order import spatial_order
+
+__all__ = ["PlaneSeparation"]
+
+# Periods that an image of a body may be away.
+MOST_IMAGES = 8
+
+
+class PlaneSeparation(Separation):
+    """Parts the outlines of a model's bodies in a rectangle.
+
+    Args:
+        model: What was placed.
+        launcher: Where to run.
+        bodies: As the descent's kernels take them.
+        images: Densities, as the descent's kernels take them.
+        pose: Where the bodies are, as the state has it; they are moved.
+        turn: How the outlines are turned, of lines from their axes [rad], float, shape ``[n]``; those that may turn are turned.
+        bend: As the state has it.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        launcher: Launcher,
+        bodies: kernels_descent.Bodies,
+        images: kernels_images.Images,
+        pose: wp.array,
+        turn: wp.array,
+        bend: wp.array,
+    ) -> None:
+        self._pose, self._turn, self._bend = pose, turn, bend
+        self._bodies, self._images = bodies, images
+        n, domain, unit = model.body_count, model.problem.rectangle, model.unit
+        self._space = model.space.for_kernels()
+        given = pose.numpy()
+        length = given[:, 3].astype(np.float64) * unit
+        tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
+        is_line = model.body.kind >= 0
+        start_turn = turn.numpy().astype(np.float64)
+        angle = np.where(is_line, given[:, 2], start_turn)
+        order = spatial_order(launcher, pose, model.space.size)
+        super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
+        reach = tables.reach / unit + SKIN * np.sqrt(tables.area) / unit
+        self._near = Neighborhood(launcher, model.space, reach, np.zeros(n), np.ones(n))
+        self._near.footprints.radius.assign(reach[order].astype(np.float32))
+        level = self._near.footprints.level.numpy()[order]
+        self._near.footprints.level.assign(level)
+        # Images that are farther than the nearest one matter where two bodies reach over half a period.
+        periods = model.space.images_within(2.0 * float(reach.max()), MOST_IMAGES)
+        self._slopes = self._slopes_for_kernels(order)
+        self._make_arrays(given, angle)
+        self._crowd = kernels_pairs.Crowd()
+        self._crowd.pose, self._crowd.outlines, self._crowd.neighbors = (
+            self._crowd_pose,
+            self._outlines,
+            self._near.for_kernels,
+        )
+        self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
+
+    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_outlines.Slopes | None:
+        """Slopes of the planes that outlines lie in; None where all are horizontal."""
+        footprints, device = self._model.footprints, self.launcher.device
+        if not footprints.slopes:
+            return None
+
+        def whole(values: Sequence[int] | np.ndarray) -> wp.array:
+            return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
+
+        pixels = [image.reshape(-1, 2) for image in footprints.slopes]
+        slopes = kernels_outlines.Slopes()
+        slopes.image = whole(footprints.slope[order])
+        slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
+        slopes.rows = whole([image.shape[0] for image in footprints.slopes])
+        slopes.columns = whole([image.shape[1] for image in footprints.slopes])
+        slopes.pixel = wp.array(np.concatenate(pixels), dtype=wp.vec2, device=device)
+        return slopes
+
+    def _make_arrays(self, given: np.ndarray, angle: np.ndarray) -> None:
+        launcher, n = self.launcher, self._count
+        values = np.zeros((n, 4), np.float32)
+        values[:, :2], values[:, 2] = given[:, :2], angle
+        values = values[self._order]
+        self._start = values
+        self._crowd_pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
+        moves = kernels_separation.Moves()
+        moves.home, moves.built = wp.clone(self._crowd_pose), wp.clone(self._crowd_pose)
+        moves.last = launcher.zeros(n, wp.vec4)
+        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        self._moves = moves
+
+    def _places(self) -> Sequence[wp.array]:
+        return [self._crowd_pose]
+
+    def _begin_list(self) -> None:
+        self.launcher.launch(
+            kernels_pairs.begin_list, self._count, [], [self._crowd, self._moves.built, self._moves.moved_far]
+        )
+        self._turn_corners()
+        self._sort()
+
+    def _sort(self) -> None:
+        self._near.sort(self._crowd_pose)
+
+    def _list_pairs(self, most: int, *, fill: bool) -> None:
+        inputs = [self._crowd, most, int(fill)]
+        self.launcher.launch(kernels_pairs.find_pairs, self._count, inputs, [self._pairs], grain=GRAIN_OF_NEIGHBORS)
+
+    def _turn_corners(self) -> None:
+        if self._slopes is not None:
+            self.launcher.launch(
+                kernels_outlines.find_slopes,
+                self._count,
+                [self._crowd_pose, self._slopes, self._space],
+                [self._outlines.slope],
+            )
+        self.launcher.launch(
+            kernels_outlines.turn_corners, self._count, [self._crowd_pose, self._outlines], [self._outlines.corner]
+        )
+
+    def _launch_find(self) -> None:
+        self._turn_corners()
+        self.launcher.launch(
+            kernels_separation.find_pushes,
+            self._count,
+            [self._crowd, self._settings],
+            [self._pairs],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _launch_move(self) -> None:
+        self.launcher.launch(
+            kernels_separation.move_apart,
+            self._count,
+            [self._pairs, self._bodies, self._bend, self._images, self._settings],
+            [self._crowd, self._moves],
+            grain=GRAIN_OF_NEIGHBORS,
+            per_thread=True,
+        )
+
+    def _measure(self) -> None:
+        self.launcher.launch(
+            kernels_separation.measure_overlaps,
+            self._count,
+            [self._crowd, self._pairs, TOLERANCE],
+            [self._deep, self._touching, self._cost],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _go_home(self) -> None:
+        self._crowd_pose.assign(self._start)
+        self._moves.home.assign(self._start)
+
+    def _lead(self, guidance: Guidance) -> None:
+        guidance.lead(self._crowd_pose, self._outlines, self._moves.home)
+
+    def _cells(self, size: float) -> np.ndarray:
+        extent = np.array(self._model.size)
+        counts = np.maximum(1, (extent / max(size, 1e-30)).clip(max=4096).astype(np.int64))
+        cell = np.clip((self._crowd_pose.numpy()[:, :2] / extent * counts).astype(np.int64), 0, counts - 1)
+        return cell[:, 1] * counts[0] + cell[:, 0]
+
+    def _trade(self, one: np.ndarray, other: np.ndarray) -> None:
+        poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
+        both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
+        poses[both, :2], home[both, :2] = poses[swapped, :2], home[swapped, :2]
+        last[both] = 0.0
+        self._crowd_pose.assign(poses)
+        self._moves.home.assign(home)
+        self._moves.last.assign(last)
+
+    def _propose_swaps(self, stuck: wp.array, inputs: Sequence[Any], outputs: Sequence[wp.array]) -> None:
+        self.launcher.launch(
+            kernels_trials.propose_swaps, len(stuck), [stuck, *inputs, self._crowd, self._cost], outputs, grain=8
+        )
+
+    def _find_costs(self, cost: wp.array) -> None:
+        self.launcher.launch(kernels_trials.find_costs, self._count, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)
+
+    def _propose_turns(
+        self, trials: int, keep: float, seed: int, cost: wp.array, angle: wp.array, gain: wp.array
+    ) -> None:
+        self.launcher.launch(
+            kernels_trials.propose_turns,
+            self._count,
+            [trials, self._corner_count, self._trial_corners, keep, seed, cost],
+            [self._crowd, angle, gain],
+            grain=8,
+        )
+
+    def _accept_turns(self, angle: wp.array, gain: wp.array, turned: wp.array) -> None:
+        self.launcher.launch(
+            kernels_trials.accept_turns,
+            self._count,
+            [angle, gain],
+            [self._crowd, turned],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _write_back(self) -> None:
+        """Put bodies into the state as they are now."""
+        crowd_pose = self._crowd_pose.numpy()
+        pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
+        lines, order = self._is_line[self._order], self._order
+        pose[order, :2] = self._model.space.wrapped(crowd_pose[:, :2])
+        pose[order[lines], 2] = crowd_pose[lines, 2]
+        dots = ~lines
+        turn[order[dots]] = crowd_pose[dots, 2]
+        self._pose.assign(pose)
+        self._turn.assign(turn)
+        if self._model.may_bend.any():
+            self._straighten()
+
+    def _straighten(self) -> None:
+        """Let lines bend no farther than there is room: they were parted as if they were straight."""
+        launcher, n = self.launcher, self._count
+        self._turn_corners()
+        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
+        launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
+        # Bodies as they lie in space; those that are bent are looked for as far as they reach.
+        reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
+        near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        # Cells know only places inside of a periodic domain.
+        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
+        near.sort(self._crowd_pose)
+        crowd = kernels_pairs.Crowd()
+        crowd.pose, crowd.outlines, crowd.neighbors = self._crowd_pose, self._outlines, near.for_kernels
+        crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
+        launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
+        launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])

@@ -1,0 +1,260 @@
+"""Separation on a surface: outlines in the planes that touch it between two bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..space.cell_sort import CellSort
+from ..surface.facets import Facets
+from . import (
+    kernels_descent,
+    kernels_on_surface,
+    kernels_outlines,
+    kernels_surface_contact,
+    kernels_surface_separation,
+)
+from .footprint_tables import footprint_tables
+from .model import Model
+from .separation import SKIN, TOLERANCE, Separation
+from .surface_contact import SLOTS_PER_BODY, levels_of
+from .surface_line_rules import tangent_frame
+from .surface_state import SurfaceState
+
+__all__ = ["SurfaceSeparation"]
+
+
+class SurfaceSeparation(Separation):
+    """Parts the outlines of a model's bodies on a surface.
+
+    Args:
+        model: What was placed.
+        launcher: Where to run.
+        bodies: As the descent's kernels take them.
+        ground: The surface, as the descent's kernels take it.
+        facets: The surface, cut.
+        state: Where the bodies are; they are moved, and turned where they may be.
+    """
+
+    SEES_COPIES = True
+
+    def __init__(
+        self,
+        model: Model,
+        launcher: Launcher,
+        bodies: kernels_descent.Bodies,
+        ground: kernels_on_surface.Ground,
+        facets: Facets,
+        state: SurfaceState,
+    ) -> None:
+        self._bodies, self._ground, self._facets, self._state = bodies, ground, facets, state
+        n, unit, device = model.body_count, model.unit, launcher.device
+        axis = state.axis.numpy().astype(np.float64)
+        half = np.linalg.norm(axis, axis=1)
+        length = 2.0 * half * unit
+        tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
+        is_line = model.body.kind >= 0
+        facet, heading = state.facet.numpy(), state.heading.numpy().astype(np.float64)
+        # Facets lie along a curve, and bodies on them.
+        order = np.argsort(facet, kind="stable")
+        super().__init__(model, launcher, tables, order, length, np.where(is_line, heading, 0.0))
+        first, second = self._frames()
+        along = np.cos(heading)[:, None] * first[facet] + np.sin(heading)[:, None] * second[facet]
+        along[is_line] = axis[is_line] / np.maximum(half[is_line], 1e-12)[:, None]
+        self._given = facet, along
+        reach = (tables.reach / unit + SKIN * np.sqrt(tables.area) / unit)[order]
+        level, level_reach = levels_of(reach)
+        crowd = kernels_surface_separation.SurfaceCrowd()
+        crowd.facet, crowd.weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
+        crowd.position, crowd.along = launcher.empty(n, wp.vec3), launcher.empty(n, wp.vec3)
+        crowd.heading = launcher.array(heading.astype(np.float32)[order], float)
+        crowd.frame = wp.array(first.astype(np.float32), dtype=wp.vec3, device=device)
+        crowd.outlines, crowd.ground = self._outlines, ground
+        crowd.copies, crowd.most_corners = self._corner_count, self._trial_corners
+        crowd.level_count = len(level_reach)
+        crowd.level = launcher.array(level, wp.int32)
+        crowd.level_reach = wp.array(level_reach, dtype=float, device=device)
+        crowd.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
+        slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
+        self._cell_sort = CellSort(launcher, n, slots)
+        crowd.slots = kernels_surface_contact.Slots()
+        crowd.slots.order, crowd.slots.start = self._cell_sort.order, self._cell_sort.cell_start
+        crowd.slots.sorted_at, crowd.slots.mask = launcher.empty(n, wp.vec3), slots - 1
+        self._crowd = crowd
+        moves = kernels_surface_separation.SurfaceMoves()
+        moves.last, moves.turned = launcher.zeros(n, wp.vec4), launcher.zeros(n, float)
+        moves.home, moves.built = launcher.empty(n, wp.vec3), launcher.empty(n, wp.vec3)
+        moves.moved_far = launcher.zeros(launcher.thread_count, wp.int32)
+        self._moves = moves
+        self._other_turned = launcher.zeros(1, wp.vec2)
+        self._go_home()
+        # Seen along their own x axes corners never turn.
+        launcher.launch(
+            kernels_outlines.turn_corners, n, [launcher.zeros(n, wp.vec4), self._outlines], [self._outlines.corner]
+        )
+
+    def _frames(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions of every facet that headings are counted from, and a quarter turn on, as a placement has them."""
+        facets = self._facets
+        return tangent_frame(facets.surface.normal[facets.triangle])
+
+    def _places(self) -> Sequence[wp.array]:
+        crowd = self._crowd
+        return [crowd.facet, crowd.weight, crowd.position, crowd.along]
+
+    def _go_home(self) -> None:
+        crowd, order = self._crowd, self._order
+        facet, along = self._given
+        weight = self._state.weight.numpy()
+        corner = self._facets.corner[facet]
+        u, v = weight[:, :1].astype(np.float64), weight[:, 1:].astype(np.float64)
+        position = corner[:, 0] + u * (corner[:, 1] - corner[:, 0]) + v * (corner[:, 2] - corner[:, 0])
+        crowd.facet.assign(facet[order].astype(np.int32))
+        crowd.weight.assign(weight[order])
+        crowd.position.assign(position[order].astype(np.float32))
+        crowd.along.assign(along[order].astype(np.float32))
+        self._moves.home.assign(crowd.position)
+
+    def _begin_list(self) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.begin_list_on_surface, self._count, [self._crowd], [self._moves]
+        )
+        self._sort()
+
+    def _sort(self) -> None:
+        crowd = self._crowd
+        self._cell_sort.sort(kernels_surface_separation.crowd_slots, [crowd])
+        crowd.slots.sorted_at.assign(crowd.position)
+
+    def _make_room(self, slots: int) -> None:
+        self._other_turned = self.launcher.zeros(slots, wp.vec2)
+
+    def _list_pairs(self, most: int, *, fill: bool) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.find_pairs_on_surface,
+            self._count,
+            [self._crowd, most, int(fill)],
+            [self._pairs],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _turn_corners(self) -> None:
+        # They do not turn.
+        return
+
+    def _launch_find(self) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.find_pushes_on_surface,
+            self._count,
+            [self._crowd, self._settings],
+            [self._pairs, self._other_turned],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _launch_move(self) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.move_apart_on_surface,
+            self._count,
+            [self._pairs, self._other_turned, self._bodies, self._settings],
+            [self._crowd, self._moves],
+            grain=GRAIN_OF_NEIGHBORS,
+            per_thread=True,
+        )
+
+    def _measure(self) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.measure_overlaps_on_surface,
+            self._count,
+            [self._pairs, TOLERANCE],
+            [self._deep, self._touching, self._cost],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _cells(self, size: float) -> np.ndarray:
+        cell = np.floor(self._crowd.position.numpy() / max(size, 1e-6)).astype(np.int64)
+        return np.unique(cell, axis=0, return_inverse=True)[1].ravel()
+
+    def _trade(self, one: np.ndarray, other: np.ndarray) -> None:
+        crowd, moves = self._crowd, self._moves
+        both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
+        facet, along, last = (array.numpy().copy() for array in (crowd.facet, crowd.along, moves.last))
+        heading = self._headings(facet[both], along[both])
+        for array in (crowd.facet, crowd.weight, crowd.position, moves.home):
+            values = array.numpy().copy()
+            values[both] = values[swapped]
+            array.assign(values)
+        first, second = (frame[facet[swapped]] for frame in self._frames())
+        along[both] = np.cos(heading)[:, None] * first + np.sin(heading)[:, None] * second
+        last[both] = 0.0
+        crowd.along.assign(along)
+        moves.last.assign(last)
+
+    def _headings(self, facet: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Angles of directions from those of their facets [rad], float64."""
+        first, second = (frame[facet] for frame in self._frames())
+        return np.arctan2((along * second).sum(axis=1), (along * first).sum(axis=1))
+
+    def _propose_swaps(self, stuck: wp.array, inputs: Sequence[Any], outputs: Sequence[wp.array]) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.propose_swaps_on_surface,
+            len(stuck),
+            [stuck, *inputs, self._crowd, self._cost],
+            outputs,
+            grain=8,
+        )
+
+    def _find_costs(self, cost: wp.array) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.find_costs_on_surface,
+            self._count,
+            [self._crowd],
+            [cost],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _propose_turns(
+        self, trials: int, keep: float, seed: int, cost: wp.array, angle: wp.array, gain: wp.array
+    ) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.propose_turns_on_surface,
+            self._count,
+            [trials, keep, seed, cost, self._crowd],
+            [angle, gain],
+            grain=8,
+        )
+
+    def _accept_turns(self, angle: wp.array, gain: wp.array, turned: wp.array) -> None:
+        self.launcher.launch(
+            kernels_surface_separation.accept_turns_on_surface,
+            self._count,
+            [angle, gain],
+            [self._crowd, turned],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+
+    def _write_back(self) -> None:
+        state, order, crowd = self._state, self._order, self._crowd
+        old_facet = state.facet.numpy().copy()
+        facet, weight = old_facet.copy(), state.weight.numpy().copy()
+        axis, heading = state.axis.numpy().copy(), state.heading.numpy().copy()
+        facet[order], weight[order] = crowd.facet.numpy(), crowd.weight.numpy()
+        along = np.empty((self._count, 3))
+        along[order] = crowd.along.numpy()
+        lines = self._is_line
+        axis[lines] = np.linalg.norm(axis[lines], axis=1, keepdims=True) * along[lines]
+        turned = ~lines & self._model.footprints.free
+        heading[turned] = self._headings(facet[turned], along[turned])
+        # What is remembered of the way there lies in the planes of now.
+        old, new = (self._facets.normal[of] for of in (old_facet, facet))
+        for remembered in (state.displacement, state.move):
+            vector = remembered.numpy()
+            turn = (new * vector).sum(axis=1) / np.maximum(1.0 + (old * new).sum(axis=1), 0.05)
+            remembered.assign((vector - turn[:, None] * (old + new)).astype(np.float32))
+        state.facet.assign(facet)
+        state.weight.assign(weight)
+        state.axis.assign(axis)
+        state.heading.assign(heading)

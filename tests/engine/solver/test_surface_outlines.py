@@ -1,0 +1,256 @@
+"""Convex outlines on surfaces: parted in the planes between neighbors, turned as they may be, measured with shapely."""
+
+import dataclasses
+
+import esh
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from esh.engine.problem.footprint import Footprint, Footprints
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+BOX, PLANK = Footprint.rectangle(1.0, 1.0), Footprint.rectangle(3.0, 0.7)
+# Its origin is beside it.
+WEDGE = Footprint.polygon([[0.2, -0.5], [1.4, -0.2], [1.4, 0.2], [0.2, 0.5]], 0.05)
+
+
+def ball(detail=4):
+    mesh = trimesh.creation.icosphere(detail)
+    return esh.Surface(esh.SurfaceMesh(mesh.vertices, mesh.faces))
+
+
+def square(cells=16):
+    x, y = np.meshgrid(np.linspace(0, 1, cells + 1), np.linspace(0, 1, cells + 1))
+    number = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
+    vertices = np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1)
+    return esh.Surface(esh.SurfaceMesh(vertices, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])))
+
+
+def asked(surface, outlines, count, cover, **settings):
+    """As many of each outline, which take the same share of what is covered; names are their numbers."""
+    settings.setdefault("avoid_overlap", True)
+    turn, sizes = settings.pop("turn", "free"), []
+    for number, outline in enumerate(outlines):
+        scale = np.sqrt(cover * surface.area / (len(outlines) * count * outline.area))
+        footprint = Footprints(outline.scaled(scale), turn=turn)
+        sizes.append(esh.Size(str(number), None, count, footprint=footprint))
+    return esh.Problem(surface, [esh.BodyClass("a", sizes)], **settings)
+
+
+def outline_of(placement, i):
+    size = placement.problem.classes[placement.class_index[i]].sizes[placement.size_index[i]]
+    return size.footprint.outlines[placement.variant[i]].scaled(placement.scale[i])
+
+
+def overlapping(placement, tolerance=1e-3):
+    """Pairs that lie deeper in each other than a share of the smaller width, in the plane between those that touch at the two."""
+    outlines = [outline_of(placement, i) for i in range(len(placement.position))]
+    reach = max(outline.circumradius for outline in outlines)
+    pairs = cKDTree(placement.position).query_pairs(2.0 * reach)
+    found = []
+    for i, j in sorted(pairs):
+        n, m = placement.normal[i], placement.normal[j]
+        if n @ m <= 0.0:
+            continue
+        between = (n + m) / np.linalg.norm(n + m)
+        shrink = -0.5 * tolerance * min(outlines[i].width, outlines[j].width)
+        way = placement.position[j] - placement.position[i]
+        polygons = []
+        axes = []
+        for k in (i, j):
+            turn = (
+                Rotation.align_vectors(
+                    [between, np.cross(between, placement.normal[k])],
+                    [placement.normal[k], np.cross(between, placement.normal[k])],
+                )[0]
+                if np.linalg.norm(np.cross(between, placement.normal[k])) > 1e-9
+                else Rotation.identity()
+            )
+            axes.append(turn.apply(placement.tangent[k]))
+        x, y = axes[0], np.cross(between, axes[0])
+        flat = np.array([way @ x, way @ y])
+        flat *= np.linalg.norm(way) / np.linalg.norm(flat)
+        angle = np.arctan2(axes[1] @ y, axes[1] @ x)
+        for k, (turned, offset) in enumerate([(0.0, np.zeros(2)), (angle, flat)]):
+            c, s = np.cos(turned), np.sin(turned)
+            corners = outlines[(i, j)[k]].outline() @ np.array([[c, s], [-s, c]]) + offset
+            polygons.append(shapely.Polygon(corners).buffer(shrink, join_style="mitre"))
+        if polygons[0].intersects(polygons[1]):
+            found.append((i, j))
+    return found
+
+
+@pytest.fixture(scope="module")
+def parted():
+    """Boxes and planks that cover half of a sphere, by how they may turn."""
+    return {
+        turn: esh.solve(asked(ball(), [BOX, PLANK], 200, 0.5, turn=turn), device="cpu") for turn in ("free", "random")
+    }
+
+
+@pytest.mark.parametrize("turn", ["free", "random"])
+def test_boxes_and_planks_on_half_of_a_sphere_do_not_overlap(parted, turn):
+    placement = parted[turn]
+    assert overlapping(placement) == []
+    assert placement.report.overlaps == 0
+    assert placement.report.covered == pytest.approx(0.5, abs=0.01)
+    # They are still even.
+    assert placement.report.coverage_error < 0.02
+    # Where they are put down as if they were discs, many overlap, and the report knows which.
+    loose = esh.solve(dataclasses.replace(placement.problem, avoid_overlap=False), device="cpu")
+    pairs = overlapping(loose)
+    assert len(pairs) > 100
+    assert loose.report.overlaps == len(pairs)
+    assert set(loose.report.overlapping) == {i for pair in pairs for i in pair}
+
+
+def first_axis(normal):
+    """Direction along a surface that is nearest to x, to y where it looks along x."""
+    wanted = np.where(np.abs(normal[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    axis = wanted - (wanted * normal).sum(axis=1, keepdims=True) * normal
+    return axis / np.linalg.norm(axis, axis=1, keepdims=True)
+
+
+def test_turns_that_are_given_are_kept_and_others_follow_from_contact(parted):
+    for placement in parted.values():
+        first = first_axis(placement.normal)
+        along = np.cos(placement.angle)[:, None] * first + np.sin(placement.angle)[:, None] * np.cross(
+            placement.normal, first
+        )
+        np.testing.assert_allclose(placement.tangent, along, atol=1e-9)
+    drawn = [parted[turn].problem.classes[0].sizes[0].footprints([0, 5, 0, 0]).turn for turn in ("free", "random")]
+    differ = [
+        np.abs(np.mod(parted[turn].angle[:200] - angle + np.pi, 2.0 * np.pi) - np.pi)
+        for turn, angle in zip(("free", "random"), drawn, strict=True)
+    ]
+    np.testing.assert_allclose(differ[1], 0.0, atol=1e-5)
+    # Whoever is in nobody's way stays as it was drawn.
+    assert 20 < (differ[0] > 0.05).sum() < 180
+
+
+@pytest.mark.parametrize("turn", ["free", "random", 0.4])
+def test_crowds_of_wedges_with_their_origins_beside_them_are_parted(turn):
+    placement = esh.solve(asked(ball(), [WEDGE, Footprint.disc(0.4)], 120, 0.62, turn=turn), device="cpu")
+    assert overlapping(placement) == []
+    assert placement.report.overlaps == 0
+    if turn == 0.4:
+        np.testing.assert_allclose(placement.angle[:120], 0.4, atol=1e-6)
+
+
+def test_on_a_square_outlines_are_as_even_as_those_of_the_plane():
+    flat = asked(square(), [BOX, PLANK], 100, 0.5)
+    there = esh.solve(flat, device="cpu")
+    plane = esh.solve(
+        esh.Problem(
+            esh.Domain((1.0, 1.0)), flat.classes[0:0] or [esh.BodyClass("a", flat.classes[0].sizes)], avoid_overlap=True
+        ),
+        device="cpu",
+    )
+    assert there.report.overlaps == plane.report.overlaps == 0
+    assert there.report.coverage_error < 1.2 * plane.report.coverage_error + 0.01
+
+
+def test_outlines_on_the_two_sides_of_a_wall_ignore_each_other():
+    box = trimesh.creation.box((1.0, 1.0, 0.02))
+    for _ in range(4):
+        box = box.subdivide()
+    surface = esh.Surface(esh.SurfaceMesh(box.vertices, box.faces))
+    placement = esh.solve(asked(surface, [BOX], 120, 0.5), device="cpu")
+    up = placement.normal[:, 2] > 0.9
+    down = placement.normal[:, 2] < -0.9
+    assert abs(int(up.sum()) - int(down.sum())) < 6
+    across = cKDTree(placement.position[up]).query(placement.position[down])[0]
+    assert across.min() < 0.5 * placement.problem.classes[0].sizes[0].footprint.outlines[0].width
+    assert placement.report.overlaps == 0
+
+
+def test_long_objects_with_outlines_lie_along_the_slope_and_keep_apart():
+    line = esh.Line(0.3, "slope", width=0.1)
+    wedge = Footprint.polygon([[-0.2, -0.05], [0.2, -0.02], [0.2, 0.02], [-0.2, 0.05]])
+    size = esh.Size("s", 0.03, 120, line=line, footprint=Footprints(wedge, turn="random"))
+    placement = esh.solve(esh.Problem(ball(), [esh.BodyClass("a", [size])], avoid_overlap=True), device="cpu")
+    assert overlapping(placement) == []
+    assert placement.report.overlaps == 0
+    # Some lie the other way round.
+    assert 20 < (placement.tangent[:, 2] > 0.0).sum() < 100
+
+
+def test_outlines_keep_gaps_and_keep_out_of_balls_as_a_whole():
+    scale = np.sqrt(0.35 * 4.0 * np.pi / (150 * PLANK.area))
+    plank = PLANK.scaled(scale)
+    size = esh.Size("s", None, 150, footprint=Footprints(plank))
+    hole = esh.Obstacle(ball=(0.0, 0.0, 1.0, 0.4))
+    problem = esh.Problem(ball(), [esh.BodyClass("a", [size], gap=0.04)], avoid_overlap=True, obstacles=[hole])
+    placement = esh.solve(problem, device="cpu")
+    assert placement.report.overlaps == 0
+    away = np.linalg.norm(placement.position - (0.0, 0.0, 1.0), axis=1)
+    assert away.min() > 0.4 + plank.circumradius - 1e-4
+    # Outlines that are wider by the gap would not overlap either.
+    wide = dataclasses.replace(size, footprint=Footprints(Footprint(plank.corners, 0.0195)))
+    wider = dataclasses.replace(
+        placement, problem=esh.Problem(ball(), [esh.BodyClass("a", [wide])]), variant=placement.variant
+    )
+    assert overlapping(wider) == []
+
+
+def test_outlines_that_look_at_a_point_do_so_where_they_have_been_parted():
+    look = esh.LookAt((0.0, 0.0, 3.0), front="x")
+    problem = asked(ball(), [PLANK], 150, 0.45, turn=0.0)
+    problem = esh.Problem(
+        problem.domain, [esh.BodyClass("a", problem.classes[0].sizes, look_at=look)], avoid_overlap=True
+    )
+    placement = esh.solve(problem, device="cpu")
+    assert placement.report.overlaps == 0
+    way = np.array([0.0, 0.0, 3.0]) - placement.position
+    way -= (way * placement.normal).sum(axis=1, keepdims=True) * placement.normal
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    past = np.arccos(np.clip((placement.tangent * way).sum(axis=1), -1.0, 1.0))
+    # Below the point a small move is a large turn.
+    assert np.quantile(past, 0.9) < 0.036
+    assert past.max() < 0.3
+
+
+def test_edits_leave_outlines_as_they_lay_and_fixed_ones_as_they_are():
+    surface = ball()
+    with esh.Solver(asked(surface, [BOX, PLANK], 100, 0.5), device="cpu") as solver:
+        solver.run(30)
+        assert solver.separate()
+        before = solver.placement()
+        pinned = esh.FixedBodies.of_placement(before, np.arange(100, 130))
+        solver.edit(dataclasses.replace(before.problem, fixed=[pinned], include_fixed=True))
+        after = solver.placement()
+        assert overlapping(after) == []
+        for row, identity in enumerate(before.id):
+            now = int(np.flatnonzero(after.id == identity)[0])
+            turned = np.arccos(np.clip(before.tangent[row] @ after.tangent[now], -1.0, 1.0))
+            if 100 <= row < 130:
+                assert after.fixed[now]
+                np.testing.assert_allclose(after.position[now], before.position[row], atol=1e-6)
+                assert turned < 1e-3
+            else:
+                # A little, where somebody is in the way.
+                assert turned < 0.6
+        kept = np.isin(after.id, before.id)
+        assert kept.all()
+
+
+def test_bytes_do_not_depend_on_threads(monkeypatch):
+    problem = asked(ball(3), [BOX, WEDGE], 150, 0.66, turn="random")
+    free = asked(ball(3), [BOX, WEDGE], 150, 0.7)
+    for one in (problem, free):
+        found = []
+        for threads in ("1", "3"):
+            monkeypatch.setenv("ESH_THREADS", threads)
+            found.append(esh.solve(one, device="cpu", max_steps=5))
+        for name in ("position", "tangent", "angle", "barycentric"):
+            np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name))
+        assert dataclasses.replace(found[0].report, seconds=0.0) == dataclasses.replace(found[1].report, seconds=0.0)
+
+
+def test_outlines_that_lean_need_a_rectangle():
+    leaning = Footprints(BOX, slope=np.ones((2, 2, 2)))
+    with pytest.raises(esh.ProblemError, match=r"`slope` of the `footprint` of size .* must be None on a surface"):
+        esh.Problem(ball(1), [esh.BodyClass("a", [esh.Size("s", None, 3, footprint=leaning)])])
