@@ -19,7 +19,7 @@ from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
 from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
-from .packing import packable_share
+from .packing import packable_share, scale_to_fit
 from .settings import values_of
 from .size import Size
 from .surface import PointsOnSurface, Surface
@@ -33,6 +33,7 @@ __all__ = [
     "cut_out",
     "cut_out_on_surface",
     "prepare",
+    "prepare_all",
     "prepare_density",
 ]
 
@@ -184,6 +185,33 @@ def prepare(
         share=share,
         **values_of(body_class, PlacingSettings),
     )
+
+
+def prepare_all(
+    classes: Sequence[BodyClass | PreparedClass], domain: Domain | Surface, *, apart: bool
+) -> tuple[PreparedClass, ...]:
+    """Return classes as they are placed in a domain together; those that have been prepared as they were, alone.
+
+    Args:
+        classes: What is asked.
+        domain: The domain.
+        apart: Whether bodies may not overlap; see :func:`prepare`.
+    """
+    share = _share_of_cover(classes) if apart else 1.0
+    # A class of another problem may have been cut and counted before.
+    return tuple(
+        (c.base or c) if isinstance(c, PreparedClass) else prepare(c, domain, apart=apart, share=share) for c in classes
+    )
+
+
+def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
+    """What classes that are to cover the ground, and keep apart on it, can have of what each of them alone could cover."""
+    covering = [c for c in classes if isinstance(c, BodyClass) and c.count == "cover"]
+    if not covering:
+        return 1.0
+    fits = [packable_share(c.sizes, c.room, c.gap) for c in covering]
+    images = [np.minimum(prepare_density(c).image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
+    return scale_to_fit(images, max(fits))
 
 
 def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obstacle]) -> PreparedClass:

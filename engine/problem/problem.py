@@ -25,8 +25,7 @@ from .domain import Domain
 from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
-from .packing import packable_share, scale_to_fit
-from .prepared_class import PreparedClass, cut_out, cut_out_on_surface, prepare, prepare_density
+from .prepared_class import PreparedClass, cut_out, cut_out_on_surface, prepare_all
 from .settings import Settings, described, setting, settle, takes, values_of
 from .size import with_count
 from .surface import Surface
@@ -126,14 +125,7 @@ class Problem(ProblemSettings):
             raise ProblemError("a problem must have at least one class; got none")
         validation.check_unique([body_class.name for body_class in classes], "class names")
         obstacles = validation.as_tuple(obstacles, Obstacle, "`obstacles`")
-        share = _share_of_cover(classes) if settings.avoid_overlap else 1.0
-        # A class of another problem may have been cut and counted before.
-        bases = tuple(
-            (c.base or c)
-            if isinstance(c, PreparedClass)
-            else prepare(c, domain, apart=settings.avoid_overlap, share=share)
-            for c in classes
-        )
+        bases = prepare_all(classes, domain, apart=settings.avoid_overlap)
         prepared = bases
         if isinstance(domain, Surface):
             check_known_on_surfaces(bases, obstacles)
@@ -239,16 +231,6 @@ class Problem(ProblemSettings):
         result[fixed] = named
         result[~fixed] = first + len(unnamed) + np.arange(int((~fixed).sum()))
         return result
-
-
-def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
-    """What classes that are to cover the ground, and keep apart on it, can have of what each of them alone could cover."""
-    covering = [c for c in classes if isinstance(c, BodyClass) and c.count == "cover"]
-    if not covering:
-        return 1.0
-    fits = [packable_share(c.sizes, c.room, c.gap) for c in covering]
-    images = [np.minimum(prepare_density(c).image, np.float32(f)) for c, f in zip(covering, fits, strict=True)]
-    return scale_to_fit(images, max(fits))
 
 
 def _sharing_images(classes: Sequence[PreparedClass]) -> tuple[PreparedClass, ...]:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ..errors import ProblemError
 from . import validation
 from .settings import settle
+from .smooth_normals import corner_normals
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
@@ -177,6 +179,11 @@ class Surface:
         """Area of all triangles [m²]."""
         return float(self.triangle_area.sum())
 
+    @cached_property
+    def corner_normal(self) -> np.ndarray:
+        """Where the smooth surface that the triangles stand for looks to at their corners, of length 1, shape ``[t, 3, 3]``."""
+        return corner_normals(self.position[self.triangle], self.normal, self.welded)
+
     @property
     def low(self) -> np.ndarray:
         """Smallest coordinates [m], shape ``[3]``."""
@@ -243,6 +250,12 @@ class PointsOnSurface:
     def normal(self) -> np.ndarray:
         """Of their triangles, of length 1, shape ``[n, 3]``, float64."""
         return self.surface.normal[self.triangle]
+
+    @property
+    def smooth_normal(self) -> np.ndarray:
+        """Where the smooth surface looks to that the triangles stand for, of length 1, shape ``[n, 3]``, float64."""
+        between = np.einsum("nk,nkd->nd", self.barycentric, self.surface.corner_normal[self.triangle])
+        return between / np.linalg.norm(between, axis=1, keepdims=True)
 
     def attribute(self, name: str, key: str = "`attribute`") -> np.ndarray:
         """Values of an attribute of the meshes, shape ``[n]`` or ``[n, k]``; a mesh that lacks it counts as 0."""

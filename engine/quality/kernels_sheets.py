@@ -17,7 +17,7 @@ STEEPER = wp.constant(wp.float64(math.pi / 3.0))
 
 @wp.struct
 class Sheets:
-    """Bodies on a surface: positions, where the surface looks to there, and the x axes of their outlines.
+    """Bodies on a surface: positions, where the smooth surface looks to there, x axes of outlines along it, and their sheets.
 
     Corners of outlines that somebody sees are noted from ``copies`` on, ``most_corners`` for each body that sees them.
     """
@@ -25,6 +25,7 @@ class Sheets:
     position: wp.array(dtype=wp.vec3d)
     normal: wp.array(dtype=wp.vec3d)
     along: wp.array(dtype=wp.vec3d)
+    sheet: wp.array(dtype=wp.int32)
     copies: wp.int32
     most_corners: wp.int32
 
@@ -105,7 +106,8 @@ def count_on_sheets(
     query = wp.hash_grid_query(grid, in_units[i], 1.001 * (1.0 + float(shapes.reach[i] / unit)))
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j != i and found < most and shapes.fixed[i] * shapes.fixed[j] == 0:
+        movable = shapes.fixed[i] * shapes.fixed[j] == 0
+        if j != i and found < most and movable and sheets.sheet[i] == sheets.sheet[j]:
             way = sheets.position[j] - sheets.position[i]
             distance = wp.length(way)
             if distance < shapes.reach[i] + shapes.reach[j]:

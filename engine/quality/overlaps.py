@@ -14,8 +14,10 @@ from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
+from ..problem.surface import Surface
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
+from .sheets import sheets_of
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_of"]
 
@@ -148,12 +150,17 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does; ``place`` is None.
 
     Two outlines are compared where they see each other along one sheet of the surface: in the plane between those that touch it at
-    the two bodies, as far apart as these are in a straight line.
+    the two bodies, as far apart as these are in a straight line. What it touches is the smooth surface that the triangles stand for.
     """
-    n = len(placement.position)
+    n, surface = len(placement.position), placement.problem.domain
     if n == 0:
         return Overlaps(0)
+    assert isinstance(surface, Surface)
+    assert placement.mesh is not None and placement.triangle is not None and placement.barycentric is not None
     assert placement.normal is not None and placement.tangent is not None
+    points = surface.locate(placement.mesh, placement.triangle, placement.barycentric)
+    smooth = points.smooth_normal
+    along = _turned_with(placement.tangent, placement.normal, smooth)
     device, footprints = launcher.device, footprints_of_placement(placement)
     most_corners = max([2, *(len(outline.corners) for outline in footprints.shapes)])
     shapes = _laid_out(
@@ -179,20 +186,31 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     sheets = kernels_sheets.Sheets()
     for name, values in (
         ("position", placement.position - middle),
-        ("normal", placement.normal),
-        ("along", placement.tangent),
+        ("normal", smooth),
+        ("along", along),
     ):
         setattr(sheets, name, launcher.array(np.ascontiguousarray(values, np.float64), wp.vec3d))
     sheets.copies, sheets.most_corners = len(shapes.corner) - n * most_corners, most_corners
+    sheets.sheet = launcher.zeros(n, wp.int32)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
-    launcher.launch(
-        kernels_sheets.count_on_sheets,
-        n,
-        [grid.id, in_units, unit, sheets, shapes, TOLERANCE, MOST_OVERLAPS_PER_BODY],
-        [found, deepest, partner],
-        grain=GRAIN_OF_NEIGHBORS,
-    )
-    count = int(found.numpy().sum(dtype=np.int64)) // 2
+
+    def count_them() -> int:
+        launcher.launch(
+            kernels_sheets.count_on_sheets,
+            n,
+            [grid.id, in_units, unit, sheets, shapes, TOLERANCE, MOST_OVERLAPS_PER_BODY],
+            [found, deepest, partner],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        return int(found.numpy().sum(dtype=np.int64)) // 2
+
+    count = count_them()
+    if count:
+        # Only now it matters what belongs together.
+        of_triangle = sheets_of(surface, n)
+        if of_triangle.max() > of_triangle.min():
+            sheets.sheet.assign(of_triangle[points.triangle].astype(np.int32))
+            count = count_them()
     if count == 0:
         return Overlaps(0)
     depth = deepest.numpy()
@@ -201,6 +219,15 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     lying = np.flatnonzero(depth > 0.0)
     named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
     return Overlaps(count, float(depth[one]), (min(one, other), max(one, other)), None, tuple(named.tolist()))
+
+
+def _turned_with(vector: np.ndarray, normal: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Vectors, turned as their normals must be turned the shortest way to become others, shape ``[n, 3]``."""
+    axis = np.cross(normal, other)
+    cosine = (normal * other).sum(axis=1, keepdims=True)
+    return (
+        cosine * vector + np.cross(axis, vector) + axis * ((axis * vector).sum(axis=1, keepdims=True) / (1.0 + cosine))
+    )
 
 
 class _BentLines(NamedTuple):

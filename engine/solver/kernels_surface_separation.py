@@ -11,7 +11,7 @@ import math
 import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
-from ..surface.kernels_facets import carried, spot_at, tangential
+from ..surface.kernels_facets import carried, smooth_normal, spot_at, tangential
 from .kernels_descent import Bodies
 from .kernels_on_surface import Ground, walk
 from .kernels_outlines import Outlines, apart
@@ -33,15 +33,17 @@ STEEPER = wp.constant(math.pi / 3.0)
 class SurfaceCrowd:
     """Bodies whose outlines are parted, in the order in which they lie along the surface.
 
-    Where they are: facet, weights of its second and third corner, position; the direction of the x axis of their outlines. Turns
-    that were given, from the direction along the surface that every facet has in ``frame``. Outlines, whose corners are seen along
-    these x axes; behind them there is room for the ``most_corners`` of somebody else for each body, from ``copies`` on. Levels of
-    size, with the largest reach and the inverse size of the cells of each; and who is in which cell.
+    Where they are: facet, weights of its second and third corner, position; where the smooth surface that the mesh stands for looks
+    to there, and the direction of the x axis of their outlines along that. Turns that were given, from the direction along the
+    surface that every facet has in ``frame``. Outlines, whose corners are seen along these x axes; behind them there is room for the
+    ``most_corners`` of somebody else for each body, from ``copies`` on. Levels of size, with the largest reach and the inverse size
+    of the cells of each; and who is in which cell.
     """
 
     facet: wp.array(dtype=wp.int32)
     weight: wp.array(dtype=wp.vec2)
     position: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
     along: wp.array(dtype=wp.vec3)
     heading: wp.array(dtype=float)
     frame: wp.array(dtype=wp.vec3)
@@ -73,10 +75,11 @@ class SurfaceMoves:
 
 @wp.struct
 class Standing:
-    """How a body stands: where, on which facet, and where its x axis points."""
+    """How a body stands: where, on which facet, where the smooth surface looks to there, and where its x axis points along it."""
 
     position: wp.vec3
     facet: wp.int32
+    normal: wp.vec3
     along: wp.vec3
 
 
@@ -94,6 +97,7 @@ def standing_of(i: int, crowd: SurfaceCrowd):
     result = Standing()
     result.position = crowd.position[i]
     result.facet = crowd.facet[i]
+    result.normal = crowd.normal[i]
     result.along = crowd.along[i]
     return result
 
@@ -130,8 +134,8 @@ def glance_at(here: Standing, j: int, crowd: SurfaceCrowd):
     seen = Glance()
     facets = crowd.ground.facets
     there = crowd.facet[j]
-    normal = facets.normal[here.facet]
-    other = facets.normal[there]
+    normal = here.normal
+    other = crowd.normal[j]
     way = crowd.position[j] - here.position
     distance = wp.length(way)
     if facets.label[here.facet] != facets.label[there] or not on_one_sheet(way, distance, normal, other):
@@ -337,11 +341,12 @@ def asked_by_neighbors(i: int, lightness: float, ease: float, pairs: Pairs, turn
 
 @wp.func
 def moved_on_surface(i: int, move: wp.vec3, bodies: Bodies, crowd: SurfaceCrowd):
-    """How body i lies after a move along its x axis, across it and with a turn: no farther than where it may be."""
+    """How body i lies in the plane of a facet after a move along its x axis, across it, and a turn: no farther than it may."""
     body = crowd.outlines.body[i]
     ground = crowd.ground
-    along = crowd.along[i]
+    # As others know it, a body lies in the plane of its facet.
     normal = ground.facets.normal[crowd.facet[i]]
+    along = carried(crowd.along[i], crowd.normal[i], normal)
     beside = wp.cross(normal, along)
     way = move[0] * along + move[1] * beside
     after = wp.cos(move[2]) * along + wp.sin(move[2]) * beside
@@ -386,11 +391,11 @@ def move_apart_on_surface(
     lightness = outlines.lightness[i]
     if lightness == 0.0:
         return
-    normals = crowd.ground.facets.normal
+    facets = crowd.ground.facets
     ease = outlines.ease[i]
     position = crowd.position[i]
     along = crowd.along[i]
-    normal = normals[crowd.facet[i]]
+    normal = crowd.normal[i]
     asked = asked_by_neighbors(i, lightness, ease, pairs, turned)
     move = move_of(asked, moves.last[i], settings)
     pull = settings[PULL]
@@ -399,15 +404,17 @@ def move_apart_on_surface(
         move = wp.vec3(move[0] + pull * back[0], move[1] + pull * back[1], move[2])
     move = limited(move, outlines.reach[i])
     new = moved_on_surface(i, move, bodies, crowd)
-    new_normal = normals[new.middle.facet]
+    new_normal = smooth_normal(new.middle.facet, new.middle.weight, facets)
+    new_along = carried(new.axis, facets.normal[new.middle.facet], new_normal)
     # What it has turned, beside what the surface has turned it.
-    turn = angle_between(carried(along, normal, new_normal), new.axis, new_normal)
+    turn = angle_between(carried(along, normal, new_normal), new_along, new_normal)
     way = carried(tangential(new.middle.position - position, normal), normal, new_normal)
-    gone = in_plane(way, new.axis, wp.cross(new_normal, new.axis))
+    gone = in_plane(way, new_along, wp.cross(new_normal, new_along))
     crowd.facet[i] = new.middle.facet
     crowd.weight[i] = new.middle.weight
     crowd.position[i] = new.middle.position
-    crowd.along[i] = new.axis
+    crowd.normal[i] = new_normal
+    crowd.along[i] = new_along
     moves.last[i] = wp.vec4(gone[0], gone[1], turn * wp.where(ease > 0.0, 1.0, 0.0), 0.0)
     since = moves.turned[i] + turn
     moves.turned[i] = since
@@ -489,8 +496,9 @@ def in_place_of(i: int, j: int, crowd: SurfaceCrowd):
     """How body i stands in the place of body j: turned there as it is here."""
     normal = crowd.ground.facets.normal[crowd.facet[i]]
     result = standing_of(j, crowd)
-    heading = angle_between(crowd.frame[crowd.facet[i]], crowd.along[i], normal)
-    result.along = direction_at(heading, result.facet, crowd)
+    heading = angle_between(crowd.frame[crowd.facet[i]], carried(crowd.along[i], crowd.normal[i], normal), normal)
+    there = crowd.ground.facets.normal[result.facet]
+    result.along = carried(direction_at(heading, result.facet, crowd), there, result.normal)
     return result
 
 
@@ -568,7 +576,7 @@ def propose_turns_on_surface(
     if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
         here = standing_of(i, crowd)
         along = here.along
-        beside = wp.cross(crowd.ground.facets.normal[here.facet], along)
+        beside = wp.cross(here.normal, along)
         state = wp.rand_init(seed, i)
         for _trial in range(trials):
             trial = wp.randf(state, 0.0, 2.0 * wp.pi)
@@ -626,5 +634,5 @@ def accept_turns_on_surface(
     turned[i] = int(best)
     if best:
         along = crowd.along[i]
-        beside = wp.cross(crowd.ground.facets.normal[crowd.facet[i]], along)
+        beside = wp.cross(crowd.normal[i], along)
         crowd.along[i] = wp.cos(angle[i]) * along + wp.sin(angle[i]) * beside

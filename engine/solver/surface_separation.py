@@ -70,7 +70,7 @@ class SurfaceSeparation(Separation):
         level, level_reach = levels_of(reach)
         crowd = kernels_surface_separation.SurfaceCrowd()
         crowd.facet, crowd.weight = launcher.empty(n, wp.int32), launcher.empty(n, wp.vec2)
-        crowd.position, crowd.along = launcher.empty(n, wp.vec3), launcher.empty(n, wp.vec3)
+        crowd.position, crowd.normal, crowd.along = (launcher.empty(n, wp.vec3) for _ in range(3))
         crowd.heading = launcher.array(heading.astype(np.float32)[order], float)
         crowd.frame = wp.array(first.astype(np.float32), dtype=wp.vec3, device=device)
         crowd.outlines, crowd.ground = self._outlines, ground
@@ -104,18 +104,22 @@ class SurfaceSeparation(Separation):
 
     def _places(self) -> Sequence[wp.array]:
         crowd = self._crowd
-        return [crowd.facet, crowd.weight, crowd.position, crowd.along]
+        return [crowd.facet, crowd.weight, crowd.position, crowd.normal, crowd.along]
 
     def _go_home(self) -> None:
         crowd, order = self._crowd, self._order
         facet, along = self._given
         weight = self._state.weight.numpy()
-        corner = self._facets.corner[facet]
-        u, v = weight[:, :1].astype(np.float64), weight[:, 1:].astype(np.float64)
-        position = corner[:, 0] + u * (corner[:, 1] - corner[:, 0]) + v * (corner[:, 2] - corner[:, 0])
+        full = np.column_stack([1.0 - weight.sum(axis=1), weight]).astype(np.float64)
+        position, normal = (
+            np.einsum("nk,nkd->nd", full, of[facet]) for of in (self._facets.corner, self._facets.corner_normal)
+        )
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        along = _carried(along, self._facets.normal[facet], normal)
         crowd.facet.assign(facet[order].astype(np.int32))
         crowd.weight.assign(weight[order])
         crowd.position.assign(position[order].astype(np.float32))
+        crowd.normal.assign(normal[order].astype(np.float32))
         crowd.along.assign(along[order].astype(np.float32))
         self._moves.home.assign(crowd.position)
 
@@ -181,21 +185,25 @@ class SurfaceSeparation(Separation):
     def _trade(self, one: np.ndarray, other: np.ndarray) -> None:
         crowd, moves = self._crowd, self._moves
         both, swapped = np.concatenate([one, other]), np.concatenate([other, one])
-        facet, along, last = (array.numpy().copy() for array in (crowd.facet, crowd.along, moves.last))
-        heading = self._headings(facet[both], along[both])
-        for array in (crowd.facet, crowd.weight, crowd.position, moves.home):
+        facet, normal, along, last = (
+            array.numpy().copy() for array in (crowd.facet, crowd.normal, crowd.along, moves.last)
+        )
+        heading = self._headings(facet[both], normal[both], along[both])
+        for array in (crowd.facet, crowd.weight, crowd.position, crowd.normal, moves.home):
             values = array.numpy().copy()
             values[both] = values[swapped]
             array.assign(values)
         first, second = (frame[facet[swapped]] for frame in self._frames())
-        along[both] = np.cos(heading)[:, None] * first + np.sin(heading)[:, None] * second
+        there = np.cos(heading)[:, None] * first + np.sin(heading)[:, None] * second
+        along[both] = _carried(there, self._facets.normal[facet[swapped]], normal[swapped])
         last[both] = 0.0
         crowd.along.assign(along)
         moves.last.assign(last)
 
-    def _headings(self, facet: np.ndarray, along: np.ndarray) -> np.ndarray:
-        """Angles of directions from those of their facets [rad], float64."""
+    def _headings(self, facet: np.ndarray, normal: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Angles of directions at right angles to normals, laid into the planes of facets, from what these count from [rad]."""
         first, second = (frame[facet] for frame in self._frames())
+        along = _carried(along, normal, self._facets.normal[facet])
         return np.arctan2((along * second).sum(axis=1), (along * first).sum(axis=1))
 
     def _propose_swaps(self, stuck: wp.array, inputs: Sequence[Any], outputs: Sequence[wp.array]) -> None:
@@ -242,19 +250,24 @@ class SurfaceSeparation(Separation):
         facet, weight = old_facet.copy(), state.weight.numpy().copy()
         axis, heading = state.axis.numpy().copy(), state.heading.numpy().copy()
         facet[order], weight[order] = crowd.facet.numpy(), crowd.weight.numpy()
-        along = np.empty((self._count, 3))
-        along[order] = crowd.along.numpy()
+        along, normal = np.empty((self._count, 3)), np.empty((self._count, 3))
+        along[order], normal[order] = crowd.along.numpy(), crowd.normal.numpy()
         lines = self._is_line
-        axis[lines] = np.linalg.norm(axis[lines], axis=1, keepdims=True) * along[lines]
+        laid = _carried(along[lines], normal[lines], self._facets.normal[facet[lines]])
+        axis[lines] = np.linalg.norm(axis[lines], axis=1, keepdims=True) * laid
         turned = ~lines & self._model.footprints.free
-        heading[turned] = self._headings(facet[turned], along[turned])
+        heading[turned] = self._headings(facet[turned], normal[turned], along[turned])
         # What is remembered of the way there lies in the planes of now.
         old, new = (self._facets.normal[of] for of in (old_facet, facet))
         for remembered in (state.displacement, state.move):
-            vector = remembered.numpy()
-            turn = (new * vector).sum(axis=1) / np.maximum(1.0 + (old * new).sum(axis=1), 0.05)
-            remembered.assign((vector - turn[:, None] * (old + new)).astype(np.float32))
+            remembered.assign(_carried(remembered.numpy(), old, new).astype(np.float32))
         state.facet.assign(facet)
         state.weight.assign(weight)
         state.axis.assign(axis)
         state.heading.assign(heading)
+
+
+def _carried(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Vectors at right angles to normals, turned the shortest way to where the normals are others, shape ``[n, 3]``."""
+    turn = (new * vector).sum(axis=1) / np.maximum(1.0 + (old * new).sum(axis=1), 0.05)
+    return vector - turn[:, None] * (old + new)

@@ -10,7 +10,6 @@ import warp as wp
 
 from ..problem.surface import Surface
 from . import kernels_facets
-from .smooth_normals import corner_normals
 
 __all__ = ["Facets"]
 
@@ -59,7 +58,7 @@ class Facets:
         order = _order(corner.mean(axis=1), normal, label[triangle])
         self.corner, self.triangle, self.weight = corner[order], triangle[order], weight[order]
         self.normal, self.label = normal[order], label[self.triangle]
-        smooth = np.einsum("fkc,fcd->fkd", self.weight, corner_normals(surface)[self.triangle])
+        smooth = np.einsum("fkc,fcd->fkd", self.weight, surface.corner_normal[self.triangle])
         self.corner_normal = smooth / np.linalg.norm(smooth, axis=2, keepdims=True)
         self.open_side = self._open_sides(open_side)
         side = self.corner - np.roll(self.corner, 1, axis=1)

@@ -18,25 +18,16 @@ from ...engine.problem.packing import packable_share, scale_to_fit
 from ...engine.problem.prepared_class import PreparedClass, PreparedDensity, count_sizes, prepare_density
 from ...engine.problem.scatter_settings import ScatterSettings, Standing
 from ...engine.problem.settings import values_of
-from ...engine.problem.size import Size, with_count
+from ...engine.problem.size import Size
 from ...engine.problem.surface_directions import SLOPE
 from ...engine.problem.validation import check_density
 from ...engine.solver.memory import check_counts
 from ...engine.surface.chart import Chart
 from .amount import Amount
 from .on_whole_surface import mean_footprint
+from .outlined_sizes import OutlinedSizes
 from .scatter_class import ScatterClass, standing_of
-from .sources import (
-    DISC_IN_POLYGON,
-    EDGE_SCALES,
-    SizeShape,
-    disc_of_area,
-    engine_size,
-    variant_footprints,
-    variants_of,
-    with_any_outline,
-)
-from .standing import draw
+from .sources import EDGE_SCALES, SizeShape, engine_size, with_any_outline
 
 __all__ = ["ClassesFromAbove"]
 
@@ -78,12 +69,10 @@ class ClassesFromAbove:
         settings: ScatterSettings,
         staying: Mapping[tuple[int, int], int],
     ) -> None:
-        self._staying = staying
+        self._outlined = OutlinedSizes(classes, shapes, settings, staying)
         self._chart, self._target_name = chart, target_name
         self._classes, self._shapes = classes, shapes
         self._settings = settings
-        # Bodies of the sizes before, which number the points.
-        self._counted = 0
 
     def prepare(self, values: Sequence[np.ndarray]) -> list[PreparedClass]:
         """Return what the engine is to place, once.
@@ -132,7 +121,9 @@ class ClassesFromAbove:
     def _prepare_class(self, number: int, one: _Asked, sizes: list[Size]) -> PreparedClass:
         chart, c = self._chart, self._classes[number]
         if self._settings.avoid_overlap:
-            sizes = [self._with_outlines((number, s), size) for s, size in enumerate(sizes)]
+            slope = chart.slope(standing_of(c, self._settings).align_to_normal)
+            leaning = None if slope is None else (slope, chart.area)
+            sizes = [self._outlined.size((number, s), size, leaning) for s, size in enumerate(sizes)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}
@@ -156,55 +147,6 @@ class ClassesFromAbove:
             return None
         x, y, z = c.look_at.point
         return replace(c.look_at, point=(x - float(self._chart.origin[0]), y - float(self._chart.origin[1]), z))
-
-    def _with_outlines(self, where: tuple[int, int], size: Size) -> Size:
-        """Return a size whose bodies have the outlines of what is placed there, as large and as turned as it will stand.
-
-        Args:
-            where: Number of its class, and its own.
-            size: With its whole count.
-        """
-        shape = self._shapes[where[0]][where[1]]
-        identity = np.arange(self._counted, self._counted + (size.count or 0))
-        self._counted += len(identity)
-        capsules = not shape.own_outlines and shape.line is not None
-        if capsules or not len(identity):
-            return size
-        standing = standing_of(self._classes[where[0]], self._settings)
-        long = np.full(len(identity), shape.line is not None)
-        factor, turn = draw(standing, identity, long, self._settings.seed)
-        slope = self._chart.slope(standing.align_to_normal)
-        if not shape.own_outlines:
-            return self._with_discs(size, factor, slope)
-        variants = variant_footprints(shape)
-        variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
-        if isinstance(shape.area, tuple):
-            # What gives each object its area; its jitter comes on top of that.
-            area = self._areas(where, size)
-            factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
-        return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
-
-    def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
-        """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""
-        count = size.count or 0
-        left = max(count - self._staying.get(where, 0), 0)
-        drawn = with_count(size, left).areas([self._settings.seed, 2, *where])
-        return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
-
-    def _with_discs(self, size: Size, factor: np.ndarray, slope: np.ndarray | None) -> Size:
-        """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
-
-        Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
-        """
-        # A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
-        if slope is not None:
-            longer = np.sqrt(1.0 + (slope**2).sum(axis=-1))
-            if np.average(longer, weights=self._chart.area) < DISC_IN_POLYGON:
-                slope = None
-        if slope is None and (factor == 1.0).all():
-            return size
-        disc = disc_of_area(size.mean_area, leans=slope is not None)
-        return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope))
 
 
 def _share_of_cover(asked: list[_Asked]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,18 +12,22 @@ from ...engine.errors import ProblemError
 from ...engine.problem.body_class import BodyClass, ClassSettings
 from ...engine.problem.direction_field import direction_field
 from ...engine.problem.line import Line
-from ...engine.problem.prepared_class import prepare
+from ...engine.problem.prepared_class import PreparedClass, prepare, prepare_all
+from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.settings import values_of
 from ...engine.problem.size import Size
 from ...engine.problem.surface import PointsOnSurface
+from ...engine.solver.memory import check_counts
 from ...engine.surface.instances import body_rotations, rotate
 from ...engine.surface.whole_surface import WholeSurface
 from .amount import Amount
+from .outlined_sizes import OutlinedSizes
+from .sources import SizeShape, engine_size, with_any_outline
 
 if TYPE_CHECKING:
     from .scatter_class import ScatterClass
 
-__all__ = ["class_on_surface", "headings", "mean_footprint"]
+__all__ = ["class_on_surface", "classes_on_surface", "headings", "mean_footprint"]
 
 
 def class_on_surface(
@@ -54,6 +58,53 @@ def class_on_surface(
     share = np.minimum(prepare(asked, chart.surface).density_on(chart.surface.sample()), 1.0).mean()
     count = c.count.number(chart.area * float(share), mean_footprint(asked), f'class "{c.name}"')
     return replace(asked, count=count)
+
+
+def classes_on_surface(
+    chart: WholeSurface,
+    classes: Sequence[ScatterClass],
+    shapes: Sequence[Sequence[SizeShape]],
+    values: Sequence[np.ndarray],
+    settings: ScatterSettings,
+    staying: Mapping[tuple[int, int], int],
+) -> list[BodyClass] | list[PreparedClass]:
+    """Return what the engine is to place on a target as a whole.
+
+    Args:
+        chart: The target.
+        classes: What is asked.
+        shapes: Of their sizes, by class.
+        values: Their densities at the points of the chart, shape ``[n]`` each.
+        settings: How the scatter is made.
+        staying: How many objects of an earlier result stay, by class and size; they are among the counts.
+
+    Raises:
+        ProblemError: What is not known on whole surfaces, or a class that has nowhere to be.
+    """
+    asked = []
+    for c, of_class, density in zip(classes, shapes, values, strict=True):
+        sizes = [engine_size(size, shape) for size, shape in zip(c.sizes, of_class, strict=True)]
+        asked.append(class_on_surface(chart, c, sizes, density))
+    if not settings.avoid_overlap:
+        return asked
+    # How many bodies cover what they are to cover is a matter of their outlines; and these are chosen once it is known how many.
+    asked = [
+        replace(
+            c,
+            sizes=[
+                with_any_outline(size, shape) if shape.own_outlines else size
+                for size, shape in zip(c.sizes, of_class, strict=True)
+            ],
+        )
+        for c, of_class in zip(asked, shapes, strict=True)
+    ]
+    counted = prepare_all(asked, chart.surface, apart=True)
+    check_counts([(c.name, size) for c in counted for size in c.sizes], settings.avoid_overlap)
+    outlined = OutlinedSizes(classes, shapes, settings, staying)
+    return [
+        replace(c, sizes=tuple(outlined.size((number, s), size, None) for s, size in enumerate(c.sizes)))
+        for number, c in enumerate(counted)
+    ]
 
 
 def headings(normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:

@@ -100,12 +100,13 @@ class Pins(NamedTuple):
             self.scale,
         )
 
-    def fixed_on(self, surface: WholeSurface, area: np.ndarray) -> FixedBodies:
+    def fixed_on(self, surface: WholeSurface, area: np.ndarray, variant: np.ndarray) -> FixedBodies:
         """Return them as the solver takes them, put onto a whole surface where that is nearest.
 
         Args:
             surface: The target.
             area: What ground each takes [m²], shape ``[n]``; NaN for that of its size.
+            variant: Which of its size's objects each is, shape ``[n]``.
         """
         triangle, weight = surface.nearest(self.position, self.normal)
         return FixedBodies(
@@ -116,6 +117,8 @@ class Pins(NamedTuple):
             np.where(self.length > 0.0, self.length, np.nan),
             area,
             self.identity,
+            variant,
+            self.scale,
             mesh=0,
             triangle=triangle,
             barycentric=weight,

@@ -86,7 +86,7 @@ def result_points(
             source[own] = np.array(shape.objects)[variant]
             if size.outlined and isinstance(chart, Chart):
                 _take_known_normals(ground, size, placement, chart, own)
-            _fit(ground, size, placement, own, variant, isinstance(chart, Chart))
+            _fit(ground, size, placement, own, variant)
             _lay_along(ground, size, own, variant)
             if size.look is not None:
                 # Outlines were parted as they are turned, and what is pinned has the turn that it has.
@@ -158,14 +158,12 @@ def _take_known_normals(ground: Ground, size: _Size, placement: Placement, chart
         ground.normal[own] = normal_of_slope(slope_at(slope, placement.position[own], extent), align)
 
 
-def _fit(
-    ground: Ground, size: _Size, placement: Placement, own: np.ndarray, variant: np.ndarray, from_above: bool
-) -> None:
+def _fit(ground: Ground, size: _Size, placement: Placement, own: np.ndarray, variant: np.ndarray) -> None:
     """Say how much objects are scaled to fit their bodies, and whether they are long."""
     outlines, ranged = size.outlines, isinstance(size.shape.area, tuple)
     ground.long[own] = size.shape.line is not None and bool(outlines)
     # Of discs for objects that nobody has measured, the scale says nothing of the objects.
-    if size.outlined and (outlines or not ranged) and from_above:
+    if size.outlined and (outlines or not ranged):
         # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
         # that were drawn for this body.
         factor, turn = draw(size.standing, placement.id[own], ground.long[own], size.seed)

@@ -30,9 +30,9 @@ from ...engine.surface.instances import Instances
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.classes_from_above import ClassesFromAbove
-from ..classes.on_whole_surface import class_on_surface
+from ..classes.on_whole_surface import classes_on_surface
 from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of
-from ..classes.sources import SizeShape, SizeSource, SourceReader, engine_size, measure_size
+from ..classes.sources import SizeShape, SizeSource, SourceReader, measure_size
 from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
@@ -237,15 +237,12 @@ class ScatterJob:
     ) -> list[PreparedClass] | list[BodyClass]:
         """Return what the engine is to place, from densities at the chart's points."""
         chart = self.chart
+        pins = None if reading.pins is None else reading.pins[0]
+        staying = Counter() if pins is None else Counter(zip(pins.class_index, pins.size_index, strict=True))
         if isinstance(chart, Chart):
-            pins = None if reading.pins is None else reading.pins[0]
-            staying = Counter() if pins is None else Counter(zip(pins.class_index, pins.size_index, strict=True))
             name = reading.target.name
             return ClassesFromAbove(chart, name, self.classes, shapes, self.settings, staying).prepare(values)
-        return [
-            class_on_surface(chart, c, [engine_size(*pair) for pair in zip(c.sizes, of_class, strict=True)], density)
-            for c, of_class, density in zip(self.classes, shapes, values, strict=True)
-        ]
+        return classes_on_surface(chart, self.classes, shapes, values, self.settings, staying)
 
     def _fixed(self, reading: _Reading) -> Sequence[FixedBodies]:
         """Return the bodies that stay."""
@@ -263,7 +260,7 @@ class ScatterJob:
             if isinstance(shape.area, tuple) and outlines:
                 own = np.flatnonzero(group == number)
                 area[own] = pins.fit[own] ** 2 * np.array([outline.area for outline in outlines])[variant[own]]
-        return (pins.fixed_on(self.chart, area),)
+        return (pins.fixed_on(self.chart, area, variant),)
 
     @property
     def target(self) -> bpy.types.Object | bpy.types.Collection:

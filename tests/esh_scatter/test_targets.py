@@ -129,6 +129,82 @@ def test_a_closed_box_has_as_many_on_every_side():
             assert number == pytest.approx(700 * 2 * of_side / whole, abs=12)
 
 
+def board(name, length, width):
+    """A flat thing to place, twice as far from its origin on one side as on the other."""
+    low, high = -length / 3.0, 2.0 * length / 3.0
+    return mesh_object(
+        name,
+        [(low, -width / 2, 0), (high, -width / 2, 0), (high, width / 2, 0), (low, width / 2, 0)],
+        [(0, 1, 2, 3)],
+    )
+
+
+def lying_in_each_other(result, tolerance):
+    """Pairs of flat objects that overlap by more than a share of their width in the plane between those that they lie in."""
+    import shapely
+
+    instances = result.instances
+    objects = [result.sources[k] for k in instances.source]
+    turn = [Quaternion(q) for q in instances.rotation]
+    corner = [
+        np.array([r @ (Vector(v.co) * float(s)) for v in item.data.vertices])
+        for item, r, s in zip(objects, turn, instances.scale, strict=True)
+    ]
+    place = [c + p for c, p in zip(corner, instances.position.astype(float), strict=True)]
+    up = np.array([r @ Vector((0, 0, 1)) for r in turn])
+    found = []
+    for i in range(len(place)):
+        for j in range(i):
+            way = instances.position[j].astype(float) - instances.position[i]
+            reach = sum(np.linalg.norm(corner[k], axis=1).max() for k in (i, j))
+            if np.linalg.norm(way) > reach or up[i] @ up[j] <= 0.0:
+                continue
+            between = Vector(up[i] + up[j]).normalized()
+            x = Vector(way).cross(between).normalized()
+            flat = []
+            for k, offset in ((i, 0.0), (j, np.linalg.norm(way))):
+                laid = Vector(up[k]).rotation_difference(between)
+                seen = np.array([laid @ Vector(c) for c in corner[k]])
+                y = np.array(between.cross(x))
+                flat.append(shapely.Polygon(np.stack([seen @ np.array(x), seen @ y + offset], axis=1)))
+            width = min(2.0 * np.sqrt(p.area) / max(p.length / np.sqrt(p.area) / 2.0, 1.0) for p in flat)
+            inner = [p.buffer(-0.5 * tolerance * width, join_style="mitre") for p in flat]
+            if inner[0].intersects(inner[1]):
+                found.append((i, j))
+    return found
+
+
+def test_sources_keep_apart_by_their_outlines_on_a_whole_surface():
+    ball = added("ico_sphere", subdivisions=4, radius=2.0)
+    # Neither is long enough to be a line; planks that are asked for as outlines are.
+    sizes = [
+        ScatterSize("slab", 110, board("Slab", 0.5, 0.34)),
+        ScatterSize("plank", 90, board("Plank", 0.75, 0.18), line=False),
+    ]
+    settings = {"surface": "whole", "align_to_normal": 1.0, "random_turn": 2.0 * np.pi, "scale_jitter": 0.3, **OPTIONS}
+    asked = [ScatterClass("wood", sizes)]
+    result = scatter(ball, asked, **settings)
+    assert result.report.covered == pytest.approx(0.57, abs=0.05)
+    assert result.report.overlaps == 0
+    assert len(set(np.round(result.instances.scale, 4))) > 100
+    # Objects stand along shading normals, outlines lie on the faces.
+    assert lying_in_each_other(result, 0.03) == []
+    loose = scatter(ball, asked, **settings, avoid_overlap=False)
+    assert len(lying_in_each_other(loose, 0.03)) > 50
+
+
+def test_on_a_whole_surface_outlines_of_a_range_and_of_long_objects_cover_as_many_as_fit():
+    ball = added("ico_sphere", subdivisions=4, radius=3.0)
+    sizes = [
+        ScatterSize("slab", source=board("Slab", 0.5, 0.34), area=(0.1, 0.3), share=0.7),
+        ScatterSize("stick", source=board("Stick", 0.9, 0.12), share=0.3),
+    ]
+    result = scatter(ball, [ScatterClass("wood", sizes, count="cover")], surface="whole", **OPTIONS)
+    assert result.report.overlaps == 0
+    assert 0.6 < result.report.covered < 0.85
+    assert result.placement.scale.min() < 0.9 and (result.placement.length > 0.0).any()
+
+
 def test_suzanne_is_covered_with_her_modifiers():
     monkey = added("monkey")
     monkey.modifiers.new("Subdivision", "SUBSURF").levels = 1

@@ -16,6 +16,7 @@ from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.quality.heat import HeatMesh
 from esh.engine.quality.kernels_sheets import on_one_sheet
 from esh.engine.quality.measurement import measure
+from esh.engine.quality.sheets import sheets_of
 
 BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
 
@@ -115,6 +116,33 @@ def test_slivers_and_large_triangles_are_measured(launcher):
     error = measure(placed(surface, points), launcher).coverage_error
     # Independent random points.
     assert 0.2 < error < 0.45
+
+
+def square(corner, side=1.0, cells=4, height=0.0):
+    """A flat square of its own."""
+    vertices, faces = meshes.square(cells)
+    return SurfaceMesh(vertices * [side, side, 1.0] + [*corner, height], faces)
+
+
+@pytest.mark.parametrize(
+    ("parts", "one"),
+    [
+        # Side by side with other triangles; with a gap; a sticker on it; one above the other; two crumbs.
+        ([square((0.0, 0.0)), square((1.0, 0.0), cells=7)], True),
+        ([square((0.0, 0.0)), square((1.1, 0.0))], False),
+        ([square((0.0, 0.0)), square((0.3, 0.3), 0.4, height=1e-3)], False),
+        ([square((0.0, 0.0)), square((0.0, 0.0), height=0.05)], False),
+        ([square((0.0, 0.0), 10.0), square((5.0, 5.0), 0.3, height=0.1), square((6.0, 5.0), 0.3, height=0.1)], None),
+    ],
+)
+def test_parts_are_one_sheet_where_their_borders_meet(parts, one):
+    surface = Surface(parts)
+    sheet = sheets_of(surface, 200)
+    first = [sheet[surface.source == start][0] for start in np.cumsum([0, *(len(p.triangles) for p in parts[:-1])])]
+    if one is None:
+        assert first[1] == first[2] != first[0]
+    else:
+        assert bool(first[0] == first[1]) is one
 
 
 @wp.kernel

@@ -45,37 +45,38 @@ def outline_of(placement, i):
     return size.footprint.outlines[placement.variant[i]].scaled(placement.scale[i])
 
 
+def turned(vector, normal, other):
+    """A vector, turned as its normal must be turned the shortest way to become another one."""
+    axis = np.cross(normal, other)
+    size = np.linalg.norm(axis)
+    turn = Rotation.from_rotvec(axis / max(size, 1e-300) * np.arctan2(size, normal @ other))
+    return turn.apply(vector)
+
+
 def overlapping(placement, tolerance=1e-3):
     """Pairs that lie deeper in each other than a share of the smaller width, in the plane between those that touch at the two."""
     outlines = [outline_of(placement, i) for i in range(len(placement.position))]
     reach = max(outline.circumradius for outline in outlines)
     pairs = cKDTree(placement.position).query_pairs(2.0 * reach)
+    # The surface that the triangles of a ball stand for.
+    round_ = np.ptp(placement.position[:, 2]) > 0.5
+    out = placement.position / np.linalg.norm(placement.position, axis=1, keepdims=True) if round_ else placement.normal
     found = []
     for i, j in sorted(pairs):
-        n, m = placement.normal[i], placement.normal[j]
+        n, m = out[i], out[j]
         if n @ m <= 0.0:
             continue
         between = (n + m) / np.linalg.norm(n + m)
         shrink = -0.5 * tolerance * min(outlines[i].width, outlines[j].width)
         way = placement.position[j] - placement.position[i]
         polygons = []
-        axes = []
-        for k in (i, j):
-            turn = (
-                Rotation.align_vectors(
-                    [between, np.cross(between, placement.normal[k])],
-                    [placement.normal[k], np.cross(between, placement.normal[k])],
-                )[0]
-                if np.linalg.norm(np.cross(between, placement.normal[k])) > 1e-9
-                else Rotation.identity()
-            )
-            axes.append(turn.apply(placement.tangent[k]))
+        axes = [turned(turned(placement.tangent[k], placement.normal[k], out[k]), out[k], between) for k in (i, j)]
         x, y = axes[0], np.cross(between, axes[0])
         flat = np.array([way @ x, way @ y])
         flat *= np.linalg.norm(way) / np.linalg.norm(flat)
         angle = np.arctan2(axes[1] @ y, axes[1] @ x)
-        for k, (turned, offset) in enumerate([(0.0, np.zeros(2)), (angle, flat)]):
-            c, s = np.cos(turned), np.sin(turned)
+        for k, (turn, offset) in enumerate([(0.0, np.zeros(2)), (angle, flat)]):
+            c, s = np.cos(turn), np.sin(turn)
             corners = outlines[(i, j)[k]].outline() @ np.array([[c, s], [-s, c]]) + offset
             polygons.append(shapely.Polygon(corners).buffer(shrink, join_style="mitre"))
         if polygons[0].intersects(polygons[1]):

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
+from esh.engine.problem.smooth_normals import MOST_AROUND
 from esh.engine.problem.surface import Surface, SurfaceMesh
-from esh.engine.surface.smooth_normals import MOST_AROUND, corner_normals
 
 
 def of_mesh(mesh):
     surface = Surface(SurfaceMesh(mesh.vertices, mesh.faces))
-    return surface, corner_normals(surface)
+    return surface, surface.corner_normal
 
 
 def test_a_ball_looks_outwards_at_every_corner():
@@ -36,9 +36,9 @@ def test_a_can_is_smooth_round_its_side_and_sharp_at_its_rims():
 def test_meshes_in_pieces_are_as_smooth_as_whole_ones():
     # Every triangle has vertices of its own, as files for games have.
     ball = trimesh.creation.icosphere(subdivisions=2)
-    whole = corner_normals(Surface(SurfaceMesh(ball.vertices, ball.faces)))
+    whole = Surface(SurfaceMesh(ball.vertices, ball.faces)).corner_normal
     apart = ball.vertices[ball.faces].reshape(-1, 3)
-    pieces = corner_normals(Surface(SurfaceMesh(apart, np.arange(len(apart)).reshape(-1, 3))))
+    pieces = Surface(SurfaceMesh(apart, np.arange(len(apart)).reshape(-1, 3))).corner_normal
     np.testing.assert_allclose(pieces, whole, atol=1e-12)
 
 

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 
-from ..problem.surface import Surface
-
 __all__ = ["corner_normals"]
 
 # Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
@@ -18,18 +16,22 @@ CREASE_COSINE = math.cos(math.radians(40.0))
 MOST_AROUND = 32
 
 
-def corner_normals(surface: Surface) -> np.ndarray:
-    """Return where the surface looks to at the corners of its triangles, of length 1, shape ``[t, 3, 3]``.
+def corner_normals(corner: np.ndarray, normal: np.ndarray, welded: np.ndarray) -> np.ndarray:
+    """Return where a surface looks to at the corners of its triangles, of length 1, shape ``[t, 3, 3]``.
 
     It is the mean of what the triangles around a vertex do, weighed by their angles there; across a crease, every side's own.
+
+    Args:
+        corner: Where the corners of the triangles are, shape ``[t, 3, 3]``.
+        normal: Of the triangles, of length 1, shape ``[t, 3]``.
+        welded: Numbers of their vertices, which are one where they lie in one place, shape ``[t, 3]``.
     """
-    corner = surface.position[surface.triangle]
     ahead = np.roll(corner, -1, axis=1) - corner
     ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-300)
     cosine = -(ahead * np.roll(ahead, 1, axis=1)).sum(axis=2)
-    own = np.repeat(surface.normal, 3, axis=0)
+    own = np.repeat(normal, 3, axis=0)
     weighed = own * np.arccos(np.clip(cosine, -1.0, 1.0)).reshape(-1, 1)
-    vertex = surface.welded.ravel()
+    vertex = welded.ravel()
     count = int(vertex.max()) + 1
     mean = _unit(np.stack([np.bincount(vertex, weighed[:, axis], count) for axis in range(3)], axis=1))
     result = mean[vertex]

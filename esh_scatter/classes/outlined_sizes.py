@@ -1,0 +1,91 @@
+"""Sizes whose bodies have the outlines of what is placed there, as large and as turned as it will stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...engine.problem.footprint import Footprints
+from ...engine.problem.scatter_settings import ScatterSettings
+from ...engine.problem.size import Size, with_count
+from .scatter_class import ScatterClass, standing_of
+from .sources import DISC_IN_POLYGON, SizeShape, disc_of_area, variant_footprints, variants_of
+from .standing import draw
+
+__all__ = ["OutlinedSizes"]
+
+
+class OutlinedSizes:
+    """Gives sizes their outlines, one after the other, in the order of a problem: that of its bodies, which number the points.
+
+    Args:
+        classes: What is asked.
+        shapes: Of their sizes, by class.
+        settings: How the scatter is made.
+        staying: How many objects of an earlier result stay, by class and size; they are among the counts.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[ScatterClass],
+        shapes: Sequence[Sequence[SizeShape]],
+        settings: ScatterSettings,
+        staying: Mapping[tuple[int, int], int],
+    ) -> None:
+        self._classes, self._shapes, self._settings, self._staying = classes, shapes, settings, staying
+        # Bodies of the sizes before.
+        self._counted = 0
+
+    def size(self, where: tuple[int, int], size: Size, leaning: tuple[np.ndarray, np.ndarray] | None) -> Size:
+        """Return a size whose bodies have outlines.
+
+        Args:
+            where: Number of its class, and its own.
+            size: With its whole count.
+            leaning: Slopes of the planes that outlines lie in, shape ``[rows, columns, 2]``, and how much ground each of these is;
+                None where outlines lie along the ground.
+        """
+        shape = self._shapes[where[0]][where[1]]
+        identity = np.arange(self._counted, self._counted + (size.count or 0))
+        self._counted += len(identity)
+        capsules = not shape.own_outlines and shape.line is not None
+        if capsules or not len(identity):
+            return replace(size, footprint=None)
+        standing = standing_of(self._classes[where[0]], self._settings)
+        long = np.full(len(identity), shape.line is not None)
+        factor, turn = draw(standing, identity, long, self._settings.seed)
+        if not shape.own_outlines:
+            return _with_discs(size, factor, leaning)
+        variants = variant_footprints(shape)
+        variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
+        if isinstance(shape.area, tuple):
+            # What gives each object its area; its jitter comes on top of that.
+            area = self._areas(where, size)
+            factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
+        slope = None if leaning is None else leaning[0]
+        return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
+
+    def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
+        """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""
+        count = size.count or 0
+        left = max(count - self._staying.get(where, 0), 0)
+        drawn = with_count(size, left).areas([self._settings.seed, 2, *where])
+        return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
+
+
+def _with_discs(size: Size, factor: np.ndarray, leaning: tuple[np.ndarray, np.ndarray] | None) -> Size:
+    """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
+
+    Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
+    """
+    slope = None
+    # A level disc keeps off more than one that leans, but where it is mostly flat less than a polygon around one that leans.
+    if leaning is not None:
+        longer = np.sqrt(1.0 + (leaning[0] ** 2).sum(axis=-1))
+        slope = leaning[0] if np.average(longer, weights=leaning[1]) >= DISC_IN_POLYGON else None
+    if slope is None and (factor == 1.0).all():
+        return replace(size, footprint=None)
+    disc = disc_of_area(size.mean_area, leans=slope is not None)
+    return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope))
