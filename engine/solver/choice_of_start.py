@@ -22,6 +22,8 @@ __all__ = ["choose_start"]
 # 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
 FEW, FEW_CHARGES = 50, 300
 STARTS, STARTS_PER_CLASS, STEPS_OF_STARTS = 10, 5, 100
+# Starts times groups at most: each group has transforms of its own, so that a start takes as much longer as there are more of them.
+MOST_STARTS_OF_GROUPS = 60
 # Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
 # which no class has two bodies close to each other.
 EQUAL, NEARLY_EQUAL = 1e-5, 2e-3
@@ -39,11 +41,12 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
         Which of several starts it is, from 0.
     """
     model = descent.model
-    if not _are_few(model):
+    number = _number_of_starts(model)
+    if number < 2:
         return 0
     energy = Energy(model)
     energies, spacings = [], []
-    for start in range(STARTS + STARTS_PER_CLASS * (len(model.problem.classes) - 1)):
+    for start in range(number):
         if start:
             descent.restart(start)
         _settle(descent, min(max_steps, STEPS_OF_STARTS), tolerance)
@@ -54,11 +57,14 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
     return best
 
 
-def _are_few(model: Model) -> bool:
-    """Whether there are so few bodies that several starts cost little, and some of them can move."""
-    most = max((c.body_count for c in model.problem.classes), default=0)
+def _number_of_starts(model: Model) -> int:
+    """From how many starts to solve: 1 unless there are so few bodies that several cost little, and some of them can move."""
+    classes = model.problem.classes
+    most = max((c.body_count for c in classes), default=0)
     free = int(((model.body.flags & BodyFlags.PINNED) == 0).sum())
-    return most <= FEW and model.charge_count <= FEW_CHARGES and free > 1
+    if most > FEW or model.charge_count > FEW_CHARGES or free < 2:
+        return 1
+    return min(STARTS + STARTS_PER_CLASS * (len(classes) - 1), MOST_STARTS_OF_GROUPS // model.groups.count)
 
 
 def _settle(descent: Descent, max_steps: int, tolerance: float) -> None:
