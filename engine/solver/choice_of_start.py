@@ -18,22 +18,20 @@ from .state import State
 
 __all__ = ["choose_start"]
 
-# How many bodies of a class are few, and charges of all classes.
+# How many bodies of a class are few, and charges of all classes. Measured on 5, 10, 20 and 50 bodies: the best of 10 starts is within
+# 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
 FEW, FEW_CHARGES = 50, 300
-# Starts of one class, more for every other one, and steps from each. Measured on 5, 10, 20 and 50 bodies: the best of 10 starts is
-# within 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
 STARTS, STARTS_PER_CLASS, STEPS_OF_STARTS = 10, 5, 100
-# A step takes longer with every class. With no more starts times classes than this, all starts of 6, 10 and 20 classes of five took
-# 0.4 to 0.7 seconds of one processor, and the best was within 0.0007, 0.0023 and 0.0028 a body of the best of 20. Many classes begin
-# where they begin.
-MOST_STARTS_TIMES_CLASSES = 60
+# Starts times groups at most: a step takes longer with every group. All starts of 6, 10 and 20 classes of five then took 0.4 to 0.7
+# seconds of one processor, and the best was within 0.0007, 0.0023 and 0.0028 a body of the best of 20.
+MOST_STARTS_OF_GROUPS = 60
 # Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
 # which no class has two bodies close to each other.
 EQUAL, NEARLY_EQUAL = 1e-5, 2e-3
 
 
 def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
-    """Go to the start from which the least energy is reached; where bodies or classes are many, stay at the first.
+    """Go to the start from which the least energy is reached; where bodies are many, stay at the first.
 
     Args:
         descent: Where no step has been taken yet.
@@ -44,12 +42,12 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
         Which of several starts it is, from 0.
     """
     model = descent.model
-    starts = _number_of_starts(model)
-    if starts == 1:
+    number = _number_of_starts(model)
+    if number < 2:
         return 0
     energy = Energy(model)
     energies, spacings = [], []
-    for start in range(starts):
+    for start in range(number):
         if start:
             descent.restart(start)
         _settle(descent, min(max_steps, STEPS_OF_STARTS), tolerance)
@@ -61,14 +59,13 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
 
 
 def _number_of_starts(model: Model) -> int:
-    """Return from how many starts bodies are solved: 1 unless there are so few that it costs little, and some of them can move."""
+    """From how many starts to solve: 1 unless there are so few bodies that several cost little, and some of them can move."""
     classes = model.problem.classes
     most = max((c.body_count for c in classes), default=0)
     free = int(((model.body.flags & BodyFlags.PINNED) == 0).sum())
     if most > FEW or model.charge_count > FEW_CHARGES or free < 2:
         return 1
-    wanted = STARTS + STARTS_PER_CLASS * (len(classes) - 1)
-    return max(1, min(wanted, MOST_STARTS_TIMES_CLASSES // len(classes)))
+    return min(STARTS + STARTS_PER_CLASS * (len(classes) - 1), MOST_STARTS_OF_GROUPS // model.groups.count)
 
 
 def _settle(descent: Descent, max_steps: int, tolerance: float) -> None:
