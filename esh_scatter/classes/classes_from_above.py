@@ -185,7 +185,7 @@ def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray)
 def _ground_for(chart: Chart, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
     """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
     if not all(isinstance(size.footprint, Footprints) for size in sizes):
-        # Capsules lie in the plan.
+        # Lines that were given lie in the plan.
         return np.ones(chart.shape)
     steep = np.arccos(1.0 / np.maximum(chart.stretch, 1.0))
     return 1.0 / np.cos(standing.align_to_normal * steep)

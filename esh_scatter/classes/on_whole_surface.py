@@ -92,7 +92,7 @@ def classes_on_surface(
         replace(
             c,
             sizes=[
-                with_any_outline(size, shape) if shape.own_outlines else size
+                with_any_outline(size, shape) if shape.outlines_of_variants else size
                 for size, shape in zip(c.sizes, of_class, strict=True)
             ],
         )

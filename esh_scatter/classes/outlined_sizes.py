@@ -50,13 +50,12 @@ class OutlinedSizes:
         shape = self._shapes[where[0]][where[1]]
         identity = np.arange(self._counted, self._counted + (size.count or 0))
         self._counted += len(identity)
-        capsules = not shape.own_outlines and shape.line is not None
-        if capsules or not len(identity):
+        if shape.line_given or not len(identity):
             return replace(size, footprint=None)
         standing = standing_of(self._classes[where[0]], self._settings)
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)
-        if not shape.own_outlines:
+        if not shape.outlines_of_variants:
             return _with_discs(size, factor, leaning)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
