@@ -377,6 +377,15 @@ class Footprints(Settings):
             check=_check_slope,
         ),
     )
+    tilt: float = field(
+        default=0.0,
+        metadata=setting(
+            "Largest random lean of a body, in any direction, beside that of the ground. Its outline lies in the plane that leans so",
+            unit="rad",
+            low=0.0,
+            high=math.pi,
+        ),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -72,6 +72,7 @@ def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootpr
         smaller=smaller,
         fixed=placement.fixed,
         bends=placement.bends,
+        tilt=footprints.tilts(placement.id, placement.problem.seed),
     )
 
 
@@ -87,6 +88,7 @@ def find_overlaps(
     smaller: np.ndarray | None = None,
     fixed: np.ndarray | None = None,
     bends: np.ndarray | None = None,
+    tilt: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -101,12 +103,13 @@ def find_overlaps(
         smaller: Factor on every outline, at most 1, shape ``[n]``.
         fixed: Whether a body is fixed, shape ``[n]``; pairs of such do not count, which no run can part.
         bends: Points along lines that bend [m], see :class:`~esh.engine.problem.placement.Placement`; capsules are bent as they are.
+        tilt: How far outlines lean over, see :meth:`.body_footprints.BodyFootprints.tilts`.
     """
     n = len(position)
     if n == 0:
         return Overlaps(0)
     device = launcher.device
-    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else np.zeros((0, 2))
+    slope = footprints.slopes_at(position, domain.size, tilt)
     factor = np.ones(n) if smaller is None else smaller
     bent = _bent_lines(footprints, position, bends)
     shapes = _laid_out(footprints, position, angle, length, width, factor, slope, bent, launcher)
@@ -168,7 +171,7 @@ def _laid_out(
     length: np.ndarray,
     width: np.ndarray,
     smaller: np.ndarray,
-    slope: np.ndarray,
+    slope: np.ndarray | None,
     bent: _BentLines,
     launcher: Launcher,
 ) -> kernels_overlaps.Shapes:
@@ -194,7 +197,7 @@ def _laid_out(
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
-    given.slope = launcher.array(slope, wp.vec2d)
+    given.slope = launcher.array(np.zeros((0, 2)) if slope is None else slope, wp.vec2d)
     pieces = np.zeros(n, np.int32)
     pieces[bent.body] = np.diff(bent.start) - 1
     first = np.zeros(n + 1, np.int32)

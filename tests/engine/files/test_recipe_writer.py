@@ -75,7 +75,7 @@ SAMPLES = {
                 turn=[0.0, 1.0 / 3.0, -2.0],
                 room=1.1,
             ),
-            Footprints(Footprint.capsule(0.3, 0.1), scale=0.7, turn="random", scale_jitter=0.1),
+            Footprints(Footprint.capsule(0.3, 0.1), scale=0.7, turn="random", scale_jitter=0.1, tilt=0.2),
             Footprints(Footprint.rectangle(0.3, 0.1), slope=VECTORS),
         ],
     },
@@ -89,6 +89,7 @@ SAMPLES = {
         "room": [1.1],
         "gap": [0.01],
         "slope": [VECTORS],
+        "tilt": [0.1],
     },
     Obstacle: {
         "polygon": [[[0.0, 0.0], [1.0 / 3.0, 0.0], [0.0, 1.0]]],
