@@ -165,9 +165,10 @@ def detach() -> None:
     preset_pictures.detach()
 
 
-def _asset_menus() -> tuple[type[bpy.types.Menu], ...]:
-    """Return the menus of the asset browser: its own, and the one that a right click opens."""
-    return bpy.types.ASSETBROWSER_MT_asset, bpy.types.ASSETBROWSER_MT_context_menu
+def _asset_menus() -> list[type[bpy.types.Menu]]:
+    """Return the menus of the asset browser: its own, and the one that a right click opens. Blender may be quitting without them."""
+    names = ("ASSETBROWSER_MT_asset", "ASSETBROWSER_MT_context_menu")
+    return [getattr(bpy.types, name) for name in names if hasattr(bpy.types, name)]
 
 
 CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object, ESH_MT_assets)
