@@ -7,8 +7,9 @@ import contextlib
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from .argument_types import whole_number
 from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
 from .signals import loading
@@ -33,8 +34,8 @@ FAILED = 1
 LISTED = 10
 
 
-def add_batch(commands: Any, whole: Any) -> None:
-    """Add the command to the parser; ``whole(least)`` is the type of whole numbers."""
+def add_batch(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
     parser = commands.add_parser(
         "batch",
         help="solve many variations of a recipe",
@@ -74,9 +75,9 @@ def add_batch(commands: Any, whole: Any) -> None:
     parser.add_argument("--collect", action="store_true", help="make no scene; write the table if all are done")
     parser.add_argument("--retry", action="store_true", help="try scenes again that failed")
     parser.add_argument(
-        "--max-steps", metavar="N", type=whole(1), default=100, help="largest number of steps (default: 100)"
+        "--max-steps", metavar="N", type=whole_number(1), default=100, help="largest number of steps (default: 100)"
     )
-    add_run_options(parser, whole, "a scene")
+    add_run_options(parser, "a scene")
 
 
 def batch(options: argparse.Namespace) -> int:

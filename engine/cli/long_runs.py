@@ -6,24 +6,25 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
+
+from .argument_types import whole_number
 
 __all__ = ["add_run_options", "following"]
 
 State = TypeVar("State")
 
 
-def add_run_options(parser: argparse.ArgumentParser, whole: Any, part: str, ray_note: str = "") -> None:
+def add_run_options(parser: argparse.ArgumentParser, part: str, ray_note: str = "") -> None:
     """Add the options that say where a run takes place.
 
     Args:
         parser: Of the command.
-        whole: ``whole(least)`` is the type of whole numbers.
         part: What is solved at a time, in words.
         ray_note: What is to be known of the machines of a cluster.
     """
     parser.add_argument(
-        "--workers", metavar="N", type=whole(0), help="processes (default: one per processor; on a GPU: none)"
+        "--workers", metavar="N", type=whole_number(0), help="processes (default: one per processor; on a GPU: none)"
     )
     parser.add_argument(
         "--ray", metavar="ADDRESS", help=f'solve on a Ray cluster: "auto", "local" or an address{ray_note}'

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from .argument_types import positive_number, whole_number
 from .long_runs import add_run_options, following
 from .progress_bar import progress_bar
 from .signals import loading
@@ -31,8 +31,8 @@ Exit status: 0 if all tiles are there. 2 if something in the input is wrong. 130
 NAMES = {"survey": "looking", "start": "starting"}
 
 
-def add_tiles(commands: Any, whole: Any) -> None:
-    """Add the command to the parser; ``whole(least)`` is the type of whole numbers."""
+def add_tiles(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
     parser = commands.add_parser(
         "tiles",
         help="place the bodies of a huge domain, tile by tile",
@@ -50,14 +50,14 @@ def add_tiles(commands: Any, whole: Any) -> None:
         help="length of a tile (default: a hundred spacings of the bodies, more where a class is rare)",
     )
     parser.add_argument("--as", metavar="ENDING", dest="ending", default=".parquet", help=".parquet (default) or .npz")
-    parser.add_argument("--seed", metavar="N", type=whole(0), help="use this seed instead of the recipe's")
+    parser.add_argument("--seed", metavar="N", type=whole_number(0), help="use this seed instead of the recipe's")
     parser.add_argument(
         "--steps",
         metavar="A,B,C",
         type=_steps,
         help="steps of the three passes (default: 60,40,40; fewer are faster and a little less even)",
     )
-    add_run_options(parser, whole, "a window", "; its machines must all see recipe and folder")
+    add_run_options(parser, "a window", "; its machines must all see recipe and folder")
 
 
 def tiles(options: argparse.Namespace) -> int:
@@ -112,10 +112,7 @@ def _progress_bar() -> Iterator[Callable[[TileState], None]]:
 
 
 def _length(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 0.0 < float(text) < math.inf:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"must be a length in meters above 0; got {text!r}")
+    return positive_number(text, "a length in meters above 0")
 
 
 def _steps(text: str) -> tuple[int, int, int]:

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from ..field.field import FieldTarget
 from ..space.density import box_integrals
 from .attraction import group_targets
 from .model import Model
@@ -19,8 +20,12 @@ __all__ = ["Energy"]
 
 # Targets are averaged over so many cells along a side: bodies are few, and a cell is far smaller than the ground of each.
 MOST_CELLS = 32
-# Waves longer than this many spacings of charges times 2 pi are summed, damped as if charges were Gaussians so wide.
+# Waves down to a length of 2 pi times SHORTEST_WAVE are summed, damped as if charges were Gaussians of WIDTH, both over the spacing of
+# charges: the shortest then count 1e-4 of what they would undamped.
 SHORTEST_WAVE, WIDTH = 0.05, 0.15
+# Squares of distances, over that of the unit, that stand for 0 in a logarithm: between charges, and between a charge and a corner of a
+# cell, where what it is multiplied by is 0.
+NO_DISTANCE, AT_CORNER = 1e-12, 1e-24
 
 
 class Energy:
@@ -37,7 +42,7 @@ class Energy:
         domain = model.problem.rectangle
         self._model = model
         self._mirrored = domain.mirrored
-        self._wraps = domain.mirrored or not model.space.has_straight_ways
+        self._repeats = domain.mirrored or not model.space.has_straight_ways
         self._charge = model.charge.charge.astype(np.float64)
         self._body = model.charge.body
         self._group = model.body.group[self._body]
@@ -46,31 +51,33 @@ class Energy:
         own = self._matrix.diagonal()[model.body.group]
         self.scale = float((own * model.body_charge**2).sum())
         self._targets = [self._cells(target) for target in group_targets(model)]
-        if self._wraps:
+        if self._repeats:
             self._prepare_waves()
 
     def of(self, position: np.ndarray) -> float:
         """Energy of charges at ``position``, in the model's unit, shape ``[charges, 2]``; only differences mean something."""
         position = position.astype(np.float64)
-        return self._of_waves(position) if self._wraps else self._of_pairs(position)
+        return self._of_waves(position) if self._repeats else self._of_pairs(position)
 
-    def _cells(self, target: object) -> np.ndarray:
-        """Charge of a group's target in every cell, row 0 at the bottom."""
-        images = [target, *target.more]  # type: ignore[attr-defined]
-        shape = tuple(min(MOST_CELLS, max(part.image.shape[k] for part in images)) for k in (0, 1))
-        return sum(part.charge * box_integrals(part.image, shape) for part in images)
+    def _cells(self, target: FieldTarget) -> np.ndarray:
+        """Charge of a group's target in every cell, shape ``[rows, columns]``, row 0 at the bottom."""
+        images = [target, *target.more]
+        rows, columns = (min(MOST_CELLS, max(part.image.shape[axis] for part in images)) for axis in (0, 1))
+        return np.sum([part.charge * box_integrals(part.image, (rows, columns)) for part in images], axis=0)
 
     def _of_pairs(self, position: np.ndarray) -> float:
+        """Energy in an open domain: of every two charges, and of each with the targets."""
         between = self._matrix[np.ix_(self._group, self._group)] * self._charge[:, None] * self._charge
         between[self._body[:, None] == self._body] = 0.0
-        away = ((position[:, None] - position) ** 2).sum(axis=2)
-        result = -0.25 * float((between * np.log(np.maximum(away, 1e-12))).sum())
+        squared = ((position[:, None] - position) ** 2).sum(axis=2)
+        result = -0.25 * float((between * np.log(np.maximum(squared, NO_DISTANCE))).sum())
         for group, target in enumerate(self._targets):
             seen = self._matrix[self._group, group] * self._charge
             result += float((seen * _potential(position, target, self._model.size)).sum())
         return result
 
     def _prepare_waves(self) -> None:
+        """Lay out the wave vectors of the domain, or of the one with its mirror images, and what targets have of each wave."""
         factor = 2.0 if self._mirrored else 1.0
         size = factor * np.array(self._model.size)
         spacing = math.sqrt(float(np.prod(self._model.size)) / len(self._charge))
@@ -87,7 +94,7 @@ class Energy:
         self._of_targets = [self._waves_of(target, number) for target in self._targets]
 
     def _waves_of(self, target: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """Amplitudes of a target, whose cells are rectangles of even charge."""
+        """Amplitudes of a target, whose cells are rectangles of even charge, shape ``[waves]``."""
         if self._mirrored:
             target = np.block([[target, target[:, ::-1]], [target[::-1], target[::-1, ::-1]]])
         rows, columns = target.shape
@@ -96,6 +103,7 @@ class Energy:
         return spectrum * turn * np.sinc(number[:, 0] / columns) * np.sinc(number[:, 1] / rows)
 
     def _of_waves(self, position: np.ndarray) -> float:
+        """Energy in a domain that repeats itself, or with its mirror images: of every wave of what is off its target."""
         group, charge = self._group, self._charge
         if self._mirrored:
             width, height = self._model.size
@@ -108,10 +116,9 @@ class Energy:
             own = group == g
             phase = self._wave[:, :1] * position[own, 0] + self._wave[:, 1:] * position[own, 1]
             amplitudes.append((np.exp(-1j * phase) * charge[own]).sum(axis=1) - target)
-        off = np.stack(amplitudes)
         result = 0.0
-        for g, one in enumerate(off):
-            for h, other in enumerate(off):
+        for g, one in enumerate(amplitudes):
+            for h, other in enumerate(amplitudes):
                 result += float(self._matrix[g, h] * (self._weight * (one * other.conj()).real).sum())
         return result
 
@@ -133,7 +140,7 @@ def _potential(position: np.ndarray, target: np.ndarray, size: tuple[float, floa
 def _corner(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Integral of log r over the rectangle from the origin to (x, y), signed."""
     x, y = np.broadcast_arrays(x, y)
-    squared = np.maximum(x * x + y * y, 1e-24)
+    squared = np.maximum(x * x + y * y, AT_CORNER)
     # The angles are those of y / x and x / y, also where one of them is 0.
     upward = np.arctan2(y * np.sign(x), np.abs(x)) * x * x
     sideward = np.arctan2(x * np.sign(y), np.abs(y)) * y * y

@@ -18,9 +18,9 @@ from ..problem.problem import Problem
 from ..problem.surface import Surface
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
+from .choice_of_start import choose_start
 from .descent import Descent
 from .edit import carry_lines, carry_over
-from .energy import Energy
 from .final_placement import angle_within, facing_turns, looks_at_point, placement_of, position_in_meters
 from .ink import with_widths
 from .memory import check_memory
@@ -47,13 +47,6 @@ OVERFLOW = (
 EDIT_STEPS = 5
 # An edit that makes so many times more or fewer charges gets another unit of length.
 MOST_GROWTH = 1.5
-# How many bodies of a class are few, and charges of all classes: so few are solved from several starts. Measured on 5, 10, 20 and 50
-# bodies: the best of 10 starts is within 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
-FEW, FEW_CHARGES = 50, 300
-STARTS, STARTS_PER_CLASS, STEPS_OF_STARTS = 10, 5, 100
-# Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
-# which no class has two bodies close to each other.
-EQUAL, NEARLY_EQUAL = 1e-5, 2e-3
 # Steps on a GPU between two looks at how far bodies still move, where nobody wants to hear of each.
 STEPS_UNWATCHED = 10
 # Outlines that look at a point may look past it by this much [rad], 2 degrees, before they are turned and parted again, so many times
@@ -349,34 +342,12 @@ class Solver:
         return max_steps, step > 1 and residual < SETTLED
 
     def choose_start(self, max_steps: int) -> int:
-        """Of a few bodies, begin where the least energy is reached from within ``max_steps``; returns which of several starts it is.
+        """Of a few bodies, go to where the least energy is reached from within ``max_steps``; see :mod:`.choice_of_start`.
 
-        A handful of bodies ends in one of several orders, some of which are less even, and which one is chance.
+        Returns:
+            Which of several starts it is; 0 is the one that every run begins with.
         """
-        model, descent = self.model, self.descent
-        if not isinstance(descent, Descent) or not _are_few(model):
-            return 0
-        energy = Energy(model)
-        found, apart = [], []
-        for start in range(STARTS + STARTS_PER_CLASS * (len(model.problem.classes) - 1)):
-            if start:
-                descent.restart(start)
-            self._settle(min(max_steps, STEPS_OF_STARTS))
-            found.append(energy.of(descent.charge_position.numpy()))
-            apart.append(_smallest_spacing(model, descent.state))
-        best = _best_of(np.array(found) / energy.scale, np.array(apart), several=len(model.problem.classes) > 1)
-        descent.restart(best)
-        return best
-
-    def _settle(self, max_steps: int) -> None:
-        """Step until bodies have settled, which nobody watches."""
-        step = 0
-        while step < max_steps:
-            # The CPU comes back in between, after a time that no result may depend on.
-            step += self.descent.step.play(max_steps - step, self.descent.direction.settled(TOLERANCE))
-            residual = self.descent.direction.residual()
-            if not residual >= TOLERANCE:
-                return
+        return choose_start(self.descent, max_steps, TOLERANCE) if isinstance(self.descent, Descent) else 0
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part outlines that still overlap, where they are to keep apart at all; returns whether none do any more.
@@ -464,37 +435,6 @@ class Solver:
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
         return position_in_meters(self.model, self.descent.state)
-
-
-def _are_few(model: Model) -> bool:
-    """Whether there are so few bodies that several starts cost little, and some of them can move."""
-    most = max((c.body_count for c in model.problem.classes), default=0)
-    free = int(((model.body.flags & BodyFlags.PINNED) == 0).sum())
-    return most <= FEW and model.charge_count <= FEW_CHARGES and free > 1
-
-
-def _smallest_spacing(model: Model, state: State) -> float:
-    """Smallest distance between two bodies of a class, over the spacing that it has by itself, of all classes."""
-    position = state.pose.numpy()[:, :2].astype(np.float64)
-    result = math.inf
-    for index in np.unique(model.body.class_index):
-        own = position[model.body.class_index == index]
-        if len(own) < 2:
-            continue
-        squared = (model.space.shortest(own[:, None] - own) ** 2).sum(axis=2)
-        np.fill_diagonal(squared, math.inf)
-        result = min(result, math.sqrt(float(squared.min()) * len(own)))
-    return result
-
-
-def _best_of(energy: np.ndarray, apart: np.ndarray, *, several: bool) -> int:
-    """Which start is best, by what was reached from it: energies a body, and smallest spacings, which count for several classes."""
-    energy = np.nan_to_num(energy, nan=np.inf)
-    if several:
-        apart = np.where(energy <= energy.min() + NEARLY_EQUAL, apart, -1.0)
-        return int(np.flatnonzero(apart >= (1.0 - EQUAL) * apart.max())[0])
-    # The first of equal ones: they are often the same, turned or mirrored.
-    return int(np.flatnonzero(energy <= energy.min() + EQUAL)[0])
 
 
 def _charges_per_body(model: Model) -> np.ndarray:

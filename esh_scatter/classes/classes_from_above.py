@@ -167,14 +167,13 @@ class ClassesFromAbove:
         shape = self._shapes[where[0]][where[1]]
         identity = np.arange(self._counted, self._counted + (size.count or 0))
         self._counted += len(identity)
-        capsules = not shape.own_outlines and shape.line is not None
-        if capsules or not len(identity):
+        if shape.line_given or not len(identity):
             return size
         standing = standing_of(self._classes[where[0]], self._settings)
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)
         slope = self._chart.slope(standing.align_to_normal)
-        if not shape.own_outlines:
+        if not shape.outlines_of_variants:
             return self._with_discs(size, factor, slope)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
@@ -243,7 +242,7 @@ def _number(chart: Chart, amount: Amount, asked: BodyClass, density: np.ndarray)
 def _ground_for(chart: Chart, standing: Standing, sizes: Sequence[Size]) -> np.ndarray:
     """Area of ground over its area seen from above that there is for the outlines of sizes, shape as the chart's."""
     if not all(isinstance(size.footprint, Footprints) for size in sizes):
-        # Capsules lie in the plan.
+        # Lines that were given lie in the plan.
         return np.ones(chart.shape)
     steep = np.arccos(1.0 / np.maximum(chart.stretch, 1.0))
     return 1.0 / np.cos(standing.align_to_normal * steep)

@@ -76,6 +76,7 @@ class SizeShape:
         outlines: Of the variants; None where nothing had to be measured.
         area: Ground that one body takes [m²], or the smallest and the largest.
         line: What long bodies are like; None where they are not long.
+        line_given: Whether somebody asked for just such a line. It says how long and how wide bodies are, which may stretch and bend.
         weights: How often each variant is placed; None where all are alike.
     """
 
@@ -84,7 +85,13 @@ class SizeShape:
     outlines: tuple[Outline | None, ...]
     area: float | tuple[float, float]
     line: Line | None
+    line_given: bool = False
     weights: np.ndarray | None = None
+
+    @property
+    def outlines_of_variants(self) -> bool:
+        """Whether footprints are those of the variants: their outlines, or capsules around them where they are long."""
+        return self.own_outlines or (self.line is not None and not self.line_given)
 
 
 def _source_objects(
@@ -196,7 +203,7 @@ def measure_size(
         line = _line_around(measured, direction, area)
     # One area for all asks for discs of it, and a line for capsules; what is only told not to be long keeps its outline.
     own = not size.line and (size.area is None or isinstance(area, tuple)) and len(measured) == len(outlines)
-    return SizeShape(source.objects, own, outlines, area, line, source.weights)
+    return SizeShape(source.objects, own, outlines, area, line, isinstance(size.line, Line), source.weights)
 
 
 def _outline(mesh: TriangleMesh | ProblemError | None, key: str, survey: Survey) -> Outline | None:
@@ -234,17 +241,19 @@ def _footprint(outline: Outline, long: bool) -> Footprint:
 
 
 def variant_footprints(shape: SizeShape) -> list[Footprint]:
-    """Return the outlines of what a size places."""
-    return [_footprint(outline, shape.line is not None) for outline in shape.outlines if outline is not None]
+    """Return the footprints of what a size places: outlines of its own, or the capsules around them that were asked for."""
+    measured = [outline for outline in shape.outlines if outline is not None]
+    if shape.own_outlines:
+        return [_footprint(outline, shape.line is not None) for outline in measured]
+    return [Footprint.capsule(outline.length, outline.width) for outline in measured]
 
 
 def with_any_outline(size: Size, shape: SizeShape) -> Size:
     """Return a size whose bodies have the outlines of what is placed there, turned and chosen somehow."""
-    if shape.own_outlines:
-        return replace(size, footprint=Footprints(variant_footprints(shape), turn=0.0))
-    return (
-        size if shape.line is not None else replace(size, footprint=Footprints(disc_of_area(1.0, leans=True), turn=0.0))
-    )
+    if shape.line_given:
+        return size
+    outlines = variant_footprints(shape) if shape.outlines_of_variants else disc_of_area(1.0, leans=True)
+    return replace(size, footprint=Footprints(outlines, turn=0.0))
 
 
 def disc_of_area(area: float, *, leans: bool) -> Footprint:

@@ -240,16 +240,28 @@ def _differing(
 
 def _telling(values: dict[str, Any], of: Any) -> dict[str, Any]:
     """Return the values that differ from the defaults of a group's properties; ``of`` is Blender's description of the group."""
+    defaults = _defaults(of)
     return {
         name: value
         for name, value in values.items()
-        if value not in NOTHING and not (name in of.properties and value == _default(of.properties[name]))
+        if value not in NOTHING and not (name in defaults and value == defaults[name])
     }
 
 
 def _telling_layer(values: dict[str, Any], of: Any) -> dict[str, Any]:
     """Return the same of a layer, and its kind, which says what else counts."""
     return {"kind": values["kind"], **_telling(values, of)}
+
+
+# Defaults of the groups' properties, by the groups' identifiers: to ask Blender for all of them takes as long as the rest of a record.
+_DEFAULTS: dict[str, dict[str, Any]] = {}
+
+
+def _defaults(of: Any) -> dict[str, Any]:
+    """Return the defaults of a group's properties by their names."""
+    if of.identifier not in _DEFAULTS:
+        _DEFAULTS[of.identifier] = {told.identifier: _default(told) for told in of.properties}
+    return _DEFAULTS[of.identifier]
 
 
 def _default(told: Any) -> Any:

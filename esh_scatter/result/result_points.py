@@ -90,7 +90,7 @@ def result_points(
             _lay_along(ground, size, own, variant)
             if size.look is not None:
                 # Outlines were parted as they are turned, and what is pinned has the turn that it has.
-                free = own[:0] if size.own_outlines else own[~placement.fixed[own]]
+                free = own[:0] if size.outlines_of_variants else own[~placement.fixed[own]]
                 _look(ground, size.look, size, surface.position, own, free)
     rotation, scale, to_origin = _stand(ground, placement, classes, settings)
     position = (surface.position + to_origin).astype(np.float32)
@@ -116,9 +116,9 @@ class _Size(NamedTuple):
     seed: int
 
     @property
-    def own_outlines(self) -> bool:
-        """Whether these were those of its objects."""
-        return self.outlined and self.shape.own_outlines
+    def outlines_of_variants(self) -> bool:
+        """Whether these were those of its objects, as large and as turned as each of them."""
+        return self.outlined and self.shape.outlines_of_variants
 
     @property
     def outlines(self) -> list[Outline]:
@@ -144,7 +144,7 @@ def _ground(placement: Placement, surface: SurfacePoints, chart: Chart | WholeSu
 
 def _variants(size: _Size, placement: Placement, own: np.ndarray) -> np.ndarray:
     """Return which of a size's objects stands on each of its points; where the outline is a disc, any may."""
-    if size.own_outlines:
+    if size.outlines_of_variants:
         return placement.variant[own]
     return variants_of(placement.id[own], len(size.shape.objects), size.shape.weights, size.seed)
 
@@ -169,7 +169,7 @@ def _fit(
         # The turn that was drawn before solving comes with the standing, and so does the scale; not all of them are those
         # that were drawn for this body.
         factor, turn = draw(size.standing, placement.id[own], ground.long[own], size.seed)
-        if size.own_outlines and size.look is None:
+        if size.outlines_of_variants and size.look is None:
             ground.heading[own] -= turn.astype(np.float32)
         ground.fit[own] = placement.scale[own] / factor
     elif ranged and outlines:

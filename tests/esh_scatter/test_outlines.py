@@ -223,6 +223,31 @@ def test_a_disc_that_was_asked_for_stays_one():
     assert job.problem.classes[0].sizes[0].footprint is None
 
 
+def capsule(name: str, length: float, width: float) -> bpy.types.Object:
+    half, radius = 0.5 * (length - width), 0.5 * width
+    angle = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 24)
+    right = np.stack([half + radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    return flat(name, [*map(tuple, right), *map(tuple, -right)])
+
+
+@pytest.mark.parametrize("area", [None, 0.35, (0.2, 0.6)], ids=["measured", "one area", "a range"])
+@pytest.mark.parametrize("ground", ["plane", "slope", "hills"])
+def test_capsules_that_were_asked_for_are_as_large_as_their_objects_and_lean_with_them(ground, area):
+    """As long as the longest object at its own scale, level, they let larger ones overlap and kept small ones too far off."""
+    item = rectangle("Ground", 10.0, 10.0) if ground == "plane" else terrain("Ground", 10.0, GROUNDS[ground])
+    # What stands there are capsules themselves.
+    things = collection(capsule("Long", 1.5, 0.3), capsule("Short", 0.9, 0.25))
+    size = esh.ScatterSize("all", 75, things, area=area, line=True)
+    result = esh.scatter(
+        item, [esh.ScatterClass("capsule", [size])], device="cpu", avoid_overlap=True, scale_jitter=0.4, seed=5
+    )
+    seen = outlines_in_the_scene()
+    assert len(seen) == 75 and result.report.overlaps == 0
+    assert overlapping(seen) == 0
+    assert max(polygon.length for polygon in seen) > 2.0 * min(polygon.length for polygon in seen)
+    assert (result.placement.length > 0.0).all()
+
+
 def test_the_capsules_of_a_line_that_was_given_stay_capsules():
     ground = terrain("Ground", 10.0, GROUNDS["slope"])
     size = esh.ScatterSize("all", 20, rectangle("Box", 1.0, 0.3), area=0.3, line=esh.Line(0.8, width=0.3))

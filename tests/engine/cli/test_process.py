@@ -228,11 +228,11 @@ def test_signals_end_compiled_code_that_does_not_come_back(name, said):
     # Waiting for a condition that never holds: like a kernel, it knows nothing of signals.
     script = """
 import ctypes, signal, sys
-from esh.engine.cli import command_line as cli
+from esh.engine.cli import signals
+from esh.engine.cli.compiled_code import ends_in_compiled_code
 lock, condition = (ctypes.create_string_buffer(256) for _ in range(2))
 library = ctypes.CDLL(None)
-with cli.on_signals(cli.INTERRUPTING, cli.end_by_signal), cli.on_signals(cli.ENDING, cli.end_by_signal), \\
-        cli._ends_in_compiled_code(lambda: False):
+with signals.on_signals((*signals.INTERRUPTING, *signals.ENDING), signals.end), ends_in_compiled_code(lambda: False):
     print("waiting", flush=True)
     library.pthread_mutex_lock(lock)
     library.pthread_cond_wait(condition, lock)

@@ -126,3 +126,14 @@ def test_many_bodies_and_those_that_cannot_move_have_one_start():
                 assert np.array_equal(before, solver.state.pose.numpy()) == (start == 0)
                 found.add(start)
         assert (len(found) > 1) == few and (few or found == {0})
+
+
+@pytest.mark.parametrize(("classes", "starts"), [(1, 10), (3, 20), (10, 6), (20, 3), (40, 0)])
+def test_the_more_groups_there_are_the_fewer_starts(monkeypatch, classes, starts):
+    """As many for each class, 200 bodies of 40 classes took 200 times as long as from one start."""
+    tried = []
+    monkeypatch.setattr(Energy, "of", lambda energy, position: float(tried.append(0) is None))
+    problem = Problem(Domain((SIDE, SIDE)), [BodyClass(str(c), [Size("s", 0.1, 5)]) for c in range(classes)])
+    with Solver(problem, device="cpu") as solver:
+        solver.choose_start(1)
+    assert len(tried) == starts
