@@ -153,12 +153,16 @@ class ESH_OT_preset_from_asset(Edit):
         return {"FINISHED"}
 
 
-class ESH_OT_presets_as_assets(bpy.types.Operator):
+class ESH_OT_presets_as_assets(Edit):
     """Show the presets in the asset browser, with their pictures: writes them as an asset library, and adds it to the preferences"""
 
     bl_idname = "esh.presets_as_assets"
     bl_label = "Show in Asset Browser"
     bl_options = {"REGISTER"}
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return context.scene
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the library, and show it."""
