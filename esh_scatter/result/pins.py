@@ -81,12 +81,13 @@ class Pins(NamedTuple):
     identity: np.ndarray
     normal: np.ndarray
 
-    def fixed_in(self, chart: Chart, variant: np.ndarray) -> FixedBodies:
+    def fixed_in(self, chart: Chart, variant: np.ndarray, scale: np.ndarray) -> FixedBodies:
         """Return them as the solver takes them, brought into the rectangle of a chart.
 
         Args:
             chart: Of the target.
             variant: Which of its size's objects each is, shape ``[n]``.
+            scale: Of its class now, which its outline has, too, shape ``[n]``.
         """
         size = np.asarray(chart.size, np.float64)
         return FixedBodies(
@@ -98,7 +99,7 @@ class Pins(NamedTuple):
             None,
             self.identity,
             variant,
-            self.scale,
+            self.scale / scale,
         )
 
     def fixed_on(self, surface: WholeSurface, area: np.ndarray) -> FixedBodies:
