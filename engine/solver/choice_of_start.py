@@ -16,13 +16,14 @@ from .energy import Energy
 from .model import Model
 from .state import State
 
-__all__ = ["choose_start"]
+__all__ = ["choose_start", "number_of_starts"]
 
 # How many bodies of a class are few, and charges of all classes. Measured on 5, 10, 20 and 50 bodies: the best of 10 starts is within
 # 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
 FEW, FEW_CHARGES = 50, 300
 STARTS, STARTS_PER_CLASS, STEPS_OF_STARTS = 10, 5, 100
-# Starts times groups at most: each group has transforms of its own, so that a start takes as much longer as there are more of them.
+# Starts times groups at most: a step takes longer with every group. All starts of 6, 10 and 20 classes of five then took 0.4 to 0.7
+# seconds of one processor, and the best was within 0.0007, 0.0023 and 0.0028 a body of the best of 20.
 MOST_STARTS_OF_GROUPS = 60
 # Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
 # which no class has two bodies close to each other.
@@ -41,7 +42,7 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
         Which of several starts it is, from 0.
     """
     model = descent.model
-    number = _number_of_starts(model)
+    number = number_of_starts(model)
     if number < 2:
         return 0
     energy = Energy(model)
@@ -57,7 +58,7 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
     return best
 
 
-def _number_of_starts(model: Model) -> int:
+def number_of_starts(model: Model) -> int:
     """From how many starts to solve: 1 unless there are so few bodies that several cost little, and some of them can move."""
     classes = model.problem.classes
     most = max((c.body_count for c in classes), default=0)
