@@ -45,6 +45,19 @@ class Outline:
         """Whether such bodies are lines unless somebody says otherwise."""
         return self.length > LONGEST_DOT * self.width
 
+    def scaled(self, factor: float) -> Outline:
+        """Return the outline of an object that is larger by a factor."""
+        x, y = self.center
+        corners = tuple((factor * a, factor * b) for a, b in self.corners)
+        return Outline(
+            factor**2 * self.area,
+            factor * self.length,
+            factor * self.width,
+            self.angle,
+            (factor * x, factor * y),
+            corners,
+        )
+
 
 def outline_from_above(mesh: TriangleMesh) -> Outline:
     """Measure the outline of a mesh; an area of 0 where all its faces stand upright."""

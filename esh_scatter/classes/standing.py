@@ -29,7 +29,7 @@ class Ground:
         heading: Turn about the object's own axis that the placement asks for [rad], shape ``[n]``, float32; of a long one as it is
             seen from above.
         long: Whether the object lies along a direction, so that it is not turned at random, shape ``[n]``, bool.
-        fit: Scale that fits the object to its footprint, shape ``[n]``, float32.
+        fit: Scale that fits an object of its class's scale to its footprint, shape ``[n]``, float32.
         middle: What of an object at scale 1 lies on the point, seen from its origin [m], shape ``[n, 2]``, float32.
         axis: Of a long object, where its longer side points before it is turned [rad], shape ``[n]``, float32.
         laid: Whether the heading of a long object is the turn about its own axis all the same, as on a whole surface, which is not
@@ -61,7 +61,7 @@ class Stand(NamedTuple):
 
 
 def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is random about points, whether they have a place yet or not: the factor of their scale, and their turn [rad]."""
+    """Return what is random about points, whether they have a place yet or not: a factor of their scale, and their turn [rad]."""
     random = np.random.default_rng([seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))[identity]
     # A line has no front: half of the objects look the other way.
     back = np.where(random[:, 1] < 0.5, 0.0, math.pi)
@@ -106,7 +106,7 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     A point's random numbers follow from its number and the seed: a longer list of points leaves the earlier ones as they are.
     """
     factor, turn = draw(standing, ground.identity, ground.long, seed)
-    scale = (ground.fit * factor).astype(np.float32)
+    scale = (standing.scale * ground.fit * factor).astype(np.float32)
     turn = ground.heading + np.where(ground.looks, 0.0, turn)
     axis, align, tilt = ground.normal, standing.align_to_normal, None
     if standing.tilt > 0.0:

@@ -31,7 +31,7 @@ from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.classes_from_above import ClassesFromAbove
 from ..classes.on_whole_surface import class_on_surface
-from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of
+from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
 from ..classes.sources import SizeShape, SizeSource, SourceReader, engine_size, measure_size
 from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
@@ -207,8 +207,9 @@ class ScatterJob:
         shapes_of_classes: list[list[SizeShape]] = []
         values_of_classes: list[np.ndarray] = []
         for number, scatter_class in enumerate(self.classes):
+            scale = standing_of(scatter_class, self.settings).scale
             shapes = [
-                measure_size(size, source, reading.directions[number], survey)
+                measure_size(size, source, reading.directions[number], survey, scale)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
@@ -253,7 +254,8 @@ class ScatterJob:
             return ()
         pins, variant = reading.pins
         if isinstance(self.chart, Chart):
-            return (pins.fixed_in(self.chart, variant),)
+            scale = np.array([standing_of(c, self.settings).scale for c in self.classes])
+            return (pins.fixed_in(self.chart, variant, scale[pins.class_index]),)
         # Those of a range have the ground that their objects were fitted to.
         area = np.full(len(variant), np.nan)
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
