@@ -33,28 +33,6 @@ def chebyshev_step(
     result[i] = result[i] + factor * new
 
 
-@wp.kernel
-def nearest_distance(
-    first: int,
-    grid: wp.uint64,
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    reach: float,
-    # outputs
-    distance: wp.array(dtype=float),
-):
-    """Distance to the nearest body of the same side; ``reach`` where none is nearer."""
-    i = first + wp.tid()
-    own = position[i]
-    least = float(reach)
-    query = wp.hash_grid_query(grid, own, reach)
-    j = int(0)
-    while wp.hash_grid_query_next(query, j):
-        if j != i and wp.dot(normal[i], normal[j]) > 0.0:
-            least = wp.min(least, wp.length(position[j] - own))
-    distance[i] = least
-
-
 # Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
 # turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
 STEEPER = wp.constant(math.pi / 3.0)
@@ -71,6 +49,31 @@ def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3)
     leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, 1.0))
     leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, 1.0))
     return leaves <= wp.acos(wp.min(cosine, 1.0)) + STEEPER
+
+
+@wp.kernel
+def nearest_distance(
+    first: int,
+    grid: wp.uint64,
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    reach: float,
+    # outputs
+    distance: wp.array(dtype=float),
+):
+    """Distance to the nearest body of the same sheet; ``reach`` where none is nearer."""
+    i = first + wp.tid()
+    own = position[i]
+    least = float(reach)
+    query = wp.hash_grid_query(grid, own, reach)
+    j = int(0)
+    while wp.hash_grid_query_next(query, j):
+        if j != i:
+            way = position[j] - own
+            away = wp.length(way)
+            if away < least and on_one_sheet(way, away, normal[i], normal[j]):
+                least = away
+    distance[i] = least
 
 
 @wp.kernel

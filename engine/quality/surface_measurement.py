@@ -75,7 +75,7 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
 
 
 def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tuple[float, float, float] | None:
-    """Distances to the nearest body of the same side: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
+    """Distances to the nearest body of the same sheet: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
     problem, n = placement.problem, len(placement.position)
     if n < 2:
         return None

@@ -108,6 +108,21 @@ def test_spacing_and_overlaps_are_those_of_all_pairs_of_one_side(launcher):
     assert report.covered == pytest.approx(0.3 / surface.area, rel=1e-3)
 
 
+def test_distances_are_those_of_neighbors_on_one_sheet(launcher):
+    """Two squares that look up, one close above the other: what lies above has nothing to do with what lies below."""
+    vertices, faces = meshes.square(8)
+    height = 0.05
+    surface = Surface([SurfaceMesh(vertices, faces), SurfaceMesh(vertices + [0.0, 0.0, height], faces)])
+    count = 2 * len(faces)
+    points = surface.points(np.arange(count), np.full((count, 3), 1.0 / 3.0))
+    # Middles of triangles: the two of each of the eight by eight squares are nearest to each other.
+    nearest = np.sqrt(2.0) / 3.0 / 8.0
+    assert height < nearest
+    report = measure(placed(surface, points, 1e-3), launcher)
+    assert report.closest == pytest.approx(nearest, rel=1e-5)
+    assert report.usual == pytest.approx(nearest, rel=1e-5)
+
+
 def test_slivers_and_large_triangles_are_measured(launcher):
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 1e-5, 0]])
     surface = Surface(SurfaceMesh(vertices, [[0, 1, 4], [0, 4, 3], [4, 2, 3], [1, 2, 4]]))
