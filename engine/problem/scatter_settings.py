@@ -46,7 +46,7 @@ class Standing(Settings):
     tilt: float = field(
         default=0.0,
         metadata=setting(
-            "Largest random lean of each object, in any direction",
+            "Largest random lean of each object, in any direction. Footprints are kept apart, and overlaps counted, as without it",
             unit="rad",
             low=0.0,
             high=math.pi,
