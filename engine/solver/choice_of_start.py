@@ -16,7 +16,7 @@ from .energy import Energy
 from .model import Model
 from .state import State
 
-__all__ = ["choose_start"]
+__all__ = ["choose_start", "number_of_starts"]
 
 # How many bodies of a class are few, and charges of all classes. Measured on 5, 10, 20 and 50 bodies: the best of 10 starts is within
 # 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
@@ -42,7 +42,7 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
         Which of several starts it is, from 0.
     """
     model = descent.model
-    number = _number_of_starts(model)
+    number = number_of_starts(model)
     if number < 2:
         return 0
     energy = Energy(model)
@@ -58,7 +58,7 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
     return best
 
 
-def _number_of_starts(model: Model) -> int:
+def number_of_starts(model: Model) -> int:
     """From how many starts to solve: 1 unless there are so few bodies that several cost little, and some of them can move."""
     classes = model.problem.classes
     most = max((c.body_count for c in classes), default=0)

@@ -16,15 +16,17 @@ from ..errors import ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
-from .choice_of_start import choose_start
+from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
 from .edit import carry_lines, carry_over
 from .final_placement import angle_within, facing_turns, looks_at_point, placement_of, position_in_meters
 from .ink import with_widths
 from .memory import check_memory
 from .model import Model
+from .rare_start import rare_starts
 from .spread import spread
 from .state import State
 from .surface_descent import SurfaceDescent
@@ -137,15 +139,34 @@ class Solver:
             with self.launcher.phase("set-up"):
                 self.model = Model(problem, flags)
                 on_surface = isinstance(problem.domain, Surface)
+                # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
+                rare = None
+                if state is None and flags is None and not on_surface and number_of_starts(self.model) < 2:
+                    rare = rare_starts(self.launcher, problem)
                 self.descent: Descent | SurfaceDescent = (SurfaceDescent if on_surface else Descent)(
                     self.model, self.launcher
                 )
                 self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
                 if state is not None:
                     self.start_from(state)
+                elif rare is not None:
+                    assert isinstance(self.descent, Descent)
+                    self._start_some(self.descent, rare)
         except BaseException:
             self.close()
             raise
+
+    def _start_some(self, descent: Descent, position: np.ndarray) -> None:
+        """Let bodies start at positions [m], shape ``[body_count, 2]``, but for those whose position is NaN."""
+        model, size = self.model, self.model.problem.rectangle.size
+        pose = descent.state.pose.numpy().copy()
+        known = ~np.isnan(position[:, 0])
+        for number in np.unique(model.body.support[known]):
+            own = np.flatnonzero(known & (model.body.support == number))
+            # Obstacles keep larger bodies off farther than where their class may be.
+            pose[own, :2] = move_into_support(model.supports[number], position[own], size) / model.unit
+        descent.state.pose.assign(pose)
+        descent.place_charges()
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
         """Go on with another problem in the same domain from where bodies are.
