@@ -69,8 +69,8 @@ class Report:
         deepest_place: The middle between them [m].
         overlapping: Bodies that overlap others, those that lie deepest in another first; at most 10,000.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
-        closest: Smallest distance between two bodies' centers [m], in the plane of the domain, on a surface in a straight line along one
-            sheet of it; None with fewer than two bodies.
+        closest: Smallest distance between two bodies' centers [m], in the plane of the domain; on a surface in a straight line, of two
+            on one sheet of it. None with fewer than two bodies.
         usual: Median of every body's distance to its nearest neighbor [m].
     """
 
