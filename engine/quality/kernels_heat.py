@@ -84,19 +84,27 @@ def count_touching(
     normal: wp.array(dtype=wp.vec3),
     axis: wp.array(dtype=wp.vec3),
     radius: wp.array(dtype=float),
+    fixed: wp.array(dtype=wp.uint8),
     reach: float,
     touch: float,
     # outputs
     count: wp.array(dtype=wp.int32),
+    depth: wp.array(dtype=float),
+    partner: wp.array(dtype=wp.int32),
 ):
-    """Bodies of the same sheet whose discs, or capsules around half axes, overlap each one's, in a straight line."""
+    """Bodies of the same sheet whose discs, or capsules around half axes, overlap each one's, in a straight line; the deepest one.
+
+    Two bodies that are both fixed do not count.
+    """
     i = first + wp.tid()
     own = position[i]
     found = int(0)
+    deepest = float(0.0)
+    with_whom = int(-1)
     query = wp.hash_grid_query(grid, own, wp.length(axis[i]) + radius[i] + reach)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j != i:
+        if j != i and (fixed[i] == wp.uint8(0) or fixed[j] == wp.uint8(0)):
             way = position[j] - own
             if wp.length_sq(axis[i]) + wp.length_sq(axis[j]) > 0.0:
                 places = wp.closest_point_edge_edge(
@@ -106,4 +114,11 @@ def count_touching(
             gap = wp.length(way)
             if gap < (radius[i] + radius[j]) * touch and on_one_sheet(way, gap, normal[i], normal[j]):
                 found += 1
+                deep = radius[i] + radius[j] - gap
+                # Of equal ones the first, in whatever order they come.
+                if deep > deepest or (deep == deepest and j < with_whom):
+                    deepest = deep
+                    with_whom = j
     count[i] = found
+    depth[i] = deepest
+    partner[i] = with_whom
