@@ -270,9 +270,10 @@ def _read_image(table: RecipeTable, domain: Domain, balance: dict[str, Any]) -> 
 
 
 def _check_version(value: object, key: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value != VERSION:
+    version = validation.as_whole(value, VERSION, VERSION)
+    if version is None:
         raise ProblemError(f"{key} must be {VERSION}, the only version; got {show(value)}")
-    return value
+    return version
 
 
 def _check_color(value: object, key: str) -> tuple[float, float, float]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .body_kind import disc_radius
-from .footprint import Footprint, Footprints
+from .footprint import Footprint
+from .footprints import Footprints
 from .packing import CELLS, in_cells
 from .problem import Problem
 from .settings import settle

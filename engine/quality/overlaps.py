@@ -17,7 +17,7 @@ from ..problem.placement_footprints import footprints_of_placement
 from ..space.space import Space
 from . import kernels_overlaps
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlaps_of"]
+__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlaps_from", "overlaps_of"]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3
@@ -42,14 +42,14 @@ class Overlaps:
             body overlaps more than 200 others.
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
-        place: The middle between the two [m].
+        place: The middle between the two [m]: x and y, and z on a surface.
         bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
-    place: tuple[float, float] | None = None
+    place: tuple[float, ...] | None = None
     bodies: tuple[int, ...] = ()
 
 
@@ -132,17 +132,29 @@ def find_overlaps(
         [found, deepest, partner],
         grain=GRAIN_OF_NEIGHBORS,
     )
-    count = int(found.numpy().sum(dtype=np.int64)) // 2
-    if count == 0:
-        return Overlaps(0)
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
     middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
-    pair = (min(one, other), max(one, other))
+    return overlaps_from(found.numpy(), depth, (one, other), middle)
+
+
+def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], middle: np.ndarray) -> Overlaps:
+    """Return what was found of every body.
+
+    Args:
+        found: With how many others each overlaps, shape ``[n]``.
+        depth: How deep the deepest of these is [m], shape ``[n]``; 0 where there is none.
+        pair: The two bodies that lie deepest in each other.
+        middle: The middle between them [m], shape ``[2]``, or ``[3]`` on a surface.
+    """
+    count = int(found.sum(dtype=np.int64)) // 2
+    if count == 0:
+        return Overlaps(0)
     lying = np.flatnonzero(depth > 0.0)
     named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
+    one, other = sorted(pair)
+    return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
 
 
 class _BentLines(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings
 from ...engine.problem.direction_field import density_directions
-from ...engine.problem.footprint import Footprints
+from ...engine.problem.footprints import Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.packing import packable_share, scale_to_fit

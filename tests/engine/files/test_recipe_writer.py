@@ -11,7 +11,8 @@ from esh.engine.files.recipe import recipe_colors
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.look_at import LookAt
 from esh.engine.problem.obstacles import Obstacle
