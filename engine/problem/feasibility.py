@@ -12,7 +12,7 @@ from ..errors import ProblemError
 from . import validation
 from .body_kind import disc_radius
 from .domain import Domain
-from .footprint import Footprints
+from .footprints import Footprints
 from .line import Line
 from .obstacles import Obstacle
 from .prepared_class import PreparedClass
@@ -49,6 +49,11 @@ def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequenc
         for size in c.sizes:
             if size.line is not None:
                 _check_line_on_surface(size.line, f'size "{size.name}" of class "{c.name}"')
+            if isinstance(size.footprint, Footprints) and size.footprint.tilt > 0.0:
+                raise ProblemError(
+                    f'`tilt` of the `footprint` of size "{size.name}" of class "{c.name}" must be 0 on a surface, along which '
+                    f"outlines lie; got {size.footprint.tilt:g}"
+                )
             if isinstance(size.footprint, Footprints) and size.footprint.slope is not None:
                 raise ProblemError(
                     f'`slope` of the `footprint` of size "{size.name}" of class "{c.name}" must be None on a surface, along which '

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
@@ -31,6 +33,24 @@ def chebyshev_step(
     result[i] = result[i] + factor * new
 
 
+# Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
+# turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
+STEEPER = wp.constant(math.pi / 3.0)
+
+
+@wp.func
+def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
+    """Whether what lies at a way from here, where the surface looks along ``other``, lies on the sheet of the surface that is here."""
+    cosine = wp.dot(normal, other)
+    if cosine <= 0.0:
+        return False
+    if distance == 0.0:
+        return True
+    leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, 1.0))
+    leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, 1.0))
+    return leaves <= wp.acos(wp.min(cosine, 1.0)) + STEEPER
+
+
 @wp.kernel
 def nearest_distance(
     first: int,
@@ -41,13 +61,16 @@ def nearest_distance(
     # outputs
     distance: wp.array(dtype=float),
 ):
-    """Distance to the nearest body of the same side; ``reach`` where none is nearer."""
+    """Distance to the nearest body of the same sheet; ``reach`` where none is nearer."""
     i = first + wp.tid()
     own = position[i]
     least = float(reach)
     query = wp.hash_grid_query(grid, own, reach)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j != i and wp.dot(normal[i], normal[j]) > 0.0:
-            least = wp.min(least, wp.length(position[j] - own))
+        if j != i:
+            way = position[j] - own
+            away = wp.length(way)
+            if away < least and on_one_sheet(way, away, normal[i], normal[j]):
+                least = away
     distance[i] = least

@@ -49,9 +49,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
     errors = [coverage.error([target], one) for one, target in enumerate(targets)]
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
-    # Of what leans with the ground, as it is seen from above.
+    # Of what leans with the ground, as it is seen from above; outlines may be scaled and have another area than their bodies.
     footprints = footprints_of_placement(placement)
-    seen = area * footprints.seen
+    outlined = footprints.areas(placement.length, placement.width, apart=False)
+    seen = np.where(footprints.is_outline, outlined, area * footprints.seen)
     covered = float(seen.sum() / (domain.area * np.mean(counts_in_cells(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints)
@@ -98,6 +99,7 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
         overlaps=overlaps.count,
         deepest_overlap=overlaps.deepest,
         deepest_pair=overlaps.pair,
+        deepest_place=overlaps.place,
         overlapping=overlaps.bodies,
         covered=found.covered,
         classes=_class_reports(placement, found.errors),

@@ -19,7 +19,7 @@ from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
 from .sheets import sheets_of
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_of"]
+__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_from", "overlaps_of"]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3
@@ -46,14 +46,14 @@ class Overlaps:
             body overlaps more than 200 others.
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
-        place: The middle between the two [m].
+        place: The middle between the two [m]: x and y, and z on a surface.
         bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
-    place: tuple[float, float] | None = None
+    place: tuple[float, ...] | None = None
     bodies: tuple[int, ...] = ()
 
 
@@ -76,6 +76,7 @@ def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootpr
         smaller=smaller,
         fixed=placement.fixed,
         bends=placement.bends,
+        tilt=footprints.tilts(placement.id, placement.problem.seed),
     )
 
 
@@ -91,6 +92,7 @@ def find_overlaps(
     smaller: np.ndarray | None = None,
     fixed: np.ndarray | None = None,
     bends: np.ndarray | None = None,
+    tilt: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -105,12 +107,13 @@ def find_overlaps(
         smaller: Factor on every outline, at most 1, shape ``[n]``.
         fixed: Whether a body is fixed, shape ``[n]``; pairs of such do not count, which no run can part.
         bends: Points along lines that bend [m], see :class:`~esh.engine.problem.placement.Placement`; capsules are bent as they are.
+        tilt: How far outlines lean over, see :meth:`.body_footprints.BodyFootprints.tilts`.
     """
     n = len(position)
     if n == 0:
         return Overlaps(0)
     device = launcher.device
-    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else np.zeros((0, 2))
+    slope = footprints.slopes_at(position, domain.size, tilt)
     factor = np.ones(n) if smaller is None else smaller
     bent = _bent_lines(footprints, position, bends)
     shapes = _laid_out(footprints, position, angle, length, width, factor, slope, bent, launcher)
@@ -133,21 +136,33 @@ def find_overlaps(
         [found, deepest, partner],
         grain=GRAIN_OF_NEIGHBORS,
     )
-    count = int(found.numpy().sum(dtype=np.int64)) // 2
-    if count == 0:
-        return Overlaps(0)
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
     middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
-    pair = (min(one, other), max(one, other))
+    return overlaps_from(found.numpy(), depth, (one, other), middle)
+
+
+def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], middle: np.ndarray) -> Overlaps:
+    """Return what was found of every body.
+
+    Args:
+        found: With how many others each overlaps, shape ``[n]``.
+        depth: How deep the deepest of these is [m], shape ``[n]``; 0 where there is none.
+        pair: The two bodies that lie deepest in each other.
+        middle: The middle between them [m], shape ``[2]``, or ``[3]`` on a surface.
+    """
+    count = int(found.sum(dtype=np.int64)) // 2
+    if count == 0:
+        return Overlaps(0)
     lying = np.flatnonzero(depth > 0.0)
     named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
+    one, other = sorted(pair)
+    return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
 
 
 def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overlaps:
-    """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does; ``place`` is None.
+    """Return what overlaps in a placement on a surface, as :func:`overlaps_of` does.
 
     Two outlines are compared where they see each other along one sheet of the surface: in the plane between those that touch it at
     the two bodies, as far apart as these are in a straight line. What it touches is the smooth surface that the triangles stand for.
@@ -170,7 +185,7 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
         placement.length,
         placement.width,
         np.minimum(footprints.room, 1.0),
-        np.zeros((0, 2)),
+        None,
         _bent_lines(footprints, np.zeros((n, 2)), None),
         launcher,
         spare_corners=n * most_corners,
@@ -194,7 +209,7 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     sheets.sheet = launcher.zeros(n, wp.int32)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
 
-    def count_them() -> int:
+    def count_them() -> bool:
         launcher.launch(
             kernels_sheets.count_on_sheets,
             n,
@@ -202,23 +217,19 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
             [found, deepest, partner],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        return int(found.numpy().sum(dtype=np.int64)) // 2
+        return bool(found.numpy().any())
 
-    count = count_them()
-    if count:
+    if count_them():
         # Only now it matters what belongs together.
         of_triangle = sheets_of(surface, n)
         if of_triangle.max() > of_triangle.min():
             sheets.sheet.assign(of_triangle[points.triangle].astype(np.int32))
-            count = count_them()
-    if count == 0:
-        return Overlaps(0)
+            count_them()
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
-    lying = np.flatnonzero(depth > 0.0)
-    named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
-    return Overlaps(count, float(depth[one]), (min(one, other), max(one, other)), None, tuple(named.tolist()))
+    between = 0.5 * (placement.position[one] + placement.position[other])
+    return overlaps_from(found.numpy(), depth, (one, other), between)
 
 
 def _turned_with(vector: np.ndarray, normal: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -256,7 +267,7 @@ def _laid_out(
     length: np.ndarray,
     width: np.ndarray,
     smaller: np.ndarray,
-    slope: np.ndarray,
+    slope: np.ndarray | None,
     bent: _BentLines,
     launcher: Launcher,
     spare_corners: int = 0,
@@ -283,7 +294,7 @@ def _laid_out(
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
-    given.slope = launcher.array(slope, wp.vec2d)
+    given.slope = launcher.array(np.zeros((0, 2)) if slope is None else slope, wp.vec2d)
     pieces = np.zeros(n, np.int32)
     pieces[bent.body] = np.diff(bent.start) - 1
     first = np.zeros(n + 1, np.int32)

@@ -33,7 +33,7 @@ class SurfaceFigures(NamedTuple):
         smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbors.
         closest: Smallest distance of neighbors [m].
         usual: Median distance to the nearest neighbor [m].
-        overlaps: What overlaps.
+        overlaps: What of the footprints overlaps.
         covered: Sum of the footprints over the area where bodies may be.
     """
 
@@ -76,7 +76,7 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
 
 
 def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tuple[float, float, float] | None:
-    """Distances to the nearest body of the same side: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
+    """Distances to the nearest body of the same sheet: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
     problem, n = placement.problem, len(placement.position)
     if n < 2:
         return None

@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings
 from ...engine.problem.direction_field import density_directions
-from ...engine.problem.footprint import Footprints
+from ...engine.problem.footprints import Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.packing import packable_share, scale_to_fit
@@ -121,9 +121,10 @@ class ClassesFromAbove:
     def _prepare_class(self, number: int, one: _Asked, sizes: list[Size]) -> PreparedClass:
         chart, c = self._chart, self._classes[number]
         if self._settings.avoid_overlap:
-            slope = chart.slope(standing_of(c, self._settings).align_to_normal)
+            standing = standing_of(c, self._settings)
+            slope = chart.slope(standing.align_to_normal)
             leaning = None if slope is None else (slope, chart.area)
-            sizes = [self._outlined.size((number, s), size, leaning) for s, size in enumerate(sizes)]
+            sizes = [self._outlined.size((number, s), size, leaning, standing.tilt) for s, size in enumerate(sizes)]
         # A Line that was given looks at the density as the engine does; ours only at what lies on the surface.
         ours = [i for i, given in enumerate(c.sizes) if not isinstance(given.line, Line)]
         lines = {i: line for i in ours if (line := sizes[i].line) is not None}

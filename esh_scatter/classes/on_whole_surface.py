@@ -102,7 +102,7 @@ def classes_on_surface(
     check_counts([(c.name, size) for c in counted for size in c.sizes], settings.avoid_overlap)
     outlined = OutlinedSizes(classes, shapes, settings, staying)
     return [
-        replace(c, sizes=tuple(outlined.size((number, s), size, None) for s, size in enumerate(c.sizes)))
+        replace(c, sizes=tuple(outlined.size((number, s), size, None, 0.0) for s, size in enumerate(c.sizes)))
         for number, c in enumerate(counted)
     ]
 

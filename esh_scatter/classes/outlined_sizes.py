@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.problem.footprint import Footprints
+from ...engine.problem.footprints import Footprints
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.size import Size, with_count
 from .scatter_class import ScatterClass, standing_of
@@ -38,7 +38,9 @@ class OutlinedSizes:
         # Bodies of the sizes before.
         self._counted = 0
 
-    def size(self, where: tuple[int, int], size: Size, leaning: tuple[np.ndarray, np.ndarray] | None) -> Size:
+    def size(
+        self, where: tuple[int, int], size: Size, leaning: tuple[np.ndarray, np.ndarray] | None, tilt: float
+    ) -> Size:
         """Return a size whose bodies have outlines.
 
         Args:
@@ -46,6 +48,7 @@ class OutlinedSizes:
             size: With its whole count.
             leaning: Slopes of the planes that outlines lie in, shape ``[rows, columns, 2]``, and how much ground each of these is;
                 None where outlines lie along the ground.
+            tilt: How far outlines lean over at most [rad].
         """
         shape = self._shapes[where[0]][where[1]]
         identity = np.arange(self._counted, self._counted + (size.count or 0))
@@ -56,7 +59,7 @@ class OutlinedSizes:
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)
         if not shape.outlines_of_variants:
-            return _with_discs(size, factor, leaning)
+            return _with_discs(size, factor, leaning, tilt)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
         if isinstance(shape.area, tuple):
@@ -64,7 +67,8 @@ class OutlinedSizes:
             area = self._areas(where, size)
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
         slope = None if leaning is None else leaning[0]
-        return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
+        footprint = Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope, tilt=tilt)
+        return replace(size, footprint=footprint)
 
     def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
         """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""
@@ -74,7 +78,7 @@ class OutlinedSizes:
         return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
 
 
-def _with_discs(size: Size, factor: np.ndarray, leaning: tuple[np.ndarray, np.ndarray] | None) -> Size:
+def _with_discs(size: Size, factor: np.ndarray, leaning: tuple[np.ndarray, np.ndarray] | None, tilt: float) -> Size:
     """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
 
     Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
@@ -87,4 +91,5 @@ def _with_discs(size: Size, factor: np.ndarray, leaning: tuple[np.ndarray, np.nd
     if slope is None and (factor == 1.0).all():
         return replace(size, footprint=None)
     disc = disc_of_area(size.mean_area, leans=slope is not None)
-    return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope))
+    tilt = 0.0 if slope is None else tilt
+    return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope, tilt=tilt))

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -252,6 +253,9 @@ def test_bytes_do_not_depend_on_threads(monkeypatch):
 
 
 def test_outlines_that_lean_need_a_rectangle():
+    with pytest.raises(esh.ProblemError, match=r"`tilt` of the `footprint` of size .* must be 0 on a surface"):
+        tilted = Footprints(BOX, tilt=0.2)
+        esh.Problem(ball(1), [esh.BodyClass("a", [esh.Size("s", None, 3, footprint=tilted)])])
     leaning = Footprints(BOX, slope=np.ones((2, 2, 2)))
     with pytest.raises(esh.ProblemError, match=r"`slope` of the `footprint` of size .* must be None on a surface"):
         esh.Problem(ball(1), [esh.BodyClass("a", [esh.Size("s", None, 3, footprint=leaning)])])
