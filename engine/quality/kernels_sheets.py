@@ -79,6 +79,18 @@ def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, sheets: 
     return depth_of_cores(shapes.corner, shapes.first_corner[i], shapes.first_corner[i + 1], to, to + count, r, at)
 
 
+@wp.func
+def depth_of_pair(i: int, j: int, sheets: Sheets, shapes: Shapes):
+    """How deep two outlines lie in each other; 0 or less where they are apart, or do not see each other."""
+    way = sheets.position[j] - sheets.position[i]
+    distance = wp.length(way)
+    if distance >= shapes.reach[i] + shapes.reach[j]:
+        return ZERO
+    if not on_one_sheet(way, distance, sheets.normal[i], sheets.normal[j]):
+        return ZERO
+    return depth_on_sheet(i, j, way, distance, sheets, shapes)
+
+
 @wp.kernel
 def count_on_sheets(
     first: int,
@@ -108,16 +120,13 @@ def count_on_sheets(
     while wp.hash_grid_query_next(query, j):
         movable = shapes.fixed[i] * shapes.fixed[j] == 0
         if j != i and found < most and movable and sheets.sheet[i] == sheets.sheet[j]:
-            way = sheets.position[j] - sheets.position[i]
-            distance = wp.length(way)
-            if distance < shapes.reach[i] + shapes.reach[j]:
-                if on_one_sheet(way, distance, sheets.normal[i], sheets.normal[j]):
-                    depth = depth_on_sheet(i, j, way, distance, sheets, shapes)
-                    if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
-                        found += 1
-                        if depth > depth_of_deepest:
-                            depth_of_deepest = depth
-                            in_which = j
+            depth = depth_of_pair(i, j, sheets, shapes)
+            if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
+                found += 1
+                # Of equal ones the first, in whatever order they come.
+                if depth > depth_of_deepest or (depth == depth_of_deepest and j < in_which):
+                    depth_of_deepest = depth
+                    in_which = j
     overlaps[i] = found
     deepest[i] = depth_of_deepest
     partner[i] = in_which

@@ -198,38 +198,46 @@ def begin_list_on_surface(
 
 
 @wp.func
+def in_cell(j: int, cell: wp.vec3i, m: int, crowd: SurfaceCrowd):
+    """Whether body j was sorted into a cell of a level: others may share its slot."""
+    return crowd.level[j] == m and same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell)
+
+
+@wp.func
+def may_meet(i: int, j: int, crowd: SurfaceCrowd):
+    """Whether body i may meet body j while both move by no more than their skins."""
+    outlines = crowd.outlines
+    here = standing_of(i, crowd)
+    seen = glance_at(here, j, crowd)
+    if seen.met == 0:
+        # Whom it does not see now it may see round an edge.
+        return crowd.ground.facets.label[here.facet] == crowd.ground.facets.label[crowd.facet[j]]
+    skins = outlines.skin[i] + outlines.skin[j]
+    copied = copy_corners(i, j, seen.turned, crowd)
+    return apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, skins) < skins
+
+
+@wp.func
 def pairs_of_cell(
     before: int, room: int, i: int, smaller: bool, cell: wp.vec3i, m: int, crowd: SurfaceCrowd, fill: int, pairs: Pairs
 ):
     """How many pairs body i has with those before and those of a cell; with those that are near noted where they are filled in."""
     count = before
     outlines = crowd.outlines
-    here = standing_of(i, crowd)
     slot = slot_of_level(cell, m, crowd.slots.mask)
     for s in range(crowd.slots.start[slot], crowd.slots.start[slot + 1]):
         j = crowd.slots.order[s]
-        skins = outlines.skin[i] + outlines.skin[j]
-        within = outlines.reach[i] + outlines.reach[j] + skins
-        near = crowd.level[j] == m and (smaller or j > i) and outlines.lightness[i] + outlines.lightness[j] > 0.0
-        if near and count < room and wp.length_sq(crowd.position[j] - here.position) < within * within:
-            if same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell):
-                if fill == 0:
-                    count += 1
-                else:
-                    seen = glance_at(here, j, crowd)
-                    # Whom it does not see now it may see round an edge.
-                    wanted = (
-                        seen.met == 0
-                        and crowd.ground.facets.label[here.facet] == crowd.ground.facets.label[crowd.facet[j]]
-                    )
-                    if seen.met != 0:
-                        copied = copy_corners(i, j, seen.turned, crowd)
-                        wanted = apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, skins) < skins
-                    if wanted:
-                        at = pairs.start[i] + count
-                        pairs.second[at] = j
-                        pairs.note[at] = 0
-                        count += 1
+        within = outlines.reach[i] + outlines.reach[j] + outlines.skin[i] + outlines.skin[j]
+        wanted = (smaller or j > i) and outlines.lightness[i] + outlines.lightness[j] > 0.0
+        near = wp.length_sq(crowd.position[j] - crowd.position[i]) < within * within
+        if wanted and near and count < room and in_cell(j, cell, m, crowd):
+            if fill == 0:
+                count += 1
+            elif may_meet(i, j, crowd):
+                at = pairs.start[i] + count
+                pairs.second[at] = j
+                pairs.note[at] = 0
+                count += 1
     return count
 
 
@@ -441,6 +449,19 @@ def measure_overlaps_on_surface(
 
 
 @wp.func
+def squared_overlap(i: int, room_of: int, here: Standing, j: int, crowd: SurfaceCrowd):
+    """Squared overlap that body i would have somewhere with body j, in the smaller width of the two."""
+    outlines = crowd.outlines
+    seen = glance_at(here, j, crowd)
+    depth = float(0.0)
+    if seen.met != 0:
+        copied = copy_corners(room_of, j, seen.turned, crowd)
+        depth = wp.max(-apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, 0.0), 0.0)
+        depth = depth / wp.min(outlines.width[i], outlines.width[j])
+    return depth * depth
+
+
+@wp.func
 def cost_with_cell(
     before: float,
     i: int,
@@ -459,16 +480,9 @@ def cost_with_cell(
     for s in range(crowd.slots.start[slot], crowd.slots.start[slot + 1]):
         j = crowd.slots.order[s]
         within = outlines.reach[i] + outlines.reach[j]
-        near = crowd.level[j] == m and j != i and j != without and total < most
-        if near and wp.length_sq(crowd.position[j] - here.position) < within * within:
-            if same_cell(cell_at(crowd.slots.sorted_at[j], crowd.inverse_cell[m]), cell):
-                seen = glance_at(here, j, crowd)
-                if seen.met != 0:
-                    copied = copy_corners(room_of, j, seen.turned, crowd)
-                    depth = -apart(i, outlines.first_corner[i], j, copied, seen.way, outlines, 0.0)
-                    if depth > 0.0:
-                        depth = depth / wp.min(outlines.width[i], outlines.width[j])
-                        total += depth * depth
+        near = wp.length_sq(crowd.position[j] - here.position) < within * within
+        if near and j != i and j != without and total < most and in_cell(j, cell, m, crowd):
+            total += squared_overlap(i, room_of, here, j, crowd)
     return total
 
 

@@ -373,7 +373,8 @@ class Separation(ABC):
             guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, swapped, clean = math.inf, 0, 0, 0
-        best, best_places, stopped = math.inf, None, False
+        best, stopped = math.inf, False
+        best_places: list[wp.array] = []
         for number in range(guided + most + 1):
             if number % ROUNDS_PER_RISE == 0 and number and not hot:
                 momentum = min(LARGEST_MOMENTUM, 1.0 - RISE * (1.0 - momentum))
@@ -417,10 +418,13 @@ class Separation(ABC):
                         since = 0
                         self._find()
             self._move()
-        if best_places is not None:
-            for array, values in zip(self._places(), best_places, strict=True):
-                array.assign(values)
+        self._recall(best_places)
         return None if stopped else False
+
+    def _recall(self, places: Sequence[wp.array]) -> None:
+        """Put bodies where they were; nowhere else, if nothing is given."""
+        for array, values in zip(self._places() if places else (), places, strict=True):
+            array.assign(values)
 
     def _rebuild(self) -> None:
         """List the pairs that are near."""
