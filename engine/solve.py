@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -36,7 +35,8 @@ def solve(
         device: ``"auto"`` (an NVIDIA GPU where there is one), ``"cpu"`` or ``"cuda:0"``.
         max_steps: Steps of the relaxation at most, >= 1.
         progress: Called after every step with a :class:`Progress`, and with the last one again while outlines are being parted for
-            longer than a moment; returning False stops the run, which then returns what is there, with ``report.converged`` False.
+            longer than a moment; of few bodies, with step 0 while the best of several starts is looked for. Returning False stops
+            the run, which then returns what is there, with ``report.converged`` False.
         profile: Gets the seconds that every phase takes.
 
     Returns:
@@ -56,7 +56,7 @@ def solve(
     max_steps = check_count(max_steps, "`max_steps`")
     with Solver(problem, device=device, profile=profile) as solver:
         watched = _Watched(progress)
-        solver.choose_start(max_steps)
+        solver.choose_start(max_steps, None if progress is None else watched.at_times)
         steps, converged = solver.run(max_steps, None if progress is None else watched)
         solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):
@@ -73,16 +73,22 @@ class _Watched:
     def __init__(self, progress: Callable[[Progress], bool | None] | None) -> None:
         self._progress = progress
         self._last: Progress | None = None
-        self._time = math.inf
+        self._time = time.perf_counter()
         self._stopped = False
 
     def __call__(self, state: Progress) -> bool | None:
         assert self._progress is not None
+        if self._stopped:
+            return False
         self._last = state
         answer = self._progress(state)
         self._stopped = is_stop(answer)
         self._time = time.perf_counter()
         return answer
+
+    def at_times(self, state: Progress) -> bool | None:
+        """Ask if it is a while since it was asked."""
+        return self(state) if time.perf_counter() - self._time > MOMENT else not self._stopped
 
     def go_on(self) -> bool:
         """Ask again, if it is a while since it was asked; whoever has stopped the run once does not want to wait for contact."""

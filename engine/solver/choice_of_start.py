@@ -7,6 +7,7 @@ starts, and begin at the best of these.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -30,13 +31,14 @@ MOST_STARTS_OF_GROUPS = 60
 EQUAL, NEARLY_EQUAL = 1e-5, 2e-3
 
 
-def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
+def choose_start(descent: Descent, max_steps: int, tolerance: float, go_on: Callable[[], bool] | None = None) -> int:
     """Go to the start from which the least energy is reached; where bodies are many, stay at the first.
 
     Args:
         descent: Where no step has been taken yet.
         max_steps: Steps that the run will take at most.
         tolerance: Residual, see :meth:`.direction.Direction.residual`, below which bodies have settled.
+        go_on: Asked after each start but the last; returning False leaves it at those that were tried.
 
     Returns:
         Which of several starts it is, from 0.
@@ -53,6 +55,8 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float) -> int:
         _settle(descent, min(max_steps, STEPS_OF_STARTS), tolerance)
         energies.append(energy.of(descent.charge_position.numpy()))
         spacings.append(_smallest_spacing(model, descent.state))
+        if go_on is not None and start < number - 1 and not go_on():
+            break
     best = _best_of(np.array(energies) / energy.scale, np.array(spacings), several=len(model.problem.classes) > 1)
     descent.restart(best)
     return best

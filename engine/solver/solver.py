@@ -62,7 +62,7 @@ class Progress:
     """Where a run stands, as its progress callback gets it.
 
     Attributes:
-        step: Steps taken.
+        step: Steps taken; 0 while a start is being chosen.
         steps: Steps that the run takes at most.
         residual: RMS of the moves that the forces ask for, over the local spacing; falls as the run converges.
     """
@@ -366,13 +366,25 @@ class Solver:
                 return step, True
         return max_steps, step > 1 and residual < SETTLED
 
-    def choose_start(self, max_steps: int) -> int:
+    def choose_start(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> int:
         """Of a few bodies, go to where the least energy is reached from within ``max_steps``; see :mod:`.choice_of_start`.
+
+        Args:
+            max_steps: Steps that the run will take at most.
+            progress: Called between starts, with none of the run's steps taken; returning False leaves it at those that were tried.
 
         Returns:
             Which of several starts it is; 0 is the one that every run begins with.
         """
-        return choose_start(self.descent, max_steps, TOLERANCE) if isinstance(self.descent, Descent) else 0
+        descent = self.descent
+        if not isinstance(descent, Descent):
+            return 0
+
+        def go_on() -> bool:
+            assert progress is not None
+            return not is_stop(progress(Progress(0, max_steps, descent.direction.residual(), self._position)))
+
+        return choose_start(descent, max_steps, TOLERANCE, None if progress is None else go_on)
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part outlines that still overlap, where they are to keep apart at all; returns whether none do any more.

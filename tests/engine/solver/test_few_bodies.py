@@ -109,9 +109,9 @@ def test_a_chosen_start_is_an_ordinary_one(boundary):
     problem = problem_of([5, 7], 4, boundary)
     seen = []
     first = solve(problem, device="cpu", progress=lambda state: seen.append((state.step, state.position)))
-    assert [step for step, _ in seen] == list(range(1, len(seen) + 1))
+    steps = [step for step, _ in seen if step > 0]
+    assert steps == list(range(1, first.report.steps + 1)) and [step for step, _ in seen][-len(steps) :] == steps
     np.testing.assert_array_equal(seen[-1][1], first.position)
-    assert len(seen) == first.report.steps
     np.testing.assert_array_equal(solve(problem, device="cpu").position, first.position)
 
 
@@ -137,3 +137,17 @@ def test_the_more_groups_there_are_the_fewer_starts(monkeypatch, classes, starts
     with Solver(problem, device="cpu") as solver:
         solver.choose_start(1)
     assert len(tried) == starts
+
+
+def test_whoever_watches_can_stop_while_a_start_is_chosen(monkeypatch):
+    """Nobody was asked before the first step, which could be minutes away."""
+    monkeypatch.setattr("esh.engine.solve.MOMENT", 0.0)
+    seen = []
+
+    def stop_at_the_third(state):
+        seen.append((state.step, np.isfinite(state.position).all()))
+        return len(seen) < 3
+
+    placement = solve(problem_of([5, 7]), device="cpu", progress=stop_at_the_third)
+    assert seen == [(0, True)] * 3
+    assert not placement.report.converged and placement.report.steps == 1 and len(placement.position) == 12
