@@ -12,6 +12,8 @@ __all__ = ["CLASSES"]
 
 # Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
 WIDE = 330
+# Width of a text, in the interface's units: of any, and of each of its characters.
+UNITS, UNITS_A_CHARACTER = 0.5, 0.36
 
 
 class ESH_UL_classes(bpy.types.UIList):
@@ -47,7 +49,10 @@ class ESH_UL_classes(bpy.types.UIList):
         if not item.mute and data.obstacle_of(item):
             count.label(text="", icon="ERROR")
         else:
-            count.label(text=item.amount)
+            amount = item.amount
+            # As wide as it is, so that the name has the rest.
+            count.ui_units_x = UNITS + UNITS_A_CHARACTER * len(amount)
+            count.label(text=amount)
         switches = row.row(align=True)
         icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
         switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
@@ -116,7 +121,8 @@ class ESH_UL_layers(bpy.types.UIList):
         text = row.row(align=True)
         text.active = item.use
         text.label(text="", icon=item.told.icon)
-        text.prop(item, "name", text="", emboss=False, placeholder=item.label)
+        # A placeholder would be too pale on a selected row.
+        text.label(text=item.label)
         acts = row.row(align=True)
         acts.active = item.use
         if index or item.blend == "SUBTRACT":
