@@ -15,7 +15,8 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.body_kind import disc_radius
-from ...engine.problem.footprint import MOST_CORNERS, Footprint, Footprints
+from ...engine.problem.footprint import MOST_CORNERS, Footprint
+from ...engine.problem.footprints import Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.size import Size
 from ...engine.problem.validation import check_area_or_range, show

@@ -27,7 +27,7 @@ PAINTED, EDITED = " painted", " edited"
 # How a record says that there is nothing of something: no obstacles, no places set by hand and no pins, no curve.
 NOTHING: tuple[Any, ...] = ([], [[], []])
 # What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
-OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter")
+OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter", "tilt")
 
 
 def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
