@@ -12,6 +12,8 @@ __all__ = ["CLASSES"]
 
 # Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
 WIDE = 330
+# And up to which they leave what shows of a class to its name.
+NARROW = 270
 # Width of a text, in the interface's units: of any, and of each of its characters.
 UNITS, UNITS_A_CHARACTER = 0.5, 0.36
 
@@ -31,7 +33,7 @@ class ESH_UL_classes(bpy.types.UIList):
         _index: int = 0,
     ) -> None:
         """Draw one class."""
-        wide = context.region.width > WIDE * context.preferences.system.ui_scale
+        width = context.region.width / context.preferences.system.ui_scale
         row = layout.row(align=True)
         swatch = row.row()
         swatch.ui_units_x = 0.9
@@ -40,7 +42,7 @@ class ESH_UL_classes(bpy.types.UIList):
         text.active = not item.mute
         name = text.row(align=True)
         name.prop(item, "name", text="", emboss=False)
-        if wide:
+        if width > WIDE:
             source = text.row(align=True)
             source.active = False
             source.label(text=_sources(item))
@@ -56,6 +58,8 @@ class ESH_UL_classes(bpy.types.UIList):
         switches = row.row(align=True)
         icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
         switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
+        if width <= NARROW:
+            return
         for switch, on, off in (
             ("show_viewport", "HIDE_OFF", "HIDE_ON"),
             ("show_render", "RESTRICT_RENDER_OFF", "RESTRICT_RENDER_ON"),

@@ -29,6 +29,10 @@ FACES = {
 }
 
 
+# How much of the line the button has; Live has the rest.
+BUTTON = 0.74
+
+
 class ESH_PT_scatter(Panel, bpy.types.Panel):
     """Which scatter, on what, the button, and how it went."""
 
@@ -55,15 +59,15 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         if running.session is not None:
             _draw_progress(context, layout)
             return
-        button = layout.row(align=True)
+        button = layout.split(factor=BUTTON, align=True)
         button.scale_y = 1.8
+        # The switch is as wide as its place, without a column for its name.
+        button.use_property_split = False
         result = scatter.result_in(context.scene)
         button.operator(
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
-        switch = button.row(align=True)
-        switch.ui_units_x = 3.5
-        switch.prop(scatter, "live", toggle=True)
+        button.prop(scatter, "live", toggle=True)
         if scatter.live and not live.is_live(context.scene, scatter):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
