@@ -66,12 +66,15 @@ def forecast(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
     return cover_of(job.problem)
 
 
-def known(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
-    """Return what is known of a scatter as it is now, without waiting; what is not known will be, a moment later."""
+def known(scatter: Any, scene: bpy.types.Scene, record: dict[str, Any] | None = None) -> Cover | None:
+    """Return what is known of a scatter as it is now, without waiting; what is not known will be, a moment later.
+
+    ``record`` is that of its settings as they are now, where it has been made.
+    """
     global _asked
     number = _number_of(scatter)
     found = _known.get((scene.session_uid, number))
-    if found is not None and found.fingerprint == _fingerprint(scatter):
+    if found is not None and found.fingerprint == _fingerprint(scatter, record):
         return found.cover
     _asked = Reference(scene, "scene"), number
     if not bpy.app.background and not bpy.app.timers.is_registered(_work):
@@ -150,5 +153,5 @@ def _number_of(scatter: Any) -> int:
     return int(scatter.path_from_id().rpartition("[")[2].rstrip("]"))
 
 
-def _fingerprint(scatter: Any) -> str:
-    return scatter.fingerprint()
+def _fingerprint(scatter: Any, record: dict[str, Any] | None = None) -> str:
+    return str(scatter.fingerprint(record))

@@ -233,6 +233,9 @@ class ESH_PG_class(PropertyGroup):
         """Return where the objects of this class look, or None."""
         from ..classes.scatter_class import point_of
 
+        if not self.use_look_at:
+            # Asked of every class whenever the sidebar is drawn.
+            return None
         look: LookAt | None = values_from(self, ClassSettings)["look_at"]
         return (
             look if look is None or self.look_at_object is None else replace(look, point=point_of(self.look_at_object))

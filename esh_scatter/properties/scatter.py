@@ -122,11 +122,14 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
             return False
         return bool(replaced(self)) or not settings_record.same(self._ran_with_record(), self.record())
 
-    def changes(self) -> list[str]:
-        """Name what differs from what the last run was made with: "count of Pine"; empty where nothing does, or before a run."""
+    def changes(self, now: dict | None = None) -> list[str]:
+        """Name what differs from what the last run was made with: "count of Pine"; empty where nothing does, or before a run.
+
+        ``now`` is the :meth:`record` of now, where that has been made.
+        """
         if not self.report_json:
             return []
-        before, now, others = self._ran_with_record(), self.record(), replaced(self)
+        before, now, others = self._ran_with_record(), now or self.record(), replaced(self)
         if settings_record.same(before, now):
             return others
         # What another object has changed with it need not be said.
@@ -314,9 +317,9 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         # As it is after it was written and read, so that it can be compared.
         return json.loads(json.dumps(settings_record.record(self, ready)))
 
-    def fingerprint(self) -> str:
-        """Return :meth:`record` as JSON."""
-        return json.dumps(self.record(), separators=(",", ":"))
+    def fingerprint(self, now: dict | None = None) -> str:
+        """Return :meth:`record` as JSON; ``now`` is that record, where it has been made."""
+        return json.dumps(now or self.record(), separators=(",", ":"))
 
 
 def _close(color: tuple, other: tuple) -> bool:

@@ -39,7 +39,7 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
         side.operator("esh.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
     layer = body_class.active_layer
     if layer is not None:
-        _draw_layer(column, scatter, layer)
+        _draw_layer(column, scatter, layer, len(layers) > 1)
     notes = [density_preview.message()] if density_preview.message() else []
     names = [f'"{image.name}"' for image in unsaved_images(scatter)]
     if names:
@@ -48,8 +48,10 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
     return notes
 
 
-def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any) -> None:
+def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any, several: bool) -> None:
     target = scatter.first_target if scatter.first_target and scatter.first_target.type == "MESH" else None
+    if several:
+        column.prop(layer, "name", placeholder=layer.label)
     column.prop(layer, "kind")
     _draw_source(column, scatter, layer, target)
     for shown in shown_settings(layer.told.settings, layer.told.by_hand, layer.told.prefix):

@@ -12,6 +12,10 @@ __all__ = ["CLASSES"]
 
 # Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
 WIDE = 330
+# And up to which they leave what shows of a class to its name.
+NARROW = 270
+# Width of a text, in the interface's units: of any, and of each of its characters.
+UNITS, UNITS_A_CHARACTER = 0.5, 0.36
 
 
 class ESH_UL_classes(bpy.types.UIList):
@@ -29,7 +33,7 @@ class ESH_UL_classes(bpy.types.UIList):
         _index: int = 0,
     ) -> None:
         """Draw one class."""
-        wide = context.region.width > WIDE * context.preferences.system.ui_scale
+        width = context.region.width / context.preferences.system.ui_scale
         row = layout.row(align=True)
         swatch = row.row()
         swatch.ui_units_x = 0.9
@@ -38,7 +42,7 @@ class ESH_UL_classes(bpy.types.UIList):
         text.active = not item.mute
         name = text.row(align=True)
         name.prop(item, "name", text="", emboss=False)
-        if wide:
+        if width > WIDE:
             source = text.row(align=True)
             source.active = False
             source.label(text=_sources(item))
@@ -47,10 +51,15 @@ class ESH_UL_classes(bpy.types.UIList):
         if not item.mute and data.obstacle_of(item):
             count.label(text="", icon="ERROR")
         else:
-            count.label(text=item.amount)
+            amount = item.amount
+            # As wide as it is, so that the name has the rest.
+            count.ui_units_x = UNITS + UNITS_A_CHARACTER * len(amount)
+            count.label(text=amount)
         switches = row.row(align=True)
         icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
         switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
+        if width <= NARROW:
+            return
         for switch, on, off in (
             ("show_viewport", "HIDE_OFF", "HIDE_ON"),
             ("show_render", "RESTRICT_RENDER_OFF", "RESTRICT_RENDER_ON"),
@@ -116,7 +125,8 @@ class ESH_UL_layers(bpy.types.UIList):
         text = row.row(align=True)
         text.active = item.use
         text.label(text="", icon=item.told.icon)
-        text.prop(item, "name", text="", emboss=False, placeholder=item.label)
+        # A placeholder would be too pale on a selected row.
+        text.label(text=item.label)
         acts = row.row(align=True)
         acts.active = item.use
         if index or item.blend == "SUBTRACT":

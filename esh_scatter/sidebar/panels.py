@@ -1,6 +1,7 @@
 """The sidebar tab: the panels of a scatter."""
 
 from collections.abc import Collection
+from typing import Any
 
 import bpy
 
@@ -26,6 +27,10 @@ FACES = {
     "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
     "face_attribute": (True, "attributes", "SPREADSHEET"),
 }
+
+
+# How much of the line the button has; Live has the rest.
+BUTTON = 0.74
 
 
 class ESH_PT_scatter(Panel, bpy.types.Panel):
@@ -54,15 +59,15 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         if running.session is not None:
             _draw_progress(context, layout)
             return
-        button = layout.row(align=True)
+        button = layout.split(factor=BUTTON, align=True)
         button.scale_y = 1.8
+        # The switch is as wide as its place, without a column for its name.
+        button.use_property_split = False
         result = scatter.result_in(context.scene)
         button.operator(
             "esh.scatter", text="Update" if result else "Scatter", icon="FILE_REFRESH" if result else "PLAY"
         )
-        switch = button.row(align=True)
-        switch.ui_units_x = 3.5
-        switch.prop(scatter, "live", toggle=True)
+        button.prop(scatter, "live", toggle=True)
         if scatter.live and not live.is_live(context.scene, scatter):
             # It was switched on in the file that was opened, or by redo.
             live.wake()
@@ -275,10 +280,12 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         write_text(context, column, obstacle, icon="INFO")
         return
     report = scatter.report
+    # The dearest part of drawing: made once.
+    record = scatter.record()
     if report is not None and scatter.result_in(context.scene) is None:
         write_text(context, column, "The result is no longer there", icon="INFO")
     elif report is not None:
-        changes = scatter.changes()
+        changes = scatter.changes(record)
         if changes and live.is_busy(context.scene, scatter):
             write_text(context, column, "Following …", icon="FILE_REFRESH")
         elif changes:
@@ -294,18 +301,20 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
     said = live.status(context.scene, scatter)
     if said:
         write_text(context, column, said, icon="ERROR")
-    _draw_forecast(context, column, scatter)
+    _draw_forecast(context, column, scatter, record)
     left_out = scatter.left_out()
     if left_out:
         more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
         write_text(context, column, f"{left_out[0]}{more}", icon="ERROR")
 
 
-def _draw_forecast(context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
+def _draw_forecast(
+    context: bpy.types.Context, column: bpy.types.UILayout, scatter: ESH_PG_scatter, record: dict[str, Any]
+) -> None:
     """Say before a run what cannot be placed without overlap."""
     if not scatter.avoid_overlap:
         return
-    cover = forecast.known(scatter, context.scene)
+    cover = forecast.known(scatter, context.scene, record)
     text = words.cover(cover.covered, cover.fits, cover.crowded) if cover is not None else ""
     if cover is not None and text:
         write_text(context, column, text, icon="ERROR")

@@ -80,3 +80,20 @@ def test_the_button_scatters_in_a_window(package: Path, tmp_path: Path):
     # A black window has no colors; a window in which nothing happened looks the same twice.
     assert len(after.getcolors(10**7)) > 100
     assert before.tobytes() != after.tobytes()
+
+
+def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Path, tmp_path: Path):
+    answer = driven("drop_driver.py", package, tmp_path, 600.0)
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    assert answer["shown"] == ["FINISHED"] and answer["scatters"] == ["Pebbles"]
+    assert answer["placed"] == answer["asked"] > 1000
+    assert not answer["modifiers"] and not answer["groups"], "what Blender made of the drop is gone"
+
+
+def test_twenty_classes_are_drawn_quickly(package: Path, tmp_path: Path):
+    answer = driven("panel_driver.py", package, tmp_path, 600.0)
+    assert answer["ran"] == ["FINISHED"] and answer["panels"] >= 5
+    # The processor's own time; other programs that share its memory slow it down all the same.
+    print(answer["width"], answer["draws"])
+    assert answer["draws"][0] < 10.0
