@@ -325,6 +325,41 @@ class ESH_OT_scatter_selection(ScatterObjects):
         return _selected_sources(context, context.view_layer.objects.active)
 
 
+class ESH_OT_example(_Run):
+    """Add hills with a mixed forest of simple shapes on them, to see how it works. Put your own objects in their places"""
+
+    bl_idname = "esh.example"
+    bl_label = "Add Example"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only in Object Mode."""
+        if not settings_editable(cls, context):
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+        return context.mode == "OBJECT"
+
+    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
+        from ..editing.example import add_example
+
+        try:
+            scatter = add_example(context)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return None
+        self._made = scatter.name
+        return scatter
+
+    def _undo(self, context: bpy.types.Context) -> None:
+        from ..editing.example import remove_example
+
+        scatters = context.scene.esh_scatter.scatters
+        # After Ctrl+Z it is gone already.
+        if scatters and scatters[-1].name == getattr(self, "_made", None) and not scatters[-1].report_json:
+            remove_example(scatters[-1])
+
+
 class ESH_OT_stop(bpy.types.Operator):
     """Stop the run. The scene stays as it is"""
 
@@ -376,6 +411,7 @@ def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> l
 CLASSES = (
     ESH_OT_scatter,
     ESH_OT_scatter_selection,
+    ESH_OT_example,
     ESH_OT_keep,
     ESH_OT_stop,
 )

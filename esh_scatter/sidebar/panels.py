@@ -253,6 +253,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
     column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+    column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:
