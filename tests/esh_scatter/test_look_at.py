@@ -10,19 +10,13 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.instances import rotate  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.result import kept_ground  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
 
 STAGE = (4.0, 30.0, 2.0)
 
 
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 @pytest.fixture

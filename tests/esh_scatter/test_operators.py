@@ -9,17 +9,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import operators, registration  # noqa: E402
+from esh.esh_scatter import operators  # noqa: E402
 from esh.esh_scatter.operators.run import ESH_OT_scatter  # noqa: E402
 from esh.esh_scatter.solving import background_run, running  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def new_object(name: str, size: float = 1.0) -> bpy.types.Object:

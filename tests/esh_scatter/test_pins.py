@@ -6,7 +6,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from esh import ScatterClass, ScatterSize, scatter  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.result import pins  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute, write_attribute  # noqa: E402
 from esh.esh_scatter.solving import live  # noqa: E402
@@ -14,12 +13,7 @@ from esh.esh_scatter.solving import live  # noqa: E402
 OPTIONS = {"device": "cpu", "max_steps": 20}
 
 
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 @pytest.fixture

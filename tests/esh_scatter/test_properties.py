@@ -8,18 +8,11 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.properties.body_class import CLASS_COLORS  # noqa: E402
 from esh.esh_scatter.properties.influential_settings import WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.names import unused_name  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def new_object(name: str) -> bpy.types.Object:

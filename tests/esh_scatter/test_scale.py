@@ -6,7 +6,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing.amount_ahead import bodies_ahead  # noqa: E402
 from esh.esh_scatter.result.kept_ground import read_attribute  # noqa: E402
 
@@ -22,12 +21,7 @@ def box(name, width, depth, height):
     return item
 
 
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def solved(ground, size, **settings):

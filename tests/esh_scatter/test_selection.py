@@ -5,16 +5,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.editing import selection  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def box(name: str, width: float, depth: float, height: float) -> bpy.types.Object:

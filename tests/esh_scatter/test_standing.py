@@ -10,19 +10,13 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.engine.surface.instances import body_rotations, rotate  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.classes.standing import Ground, stand  # noqa: E402
 from esh.esh_scatter.result import kept_ground  # noqa: E402
 
 UP = np.array([[0.0, 0.0, 1.0]])
 
 
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def points(count, normal=(0.0, 0.0, 1.0), long=False):

@@ -6,16 +6,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
-from esh.esh_scatter import registration  # noqa: E402
 from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def quad(name, width, at=(0.0, 0.0, 0.0), collection=None):

@@ -16,12 +16,7 @@ OLD_1 = OLD.with_name("settings_of_version_1.blend")
 OLD_2 = OLD.with_name("settings_of_version_2.blend")
 
 
-@pytest.fixture(autouse=True)
-def empty_file():
-    bpy.ops.wm.read_homefile(use_empty=True)
-    registration.register()
-    yield
-    registration.unregister()
+pytestmark = pytest.mark.usefixtures("empty_file")
 
 
 def check(settings):

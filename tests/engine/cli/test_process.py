@@ -51,8 +51,13 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+def hear_hang_up() -> None:
+    """Have a process that is to be started hear SIGHUP, also where the tests themselves do not (``nohup``)."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def start(*arguments: str, **options) -> subprocess.Popen:
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "preexec_fn": hear_hang_up, **options}
     return subprocess.Popen([*COMMAND, *arguments], text=True, **options)
 
 
@@ -168,7 +173,8 @@ def test_signals_while_libraries_are_loaded_are_a_sentence(folder, name, start_m
     script = WHILE_IMPORTED.format(
         module="numpy.linalg", signal=name, command=command, output=output, more=more, start=start_module
     )
-    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    words = [sys.executable, "-c", script]
+    finished = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False, preexec_fn=hear_hang_up)
     assert finished.returncode == 128 + getattr(signal, name), finished.stderr
     said = "stopped by Ctrl-C" if name == "SIGINT" else f"ended by {name}"
     assert finished.stdout == "" and finished.stderr.startswith(f"esh-scatter: {said}; ")

@@ -9,17 +9,7 @@ import pytest
 
 from .test_tiles import contents, recipe, solved  # noqa: F401 - a fixture
 
-ray = pytest.importorskip("ray")
-
-
-@pytest.fixture
-def cluster():
-    from ray.cluster_utils import Cluster
-
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    yield made
-    ray.shutdown()
-    made.shutdown()
+pytest.importorskip("ray")
 
 
 def test_a_machine_that_is_lost_loses_no_tile(cluster, recipe, tmp_path):  # noqa: F811
