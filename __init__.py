@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from .engine.problem.cover import Cover, cover_of
     from .engine.problem.domain import Domain
     from .engine.problem.fixed_bodies import FixedBodies, FixedBody
-    from .engine.problem.footprint import Footprint, Footprints
+    from .engine.problem.footprint import Footprint
+    from .engine.problem.footprints import Footprints
     from .engine.problem.line import Line
     from .engine.problem.look_at import LookAt
     from .engine.problem.obstacles import Obstacle
@@ -193,7 +194,7 @@ _MODULES = {
     "EshError": ".engine.errors",
     "FacingDensity": ".esh_scatter.densities.kinds",
     "Footprint": ".engine.problem.footprint",
-    "Footprints": ".engine.problem.footprint",
+    "Footprints": ".engine.problem.footprints",
     "FixedBodies": ".engine.problem.fixed_bodies",
     "FixedBody": ".engine.problem.fixed_bodies",
     "ImageDensity": ".esh_scatter.densities.kinds",

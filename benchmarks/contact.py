@@ -18,7 +18,8 @@ import numpy as np
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import CAPSULE, footprints_of
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size

@@ -13,7 +13,7 @@ from .problem.placement import Placement
 from .problem.problem import Problem
 from .problem.validation import check_count, show
 from .quality.measurement import measure
-from .solver.solver import Progress, Solver
+from .solver.solver import Progress, Solver, is_stop
 
 __all__ = ["solve"]
 
@@ -80,7 +80,7 @@ class _Watched:
         assert self._progress is not None
         self._last = state
         answer = self._progress(state)
-        self._stopped = answer is False
+        self._stopped = is_stop(answer)
         self._time = time.perf_counter()
         return answer
 

@@ -5,7 +5,7 @@ import atexit
 import bpy
 
 from . import operators, versions
-from .editing import forecast, painting
+from .editing import dropped_presets, forecast, painting
 from .operators import exchange as exchange_operators
 from .properties import body_class, layer, obstacle, placed, scatter, scene, size
 from .sidebar import density_preview, lists, menus, panels
@@ -38,6 +38,7 @@ def register() -> None:
     versions.attach()
     density_preview.attach()
     painting.attach()
+    dropped_presets.attach()
     exchange_operators.attach()
     menus.attach()
     # Python that imported Blender as a module hangs on leaving while classes of an add-on are registered.
@@ -55,6 +56,7 @@ def unregister() -> None:
     forecast.detach()
     menus.detach()
     exchange_operators.detach()
+    dropped_presets.detach()
     painting.detach()
     density_preview.detach()
     versions.detach()

@@ -233,12 +233,26 @@ def test_the_page_of_the_command_line_has_the_columns_as_they_are_written():
     ]
 
 
-def test_the_page_of_the_command_line_has_every_option():
+@pytest.mark.parametrize(
+    ("command", "page"),
+    [("solve", "command-line"), ("separate", "command-line"), ("batch", "command-line"), ("tiles", "tiles")],
+)
+def test_the_pages_have_every_option_of_every_command(command, page):
     outcome = subprocess.run(
-        [sys.executable, "-m", "esh.engine.cli.command_line", "solve", "--help"], capture_output=True, text=True
+        [sys.executable, "-m", "esh.engine.cli.command_line", command, "--help"], capture_output=True, text=True
     )
     options = set(re.findall(r"--[a-z-]+", outcome.stdout)) - {"--help", "--output"}
-    assert options == {name for name in options if f"`{name}" in TEXT["docs/command-line.md"]}
+    assert options and options == {name for name in options if f"`{name}" in TEXT[f"docs/{page}.md"]}
+
+
+def test_help_and_page_of_tiles_have_the_steps_that_are_taken():
+    from esh.engine.tiles.tiles import STEPS
+
+    outcome = subprocess.run(
+        [sys.executable, "-m", "esh.engine.cli.command_line", "tiles", "--help"], capture_output=True, text=True
+    )
+    assert f"(default: {','.join(map(str, STEPS))};" in " ".join(outcome.stdout.split())
+    assert f"{STEPS[0]}, {STEPS[1]} and {STEPS[2]} by default" in TEXT["docs/tiles.md"]
 
 
 def test_the_reference_of_the_api_has_every_public_name():

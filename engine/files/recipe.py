@@ -32,6 +32,7 @@
                                    # { capsule = [length, width] }, or a list of such; default: a disc of the area
     turn = "free"                  # default, of a footprint: as it fits; or "random", or radians
     scale_jitter = 0.0             # default: bodies are scaled by a factor within 1 ± this
+    tilt = 0.0                     # default: bodies lean over by a random angle of at most this, in radians
     room = 1.0                     # default: factor on the footprint for keeping apart; or gap = 0.1, in meters
     [class.size.line]              # only for long bodies
     length = 2.0                   # meters; or an image beside the recipe, black = length_range[0], white = length_range[1]
@@ -269,9 +270,10 @@ def _read_image(table: RecipeTable, domain: Domain, balance: dict[str, Any]) -> 
 
 
 def _check_version(value: object, key: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value != VERSION:
+    version = validation.as_whole(value, VERSION, VERSION)
+    if version is None:
         raise ProblemError(f"{key} must be {VERSION}, the only version; got {show(value)}")
-    return value
+    return version
 
 
 def _check_color(value: object, key: str) -> tuple[float, float, float]:

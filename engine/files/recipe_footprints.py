@@ -7,7 +7,8 @@ from typing import Any
 
 from ..errors import ProblemError
 from ..problem import validation
-from ..problem.footprint import Footprint, Footprints
+from ..problem.footprint import Footprint
+from ..problem.footprints import Footprints
 from ..problem.settings import settings_of
 from ..problem.validation import show
 

@@ -17,7 +17,7 @@ from ..problem import validation
 from ..problem.body_class import BodyClass
 from ..problem.direction_field import direction_from_angle_image, direction_from_rg
 from ..problem.fixed_bodies import FixedBodies
-from ..problem.footprint import Footprints
+from ..problem.footprints import Footprints
 from ..problem.line import Line
 from ..problem.obstacles import Obstacle
 from ..problem.settings import settings_of

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .body_kind import disc_radius
-from .footprint import Footprint, Footprints
+from .footprint import Footprint
+from .footprints import Footprints
 from .packing import CELLS, in_cells
 from .problem import Problem
 from .settings import settle
 from .size import with_count
-from .slopes import level_share, slope_at
+from .slopes import level_share, slope_at, tilted, tilts
 
 __all__ = ["CAPSULE", "BodyFootprints", "footprints_of"]
 
@@ -37,6 +38,7 @@ class BodyFootprints:
         gap: Distance from others' outlines that is kept [m], float64.
         slopes: The different images of slopes that outlines lie in, each of shape ``[rows, columns, 2]``, not ``[n]``.
         slope: Which of them a body's outline lies in, int32; -1 where it is horizontal.
+        most_tilt: How far its outline leans over at most, beside that [rad], float64.
         seen: Area of an outline as it is seen from above over the area that it has, in the mean where its class may be, float64.
     """
 
@@ -51,18 +53,42 @@ class BodyFootprints:
     gap: np.ndarray
     slopes: tuple[np.ndarray, ...] = ()
     slope: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    most_tilt: np.ndarray = field(default_factory=lambda: np.zeros(0))
     seen: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         if not len(self.slope):
-            settle(self, slope=np.full(len(self.shape), -1, np.int32), seen=np.ones(len(self.shape)))
+            n = len(self.shape)
+            settle(self, slope=np.full(n, -1, np.int32), most_tilt=np.zeros(n), seen=np.ones(n))
 
-    def slopes_at(self, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-        """Slope of the plane that every outline lies in, at these positions [m] of a domain of this size, shape ``[n, 2]``."""
+    def tilts(self, identity: np.ndarray, seed: int) -> np.ndarray | None:
+        """How far every outline leans over beside the ground, see :func:`.slopes.tilts`; None where none does.
+
+        Args:
+            identity: Numbers of the bodies, see :meth:`.problem.Problem.body_ids`.
+            seed: Of the problem.
+        """
+        return tilts(self.most_tilt, identity, seed) if self.most_tilt.any() else None
+
+    def slopes_at(
+        self, position: np.ndarray, size: tuple[float, float], tilt: np.ndarray | None = None
+    ) -> np.ndarray | None:
+        """Slope of the plane that every outline lies in, shape ``[n, 2]``; None where all are horizontal.
+
+        Args:
+            position: Of the bodies [m].
+            size: Of the domain [m].
+            tilt: What :meth:`tilts` returned.
+        """
+        if not self.slopes and tilt is None:
+            return None
         result = np.zeros((len(position), 2))
         for number, image in enumerate(self.slopes):
             own = self.slope == number
             result[own] = slope_at(image, position[own], size)
+        if tilt is not None:
+            leaning = tilt[:, 0] != 0.0
+            result[leaning] = tilted(result[leaning], tilt[leaning])
         return result
 
     @property
@@ -112,7 +138,7 @@ def footprints_of(problem: Problem) -> BodyFootprints:
     turn = np.zeros(n)
     free, is_outline = np.zeros(n, bool), np.zeros(n, bool)
     slopes: list[np.ndarray] = []
-    slope, seen = np.full(n, -1, np.int32), np.ones(n)
+    slope, most_tilt, seen = np.full(n, -1, np.int32), np.zeros(n), np.ones(n)
     area = problem.body_areas()
     begin = 0
     for (c, s, size), count in zip(sizes, counts, strict=True):
@@ -153,8 +179,21 @@ def footprints_of(problem: Problem) -> BodyFootprints:
             slope[own] = known[0] if known else len(slopes)
             slopes += [] if known else [given.slope]
             seen[own] = _seen(given.slope, body_class.density_image)
+        most_tilt[own] = given.tilt
     return BodyFootprints(
-        tuple(shapes), first + variant, factor, turn, free, is_outline, variant, room, gap, tuple(slopes), slope, seen
+        tuple(shapes),
+        first + variant,
+        factor,
+        turn,
+        free,
+        is_outline,
+        variant,
+        room,
+        gap,
+        tuple(slopes),
+        slope,
+        most_tilt,
+        seen,
     )
 
 

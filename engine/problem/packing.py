@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from .body_kind import disc_radius
-from .footprint import Footprint, Footprints
+from .footprint import Footprint
+from .footprints import Footprints
 from .size import Size
 
 __all__ = ["elongation_of", "in_cells", "packable", "packable_share", "scale_to_fit"]

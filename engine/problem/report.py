@@ -66,10 +66,11 @@ class Report:
         classes: One entry per class.
         deepest_overlap: How deep the deepest overlap is [m]: the shortest way that parts the two; 0 where nothing overlaps.
         deepest_pair: The two bodies, None where nothing overlaps.
-        deepest_place: The middle between them [m].
+        deepest_place: The middle between them [m]: x and y, and z on a surface.
         overlapping: Bodies that overlap others, those that lie deepest in another first; at most 10,000.
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
-        closest: Smallest distance between two bodies' centers [m], in the plane of the domain; None with fewer than two bodies.
+        closest: Smallest distance between two bodies' centers [m], in the plane of the domain; on a surface in a straight line, of two
+            on one sheet of it. None with fewer than two bodies.
         usual: Median of every body's distance to its nearest neighbor [m].
     """
 
@@ -87,7 +88,7 @@ class Report:
     usual: float | None = None
     deepest_overlap: float = 0.0
     deepest_pair: tuple[int, int] | None = None
-    deepest_place: tuple[float, float] | None = None
+    deepest_place: tuple[float, ...] | None = None
     overlapping: tuple[int, ...] = ()
 
     @property

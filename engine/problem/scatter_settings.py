@@ -64,6 +64,16 @@ class Standing(Settings):
             soft_high=1.0,
         ),
     )
+    scale: float = field(
+        default=1.0,
+        metadata=setting(
+            "Factor on the size of objects, and so on the ground that each of them takes",
+            low=0.001,
+            high=1000.0,
+            soft_low=0.1,
+            soft_high=10.0,
+        ),
+    )
     scale_jitter: float = field(
         default=0.0,
         metadata=setting(

@@ -11,7 +11,8 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .body_kind import DOT, BodyKind
-from .footprint import DrawnFootprints, Footprint, Footprints, checked_footprints
+from .footprint import Footprint
+from .footprints import DrawnFootprints, Footprints, checked_footprints
 from .line import Line
 from .settings import Choice, Settings, as_given, described, setting, settle
 from .validation import show

@@ -8,7 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["LEVEL", "foreshortened", "lengthened", "level_share", "normal_of_slope", "slope_at", "slope_of_normal"]
+__all__ = [
+    "LEVEL",
+    "SMALLEST_COSINE",
+    "foreshortened",
+    "lengthened",
+    "level_share",
+    "normal_of_slope",
+    "slope_at",
+    "slope_of_normal",
+    "tilted",
+    "tilts",
+]
 
 # Ground that rises by less than this is level [m/m].
 LEVEL = 1e-4
@@ -65,6 +76,42 @@ def normal_of_slope(slope: np.ndarray, align: float) -> np.ndarray:
     angle = np.minimum(np.arctan(steep) / align, 0.5 * np.pi)
     level = -slope * (np.sin(angle) / np.maximum(steep, 1e-12))[:, None]
     return np.column_stack([level, np.cos(angle)]).astype(np.float32)
+
+
+def tilts(most: float | np.ndarray, identity: np.ndarray, seed: int) -> np.ndarray:
+    """Draw how far bodies lean over from how they would stand: in all directions alike, and spread over the cone as over a disc.
+
+    Args:
+        most: Largest angle [rad], a number or shape ``[n]``.
+        identity: Numbers of the bodies, which decide, shape ``[n]``.
+        seed: Of the run.
+
+    Returns:
+        Angles [rad], and the directions to which bodies lean, as each sees them from its place [rad], shape ``[n, 2]``.
+    """
+    drawn = np.random.default_rng([seed, 6]).random((int(identity.max(initial=-1)) + 1, 2))[identity]
+    return np.stack([most * np.sqrt(drawn[:, 0]), 2.0 * np.pi * drawn[:, 1]], axis=1)
+
+
+def tilted(slope: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """Slopes of the planes of bodies that lean over in planes of other slopes.
+
+    Args:
+        slope: Of the planes that bodies would stand on, shape ``[n, 2]``.
+        tilt: See :func:`tilts`.
+
+    Returns:
+        Shape ``[n, 2]``, float64.
+    """
+    angle, direction = tilt.T
+    way = np.stack([np.sin(angle) * np.cos(direction), np.sin(angle) * np.sin(direction)], axis=1)
+    cosine = level_share(slope)
+    level = -slope * cosine[:, None]
+    # The shortest turn from upright to the normal (level, cosine), of the axis (way, cos angle).
+    along = (level * way).sum(axis=1)
+    height = np.cos(angle)
+    axis = way + level * (height - along / (1.0 + cosine))[:, None]
+    return slope_of_normal(np.column_stack([axis, cosine * height - along]))
 
 
 def slope_at(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:

@@ -393,7 +393,8 @@ def check_density(value: object, key: str, *, empty: bool = False) -> np.ndarray
     if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}")
     try:
-        given = np.asarray(value)
+        # What is masked, as readers of maps mask where there are no data, has nobody.
+        given = np.asarray(value.filled(0) if isinstance(value, np.ma.MaskedArray) else value)
     except FOREIGN_ERRORS:
         raise ProblemError(f"{key} must be an image (an array of numbers) or a number; got {show(value)}") from None
     if given.dtype.kind not in "buif":

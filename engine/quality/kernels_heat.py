@@ -33,28 +33,6 @@ def chebyshev_step(
     result[i] = result[i] + factor * new
 
 
-@wp.kernel
-def nearest_distance(
-    first: int,
-    grid: wp.uint64,
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    reach: float,
-    # outputs
-    distance: wp.array(dtype=float),
-):
-    """Distance to the nearest body of the same side; ``reach`` where none is nearer."""
-    i = first + wp.tid()
-    own = position[i]
-    least = float(reach)
-    query = wp.hash_grid_query(grid, own, reach)
-    j = int(0)
-    while wp.hash_grid_query_next(query, j):
-        if j != i and wp.dot(normal[i], normal[j]) > 0.0:
-            least = wp.min(least, wp.length(position[j] - own))
-    distance[i] = least
-
-
 # Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
 # turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
 STEEPER = wp.constant(math.pi / 3.0)
@@ -74,6 +52,31 @@ def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3)
 
 
 @wp.kernel
+def nearest_distance(
+    first: int,
+    grid: wp.uint64,
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    reach: float,
+    # outputs
+    distance: wp.array(dtype=float),
+):
+    """Distance to the nearest body of the same sheet; ``reach`` where none is nearer."""
+    i = first + wp.tid()
+    own = position[i]
+    least = float(reach)
+    query = wp.hash_grid_query(grid, own, reach)
+    j = int(0)
+    while wp.hash_grid_query_next(query, j):
+        if j != i:
+            way = position[j] - own
+            away = wp.length(way)
+            if away < least and on_one_sheet(way, away, normal[i], normal[j]):
+                least = away
+    distance[i] = least
+
+
+@wp.kernel
 def count_touching(
     first: int,
     grid: wp.uint64,
@@ -81,19 +84,27 @@ def count_touching(
     normal: wp.array(dtype=wp.vec3),
     axis: wp.array(dtype=wp.vec3),
     radius: wp.array(dtype=float),
+    fixed: wp.array(dtype=wp.uint8),
     reach: float,
     touch: float,
     # outputs
     count: wp.array(dtype=wp.int32),
+    depth: wp.array(dtype=float),
+    partner: wp.array(dtype=wp.int32),
 ):
-    """Bodies of the same sheet whose discs, or capsules around half axes, overlap each one's, in a straight line."""
+    """Bodies of the same sheet whose discs, or capsules around half axes, overlap each one's, in a straight line; the deepest one.
+
+    Two bodies that are both fixed do not count.
+    """
     i = first + wp.tid()
     own = position[i]
     found = int(0)
+    deepest = float(0.0)
+    with_whom = int(-1)
     query = wp.hash_grid_query(grid, own, wp.length(axis[i]) + radius[i] + reach)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j != i:
+        if j != i and (fixed[i] == wp.uint8(0) or fixed[j] == wp.uint8(0)):
             way = position[j] - own
             if wp.length_sq(axis[i]) + wp.length_sq(axis[j]) > 0.0:
                 places = wp.closest_point_edge_edge(
@@ -103,4 +114,11 @@ def count_touching(
             gap = wp.length(way)
             if gap < (radius[i] + radius[j]) * touch and on_one_sheet(way, gap, normal[i], normal[j]):
                 found += 1
+                deep = radius[i] + radius[j] - gap
+                # Of equal ones the first, in whatever order they come.
+                if deep > deepest or (deep == deepest and j < with_whom):
+                    deepest = deep
+                    with_whom = j
     count[i] = found
+    depth[i] = deepest
+    partner[i] = with_whom

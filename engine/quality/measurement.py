@@ -19,7 +19,7 @@ from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .overlaps import overlaps_of
+from .overlaps import Overlaps, overlaps_of
 from .spacing import measure_spacing
 from .surface_measurement import measure_on_surface
 
@@ -48,16 +48,17 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     targets = [(c.density_image, charge) for c, charge in zip(problem.classes, charges, strict=True)]
     errors = [coverage.error([target], one) for one, target in enumerate(targets)]
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
-    # Of what leans with the ground, as it is seen from above.
+    # Of what leans with the ground, as it is seen from above; outlines may be scaled and have another area than their bodies.
     footprints = footprints_of_placement(placement)
-    seen = area * footprints.seen
+    outlined = footprints.areas(placement.length, placement.width, apart=False)
+    seen = np.where(footprints.is_outline, outlined, area * footprints.seen)
     covered = float(seen.sum() / (domain.area * np.mean(counts_in_cells(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints)
     # Why bodies still overlap is looked into where they do.
     warning = cover_of(problem).warning if problem.avoid_overlap and overlaps.count else None
     if problem.avoid_overlap and overlaps.count:
-        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
+        notes.append(_note_of(overlaps))
     if warning is not None:
         notes.append(warning)
     # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
@@ -94,9 +95,10 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
     """What :func:`measure` returns, for a placement on a surface."""
     found = measure_on_surface(placement, launcher)
     notes = [note for c in placement.problem.classes for note in c.notes]
-    if placement.problem.avoid_overlap and found.overlaps:
-        notes.append(f"{found.overlaps} pairs of footprints still overlap")
-    if found.covered > 1.0 and found.overlaps:
+    overlaps = found.overlaps
+    if placement.problem.avoid_overlap and overlaps.count:
+        notes.append(_note_of(overlaps))
+    if found.covered > 1.0 and overlaps.count:
         notes.append(
             f"the footprints add up to {found.covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
@@ -110,11 +112,19 @@ def _report_on_surface(placement: Placement, launcher: Launcher) -> Report:
         smallest_spacing=found.smallest,
         closest=found.closest,
         usual=found.usual,
-        overlaps=found.overlaps,
+        overlaps=overlaps.count,
+        deepest_overlap=overlaps.deepest,
+        deepest_pair=overlaps.pair,
+        deepest_place=overlaps.place,
+        overlapping=overlaps.bodies,
         covered=found.covered,
         classes=_class_reports(placement, found.errors),
         notes=tuple(notes),
     )
+
+
+def _note_of(overlaps: Overlaps) -> str:
+    return f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m"
 
 
 def _class_reports(

@@ -17,7 +17,7 @@ from ..problem.placement_footprints import footprints_of_placement
 from ..space.space import Space
 from . import kernels_overlaps
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlaps_of"]
+__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "overlaps_from", "overlaps_of"]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3
@@ -42,14 +42,14 @@ class Overlaps:
             body overlaps more than 200 others.
         deepest: How deep the deepest of them is [m]: the shortest way that parts it.
         pair: The bodies of that pair, None where nothing overlaps.
-        place: The middle between the two [m].
+        place: The middle between the two [m]: x and y, and z on a surface.
         bodies: Bodies that overlap others, those that lie deepest in another first, at most 10,000.
     """
 
     count: int
     deepest: float = 0.0
     pair: tuple[int, int] | None = None
-    place: tuple[float, float] | None = None
+    place: tuple[float, ...] | None = None
     bodies: tuple[int, ...] = ()
 
 
@@ -72,6 +72,7 @@ def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootpr
         smaller=smaller,
         fixed=placement.fixed,
         bends=placement.bends,
+        tilt=footprints.tilts(placement.id, placement.problem.seed),
     )
 
 
@@ -87,6 +88,7 @@ def find_overlaps(
     smaller: np.ndarray | None = None,
     fixed: np.ndarray | None = None,
     bends: np.ndarray | None = None,
+    tilt: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -101,12 +103,13 @@ def find_overlaps(
         smaller: Factor on every outline, at most 1, shape ``[n]``.
         fixed: Whether a body is fixed, shape ``[n]``; pairs of such do not count, which no run can part.
         bends: Points along lines that bend [m], see :class:`~esh.engine.problem.placement.Placement`; capsules are bent as they are.
+        tilt: How far outlines lean over, see :meth:`.body_footprints.BodyFootprints.tilts`.
     """
     n = len(position)
     if n == 0:
         return Overlaps(0)
     device = launcher.device
-    slope = footprints.slopes_at(position, domain.size) if footprints.slopes else np.zeros((0, 2))
+    slope = footprints.slopes_at(position, domain.size, tilt)
     factor = np.ones(n) if smaller is None else smaller
     bent = _bent_lines(footprints, position, bends)
     shapes = _laid_out(footprints, position, angle, length, width, factor, slope, bent, launcher)
@@ -129,17 +132,29 @@ def find_overlaps(
         [found, deepest, partner],
         grain=GRAIN_OF_NEIGHBORS,
     )
-    count = int(found.numpy().sum(dtype=np.int64)) // 2
-    if count == 0:
-        return Overlaps(0)
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
     middle = space.wrapped(position[one] + 0.5 * space.shortest(position[other] - position[one]))
-    pair = (min(one, other), max(one, other))
+    return overlaps_from(found.numpy(), depth, (one, other), middle)
+
+
+def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], middle: np.ndarray) -> Overlaps:
+    """Return what was found of every body.
+
+    Args:
+        found: With how many others each overlaps, shape ``[n]``.
+        depth: How deep the deepest of these is [m], shape ``[n]``; 0 where there is none.
+        pair: The two bodies that lie deepest in each other.
+        middle: The middle between them [m], shape ``[2]``, or ``[3]`` on a surface.
+    """
+    count = int(found.sum(dtype=np.int64)) // 2
+    if count == 0:
+        return Overlaps(0)
     lying = np.flatnonzero(depth > 0.0)
     named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
-    return Overlaps(count, float(depth[one]), pair, (float(middle[0]), float(middle[1])), tuple(named.tolist()))
+    one, other = sorted(pair)
+    return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
 
 
 class _BentLines(NamedTuple):
@@ -168,7 +183,7 @@ def _laid_out(
     length: np.ndarray,
     width: np.ndarray,
     smaller: np.ndarray,
-    slope: np.ndarray,
+    slope: np.ndarray | None,
     bent: _BentLines,
     launcher: Launcher,
 ) -> kernels_overlaps.Shapes:
@@ -194,7 +209,7 @@ def _laid_out(
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
-    given.slope = launcher.array(slope, wp.vec2d)
+    given.slope = launcher.array(np.zeros((0, 2)) if slope is None else slope, wp.vec2d)
     pieces = np.zeros(n, np.int32)
     pieces[bent.body] = np.diff(bent.start) - 1
     first = np.zeros(n + 1, np.int32)

@@ -14,7 +14,7 @@ from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface
 from . import kernels_heat
 from .heat import HeatMesh
-from .overlaps import TOLERANCE
+from .overlaps import TOLERANCE, Overlaps, overlaps_from
 from .spacing import HEXAGONAL_SPACING
 
 __all__ = ["measure_on_surface"]
@@ -34,7 +34,7 @@ class SurfaceFigures(NamedTuple):
         smallest: Smallest spacing over that of a hexagonal lattice; None where no two bodies are neighbors.
         closest: Smallest distance of neighbors [m].
         usual: Median distance to the nearest neighbor [m].
-        overlaps: Pairs of footprints that overlap.
+        overlaps: What of the footprints overlaps.
         covered: Sum of the footprints over the area where bodies may be.
     """
 
@@ -43,7 +43,7 @@ class SurfaceFigures(NamedTuple):
     smallest: float | None
     closest: float | None
     usual: float | None
-    overlaps: int
+    overlaps: Overlaps
     covered: float
 
 
@@ -75,7 +75,7 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
 
 
 def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tuple[float, float, float] | None:
-    """Distances to the nearest body of the same side: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
+    """Distances to the nearest body of the same sheet: smallest over the hexagonal spacing asked for there, smallest, median [m]."""
     problem, n = placement.problem, len(placement.position)
     if n < 2:
         return None
@@ -106,8 +106,8 @@ def _spacing(placement: Placement, surface: Surface, launcher: Launcher) -> tupl
     return smallest, float(meters.min()), float(np.median(meters))
 
 
-def _overlaps(placement: Placement, launcher: Launcher) -> int:
-    """Pairs of footprints on one sheet that overlap, in a straight line, by more than 1e-3 of their distance."""
+def _overlaps(placement: Placement, launcher: Launcher) -> Overlaps:
+    """Return which footprints on one sheet overlap, in a straight line, by more than 1e-3 of their distance."""
     n = len(placement.position)
     radius = placement.radius
     # With less room than they have they may overlap that far.
@@ -119,7 +119,7 @@ def _overlaps(placement: Placement, launcher: Launcher) -> int:
     device = launcher.device
     grid = wp.HashGrid(CELLS, CELLS, CELLS, device=device)
     grid.build(position, 1.0)
-    count = launcher.empty(n, wp.int32)
+    found, depth, partner = (launcher.empty(n, kind) for kind in (wp.int32, float, wp.int32))
     axis = (placement.tangent * (half / unit)[:, None]).astype(np.float32)
     launcher.launch(
         kernels_heat.count_touching,
@@ -130,13 +130,18 @@ def _overlaps(placement: Placement, launcher: Launcher) -> int:
             normal,
             wp.array(axis, dtype=wp.vec3, device=device),
             wp.array(radius / unit, dtype=float, device=device),
+            wp.array(placement.fixed.astype(np.uint8), dtype=wp.uint8, device=device),
             1.0,
             1.0 - TOLERANCE,
         ],
-        [count],
+        [found, depth, partner],
         grain=GRAIN_OF_NEIGHBORS,
     )
-    return int(count.numpy().sum(dtype=np.int64)) // 2
+    depths = depth.numpy() * unit
+    one = int(np.argmax(depths))
+    pair = (one, int(partner.numpy()[one]))
+    middle = placement.position[list(pair)].mean(axis=0)
+    return overlaps_from(found.numpy(), depths, pair, middle)
 
 
 def _points(placement: Placement, surface: Surface) -> PointsOnSurface:

@@ -22,7 +22,8 @@ __all__ = ["choose_start", "number_of_starts"]
 # 1e-4 a body of the best of 100; of three classes of ten the best of 20 is within 0.0006.
 FEW, FEW_CHARGES = 50, 300
 STARTS, STARTS_PER_CLASS, STEPS_OF_STARTS = 10, 5, 100
-# Starts times groups at most: each group has transforms of its own, so that a start takes as much longer as there are more of them.
+# Starts times groups at most: a step takes longer with every group. All starts of 6, 10 and 20 classes of five then took 0.4 to 0.7
+# seconds of one processor, and the best was within 0.0007, 0.0023 and 0.0028 a body of the best of 20.
 MOST_STARTS_OF_GROUPS = 60
 # Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
 # which no class has two bodies close to each other.

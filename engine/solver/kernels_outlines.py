@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..problem.slopes import SMALLEST_COSINE as SMALLEST
 from ..space.kernels_space import Space, confine
 
 wp.set_module_options({"enable_backward": False})
@@ -16,6 +17,7 @@ wp.set_module_options({"enable_backward": False})
 BAND = wp.constant(0.05)
 # Faces of the second of two outlines are numbered from here on.
 FACES_OF_ONE = wp.constant(32)
+SMALLEST_COSINE = wp.constant(SMALLEST)
 
 
 @wp.struct
@@ -48,13 +50,29 @@ class Outlines:
 
 @wp.struct
 class Slopes:
-    """Images of slopes, one after the other: which a body lies in (-1: none), first pixel, rows, columns, and the pixels."""
+    """Images of slopes, one after the other: which a body lies in (-1: none), first pixel, rows, columns, and the pixels.
+
+    And where the axes of bodies point that lean over in the planes of these slopes, seen from there; of length 1.
+    """
 
     image: wp.array(dtype=wp.int32)
     start: wp.array(dtype=wp.int32)
     rows: wp.array(dtype=wp.int32)
     columns: wp.array(dtype=wp.int32)
     pixel: wp.array(dtype=wp.vec2)
+    tilt: wp.array(dtype=wp.vec3)
+
+
+@wp.func
+def tilted(slope: wp.vec2, tilt: wp.vec3):
+    """Slope of the plane of a body that leans over in a plane of a slope; see :func:`~.problem.slopes.tilted`."""
+    cosine = 1.0 / wp.sqrt(1.0 + wp.length_sq(slope))
+    level = -cosine * slope
+    along = level[0] * tilt[0] + level[1] * tilt[1]
+    axis = wp.vec2(tilt[0], tilt[1]) + level * (tilt[2] - along / (1.0 + cosine))
+    upright = cosine * tilt[2] - along
+    steepest = wp.sqrt(1.0 - SMALLEST_COSINE * SMALLEST_COSINE)
+    return axis * (-1.0 / wp.max(upright, wp.length(axis) * SMALLEST_COSINE / steepest))
 
 
 @wp.kernel
@@ -86,6 +104,11 @@ def find_slopes(
         one = slopes.pixel[upper + left] * (1.0 - u) + slopes.pixel[upper + right] * u
         other = slopes.pixel[lower + left] * (1.0 - u) + slopes.pixel[lower + right] * u
         slope[i] = one * (1.0 - v) + other * v
+    if slopes.tilt.shape[0] > 0:
+        here = wp.vec2(0.0, 0.0)
+        if m >= 0:
+            here = slope[i]
+        slope[i] = tilted(here, slopes.tilt[i])
 
 
 @wp.func

@@ -190,7 +190,8 @@ class Separation:
     def _slopes_for_kernels(self, order: np.ndarray) -> kernels_outlines.Slopes | None:
         """Slopes of the planes that outlines lie in; None where all are horizontal."""
         footprints, device = self._model.footprints, self.launcher.device
-        if not footprints.slopes:
+        tilt = footprints.tilts(self._model.body.identity, self._model.problem.seed)
+        if not footprints.slopes and tilt is None:
             return None
 
         def whole(values: Sequence[int] | np.ndarray) -> wp.array:
@@ -202,7 +203,13 @@ class Separation:
         slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
         slopes.rows = whole([image.shape[0] for image in footprints.slopes])
         slopes.columns = whole([image.shape[1] for image in footprints.slopes])
-        slopes.pixel = wp.array(np.concatenate(pixels), dtype=wp.vec2, device=device)
+        slopes.pixel = wp.array(np.concatenate([np.zeros((0, 2)), *pixels]), dtype=wp.vec2, device=device)
+        slopes.tilt = wp.zeros(0, dtype=wp.vec3, device=device)
+        if tilt is not None:
+            angle, direction = tilt[order].T
+            level = np.sin(angle)
+            axis = np.stack([level * np.cos(direction), level * np.sin(direction), np.cos(angle)], axis=1)
+            slopes.tilt = wp.array(axis, dtype=wp.vec3, device=device)
         return slopes
 
     def _outlines_for_kernels(

@@ -34,7 +34,7 @@ from .surface_edit import carry_over_on_surface
 from .surface_placement import placement_on_surface, points_of
 from .surface_state import SurfaceState
 
-__all__ = ["Edit", "Progress", "Solver"]
+__all__ = ["Edit", "Progress", "Solver", "is_stop"]
 
 # RMS move over local spacing at which a run has converged: later steps change no figure of the report.
 TOLERANCE = 2e-4
@@ -76,6 +76,11 @@ class Progress:
     def position(self) -> np.ndarray:
         """Current body positions [m], shape ``[n, 2]``, in the placement's order; a copy, made when it is asked for."""
         return self._read_position()
+
+
+def is_stop(answer: object) -> bool:
+    """Tell whether a progress callback asks for the end of a run: by False, NumPy's too; None goes on."""
+    return isinstance(answer, (bool, np.bool_)) and not answer
 
 
 class Edit(NamedTuple):
@@ -354,8 +359,7 @@ class Solver:
             if progress is not None:
                 with self.launcher.phase("progress"):
                     go_on = progress(Progress(step, max_steps, residual, self._position))
-                # NumPy's False counts, too; None goes on.
-                if isinstance(go_on, (bool, np.bool_)) and not go_on:
+                if is_stop(go_on):
                     return step, False
             # Before the second step nothing has shown yet whether contact lets bodies move.
             if residual < TOLERANCE and step > 1:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..problem.footprint import convex_hull
+from ..problem.convex_polygon import convex_hull
 from .top_view import TopView
 from .triangle_mesh import TriangleMesh
 
@@ -44,6 +44,19 @@ class Outline:
     def is_long(self) -> bool:
         """Whether such bodies are lines unless somebody says otherwise."""
         return self.length > LONGEST_DOT * self.width
+
+    def scaled(self, factor: float) -> Outline:
+        """Return the outline of an object that is larger by a factor."""
+        x, y = self.center
+        corners = tuple((factor * a, factor * b) for a, b in self.corners)
+        return Outline(
+            factor**2 * self.area,
+            factor * self.length,
+            factor * self.width,
+            self.angle,
+            (factor * x, factor * y),
+            corners,
+        )
 
 
 def outline_from_above(mesh: TriangleMesh) -> Outline:

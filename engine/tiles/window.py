@@ -51,6 +51,8 @@ STRAYED = 0.5
 LEAST_FADED = 1e-4
 # Steps in which rare bodies are spread.
 STEPS_OF_RARE = 100
+# Rare dots stay where they were spread while no more than this share of a window's bodies are such; the others make room for them.
+MOST_HELD = 0.05
 # Positions are rounded to this share of a spacing, less than float32 holds of them in a window: files are smaller.
 ROUNDING = 2.0**-18
 
@@ -189,7 +191,7 @@ def relax(
     longest = 0.5 * plan.longest
     flags = np.zeros(len(bodies), np.int32)
     margin, taper = _margins(plan, box, len(bodies))
-    pinned = box.depth(bodies.position) < margin + longest
+    pinned = (box.depth(bodies.position) < margin + longest) | _held(plan, bodies.identity)
     flags[pinned] = BodyFlags.PINNED
     if pinned.all():
         return bodies, length_factor
@@ -225,6 +227,17 @@ def relax(
     finally:
         launcher.release(descent.step)
     return _moved(bodies, ~pinned, position, moved, model), length_factor
+
+
+def _held(plan: Plan, identity: np.ndarray) -> np.ndarray:
+    """Which bodies stay as even as they were spread over the whole domain: rare dots, of which a window sees too few to spread them.
+
+    Lines still have to grow and to turn.
+    """
+    group = plan.groups.group_of(identity)
+    dots = [g for g in plan.rare if plan.groups.sizes[g].line is None]
+    held = np.isin(group, dots)
+    return held if held.mean() <= MOST_HELD else np.zeros(len(identity), bool)
 
 
 def _moved(bodies: PartBodies, free: np.ndarray, position: np.ndarray, pose: np.ndarray, model: Model) -> PartBodies:

@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.errors import ProblemError
 from ...engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings
 from ...engine.problem.direction_field import density_directions
-from ...engine.problem.footprint import Footprints
+from ...engine.problem.footprints import Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.packing import packable_share, scale_to_fit
@@ -174,14 +174,15 @@ class ClassesFromAbove:
         factor, turn = draw(standing, identity, long, self._settings.seed)
         slope = self._chart.slope(standing.align_to_normal)
         if not shape.outlines_of_variants:
-            return self._with_discs(size, factor, slope)
+            return self._with_discs(size, factor, slope, standing.tilt)
         variants = variant_footprints(shape)
         variant = variants_of(identity, len(variants), shape.weights, self._settings.seed)
         if isinstance(shape.area, tuple):
             # What gives each object its area; its jitter comes on top of that.
             area = self._areas(where, size)
             factor = factor * np.sqrt(area / np.array([outline.area for outline in variants])[variant])
-        return replace(size, footprint=Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope))
+        footprint = Footprints(variants, variant=variant, scale=factor, turn=turn, slope=slope, tilt=standing.tilt)
+        return replace(size, footprint=footprint)
 
     def _areas(self, where: tuple[int, int], size: Size) -> np.ndarray:
         """Areas of a size's bodies [m²] as the engine draws them; of those that stay, which come last, nobody asks any."""
@@ -190,7 +191,7 @@ class ClassesFromAbove:
         drawn = with_count(size, left).areas([self._settings.seed, 2, *where])
         return np.pad(drawn, (0, count - left), mode="edge") if left else np.full(count, size.mean_area)
 
-    def _with_discs(self, size: Size, factor: np.ndarray, slope: np.ndarray | None) -> Size:
+    def _with_discs(self, size: Size, factor: np.ndarray, slope: np.ndarray | None, tilt: float) -> Size:
         """Return a size whose bodies are discs that somebody asked for, as large as the objects will be, and leaning as these do.
 
         Their scales are those of the objects, as where outlines are the objects' own: what is pinned is known by its scale.
@@ -203,7 +204,8 @@ class ClassesFromAbove:
         if slope is None and (factor == 1.0).all():
             return size
         disc = disc_of_area(size.mean_area, leans=slope is not None)
-        return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope))
+        tilt = 0.0 if slope is None else tilt
+        return replace(size, footprint=Footprints(disc, scale=factor, turn=0.0, slope=slope, tilt=tilt))
 
 
 def _share_of_cover(asked: list[_Asked]) -> float:

@@ -15,7 +15,8 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.body_kind import disc_radius
-from ...engine.problem.footprint import MOST_CORNERS, Footprint, Footprints
+from ...engine.problem.footprint import MOST_CORNERS, Footprint
+from ...engine.problem.footprints import Footprints
 from ...engine.problem.line import Line
 from ...engine.problem.size import Size
 from ...engine.problem.validation import check_area_or_range, show
@@ -184,10 +185,14 @@ def _weights(size: ScatterSize, members: Sequence[bpy.types.ID], key: str) -> np
 
 
 def measure_size(
-    size: ScatterSize, source: SizeSource, direction: str | float | np.ndarray, survey: Survey
+    size: ScatterSize, source: SizeSource, direction: str | float | np.ndarray, survey: Survey, scale: float = 1.0
 ) -> SizeShape:
-    """Measure the outlines that are needed, and decide whether the bodies are dots or lines."""
+    """Measure the outlines that are needed, and decide whether the bodies are dots or lines; all of them larger by ``scale``."""
     area = source.area
+    if isinstance(area, tuple):
+        area = (scale**2 * area[0], scale**2 * area[1])
+    elif area is not None:
+        area = scale**2 * area
     outlines: tuple[Outline | None, ...] = (None,) * len(source.meshes)
     try:
         outlines = tuple(_outline(mesh, source.key, survey) for mesh in source.meshes)
@@ -195,6 +200,8 @@ def measure_size(
         # A given area needs no outline; a curve or a light plane on edge is then a dot.
         if area is None or isinstance(area, tuple) or size.line:
             raise
+    if scale != 1.0:
+        outlines = tuple(outline and outline.scaled(scale) for outline in outlines)
     measured = [outline for outline in outlines if outline is not None]
     if area is None:
         area = float(np.average([outline.area for outline in measured], weights=source.weights))

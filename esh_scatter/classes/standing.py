@@ -13,7 +13,7 @@ import numpy as np
 
 from ...engine.problem.look_at import LookAt, facing_on_surface
 from ...engine.problem.scatter_settings import Standing
-from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal
+from ...engine.problem.slopes import LEVEL, lengthened, slope_of_normal, tilts
 from ...engine.surface.instances import body_rotations, rotate
 
 __all__ = ["Ground", "Stand", "draw", "stand", "turns_towards"]
@@ -29,7 +29,7 @@ class Ground:
         heading: Turn about the object's own axis that the placement asks for [rad], shape ``[n]``, float32; of a long one as it is
             seen from above.
         long: Whether the object lies along a direction, so that it is not turned at random, shape ``[n]``, bool.
-        fit: Scale that fits the object to its footprint, shape ``[n]``, float32.
+        fit: Scale that fits an object of its class's scale to its footprint, shape ``[n]``, float32.
         middle: What of an object at scale 1 lies on the point, seen from its origin [m], shape ``[n, 2]``, float32.
         axis: Of a long object, where its longer side points before it is turned [rad], shape ``[n]``, float32.
         laid: Whether the heading of a long object is the turn about its own axis all the same, as on a whole surface, which is not
@@ -61,7 +61,7 @@ class Stand(NamedTuple):
 
 
 def draw(standing: Standing, identity: np.ndarray, long: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is random about points, whether they have a place yet or not: the factor of their scale, and their turn [rad]."""
+    """Return what is random about points, whether they have a place yet or not: a factor of their scale, and their turn [rad]."""
     random = np.random.default_rng([seed, 1]).random((int(identity.max(initial=-1)) + 1, 3))[identity]
     # A line has no front: half of the objects look the other way.
     back = np.where(random[:, 1] < 0.5, 0.0, math.pi)
@@ -94,25 +94,33 @@ def _turn_seen_so(direction: np.ndarray, slope: np.ndarray) -> np.ndarray:
     return np.where(leaning, np.arctan2(way[:, 1], way[:, 0]), direction)
 
 
+def _tilted(normal: np.ndarray, align: float, tilt: np.ndarray) -> np.ndarray:
+    """Return the upright axes of objects that lean over from where they would stand, shape ``[n, 3]``, float64."""
+    leaning = body_rotations(normal.astype(np.float64), align, np.zeros(len(normal)), (tilt[:, 0], tilt[:, 1]))
+    return rotate(leaning, np.broadcast_to([0.0, 0.0, 1.0], normal.shape))
+
+
 def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     """Return how objects stand on their points; all float32.
 
     A point's random numbers follow from its number and the seed: a longer list of points leaves the earlier ones as they are.
     """
-    most = int(ground.identity.max(initial=-1)) + 1
     factor, turn = draw(standing, ground.identity, ground.long, seed)
-    scale = (ground.fit * factor).astype(np.float32)
+    scale = (standing.scale * ground.fit * factor).astype(np.float32)
     turn = ground.heading + np.where(ground.looks, 0.0, turn)
-    long = np.flatnonzero(ground.long & ~ground.laid)
-    if len(long) and standing.align_to_normal > 0.0:
-        slope = slope_of_normal(ground.normal[long], standing.align_to_normal)
-        turn[long] = _turn_seen_so(turn[long] + ground.axis[long], slope) - ground.axis[long]
-    tilt = None
+    axis, align, tilt = ground.normal, standing.align_to_normal, None
     if standing.tilt > 0.0:
-        # Directions alike, and within the cone all points alike, as far as it is flat.
-        lean = np.random.default_rng([seed, 6]).random((most, 2))[ground.identity]
-        tilt = standing.tilt * np.sqrt(lean[:, 0]), 2.0 * math.pi * lean[:, 1]
-    rotation = body_rotations(ground.normal, standing.align_to_normal, turn, tilt)
+        tilt = tilts(standing.tilt, ground.identity, seed)
+        axis, align = _tilted(axis, align, tilt), 1.0
+    long = np.flatnonzero(ground.long & ~ground.laid)
+    if len(long) and align > 0.0:
+        slope = slope_of_normal(axis[long], align)
+        turn[long] = _turn_seen_so(turn[long] + ground.axis[long], slope) - ground.axis[long]
+    rotation = body_rotations(axis, align, turn)
+    if tilt is not None and ground.laid.any():
+        # There is no shortest way to all axes of a whole surface: turned as their headings ask first, objects lean over then.
+        laid = body_rotations(ground.normal, standing.align_to_normal, turn, (tilt[:, 0], tilt[:, 1]))
+        rotation = np.where(ground.laid[:, None], laid, rotation)
     to_origin = standing.offset * ground.normal.astype(np.float64)
     moved = np.flatnonzero(ground.middle.any(axis=1))
     if len(moved):

@@ -65,7 +65,7 @@ def _footprint(body_class: Any) -> float:
             continue
         items = [size.source] if isinstance(size.source, bpy.types.Object) else list(size.source.all_objects)
         areas += [0.25 * math.pi * item.dimensions.x * item.dimensions.y for item in items]
-    return max(float(np.mean(areas)) if areas else 1.0, 1e-9)
+    return max(body_class.scale**2 * float(np.mean(areas)) if areas else 1.0, 1e-9)
 
 
 def area_of(target: bpy.types.Object) -> float:

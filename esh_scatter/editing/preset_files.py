@@ -11,7 +11,7 @@ from typing import Any
 from ...engine.errors import InputFileError
 from ...engine.problem.validation import show
 
-__all__ = ["BUILT_IN", "SHAPES", "built_in_presets", "name_of_preset", "read_preset", "write_preset"]
+__all__ = ["BUILT_IN", "SHAPES", "built_in_presets", "name_of_preset", "parse_preset", "read_preset", "write_preset"]
 
 BUILT_IN = Path(__file__).parents[1] / "presets"
 FORMAT, VERSION = "esh-scatter-preset", 1
@@ -47,16 +47,29 @@ def read_preset(path: str | Path) -> dict[str, Any]:
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise InputFileError(f'"{path}" must be a preset; its {size:,} bytes are more than one has')
-        found = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputFileError(f'"{path}" must be a file that can be read; {error.strerror}') from None
+    except ValueError as error:
+        raise InputFileError(f'"{path}" must be JSON; {str(error).splitlines()[0]}') from None
+    return parse_preset(text, str(path))
+
+
+def parse_preset(text: str, path: str) -> dict[str, Any]:
+    """Return a preset from its text, and check its form; ``path`` is what sentences call it.
+
+    Raises:
+        InputFileError: It is no preset.
+    """
+    try:
+        found = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputFileError(f'"{path}" must be JSON; {str(error).splitlines()[0]}') from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise InputFileError(f'"{path}" must be a preset of ESH Scatter, which says "format": "{FORMAT}"')
     if found.get("version") != VERSION:
         raise InputFileError(f'"{path}" must be of version {VERSION}; got {show(found.get("version"))}')
-    _check_keys(found, _KEYS, str(path))
+    _check_keys(found, _KEYS, path)
     classes = found.get("classes")
     if not isinstance(classes, list) or not 1 <= len(classes) <= MOST_CLASSES:
         raise InputFileError(f'`classes` of "{path}" must be a list of 1 to {MOST_CLASSES}; got {show(classes)}')

@@ -12,8 +12,9 @@ from ...engine.errors import EshError, ProblemError
 from ...engine.problem.validation import show
 from ..classes.stand_ins import stand_in
 from ..densities.density_curve import curve_node
+from .amount_ahead import area_of
 
-__all__ = ["apply_preset", "preset_of"]
+__all__ = ["add_scatter_of_preset", "apply_preset", "preset_of"]
 
 # At most so many objects of a class: small ones that somebody has chosen could be without end.
 MOST = 20_000
@@ -22,6 +23,32 @@ _NOT_OF_SCATTERS = {"name", "device", "class_index", "points_above", "cap"}
 _NOT_OF_CLASSES = {"name", "color", "mute", "show_viewport", "show_render", "size_index", "layer_index", "may_overlap"}
 _PLAIN = {"BOOLEAN", "INT", "FLOAT", "ENUM", "STRING"}
 _NOISE_SIZE = "noise_size"
+
+
+def add_scatter_of_preset(
+    settings: Any, preset: Mapping[str, Any], ground: bpy.types.Object, chosen: Sequence[bpy.types.Object] = ()
+) -> Any:
+    """Add a scatter with the settings and classes of a preset to those of a scene, and return it.
+
+    Args:
+        settings: Of the scene.
+        preset: As :func:`~esh.esh_scatter.editing.preset_files.read_preset` returns it.
+        ground: The target.
+        chosen: Objects for the classes, in their order, as far as there are any.
+
+    Raises:
+        EshError: It cannot be applied. Nothing was added.
+    """
+    before = settings.scatter_index
+    scatter = settings.add_scatter(ground)
+    try:
+        scatter.name = str(preset.get("name") or scatter.name)
+        apply_preset(scatter, preset, max(area_of(ground), 1e-6), chosen)
+    except EshError:
+        settings.scatters.remove(len(settings.scatters) - 1)
+        settings.scatter_index = before
+        raise
+    return scatter
 
 
 def apply_preset(

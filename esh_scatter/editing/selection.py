@@ -11,7 +11,7 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.scatter_settings import TargetSettings
-from ..classes.object_outline import measure_footprint, read_source
+from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
 from ..targets.target import check_target, is_result, read_target
@@ -29,15 +29,15 @@ SCATTERED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
 class Measured(NamedTuple):
-    """An object to place.
+    """An object to place, or a collection as one.
 
     Attributes:
-        item: The object.
+        item: The object or the collection.
         area: Ground that one takes [m²].
         upright: Whether it is taller than it is wide, as a tree is and a plank is not.
     """
 
-    item: bpy.types.Object
+    item: bpy.types.Object | bpy.types.Collection
     area: float
     upright: bool
 
@@ -50,8 +50,10 @@ def sources_in(candidates: Iterable[bpy.types.Object], targets: Sequence[bpy.typ
     return sorted(found, key=lambda item: item.name_full)
 
 
-def measure(items: Sequence[bpy.types.Object], context: bpy.types.Context) -> tuple[list[Measured], list[str]]:
-    """Measure objects as they stand.
+def measure(
+    items: Sequence[bpy.types.Object | bpy.types.Collection], context: bpy.types.Context
+) -> tuple[list[Measured], list[str]]:
+    """Measure objects as they stand, and collections as one.
 
     Returns:
         Those that take ground, and the names of those that take none.
@@ -59,11 +61,12 @@ def measure(items: Sequence[bpy.types.Object], context: bpy.types.Context) -> tu
     measured, flat = [], []
     for item in items:
         try:
-            footprint = measure_footprint(item, context)
+            mesh = read_source(item, context, "`area`")
+            footprint = outline_of(mesh, "`area`")
         except ProblemError:
             flat.append(item.name)
             continue
-        upright = item.dimensions.z > max(footprint.length, footprint.width)
+        upright = _height(item, mesh) > max(footprint.length, footprint.width)
         measured.append(Measured(item, footprint.area, upright))
     return measured, flat
 
@@ -87,7 +90,12 @@ class SelectionSurvey:
 
     device = "cpu"
 
-    def __init__(self, ground: bpy.types.Object, items: Sequence[bpy.types.Object], context: bpy.types.Context) -> None:
+    def __init__(
+        self,
+        ground: bpy.types.Object,
+        items: Sequence[bpy.types.Object | bpy.types.Collection],
+        context: bpy.types.Context,
+    ) -> None:
         self._ground = read_target(check_target(ground, context), context, set())
         self._items = [_read(item, context) for item in items]
         self._outlines: list[Outline | None] = []
@@ -119,13 +127,20 @@ class SelectionSurvey:
         return found, flat
 
 
-def _read(item: bpy.types.Object, context: bpy.types.Context) -> tuple[Reference, float, TriangleMesh | None]:
-    """Return an object, how high it is, and its mesh, or None where it has no faces."""
+def _read(
+    item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context
+) -> tuple[Reference, float, TriangleMesh | None]:
+    """Return what to place, how high it is [m], and its mesh, or None where it has no faces."""
     try:
         mesh = read_source(item, context, "`area`")
     except ProblemError:
         mesh = None
-    return Reference(item, "object to place"), float(item.dimensions.z), mesh
+    return Reference(item, "object to place"), 0.0 if mesh is None else _height(item, mesh), mesh
+
+
+def _height(item: bpy.types.Object | bpy.types.Collection, mesh: TriangleMesh) -> float:
+    """Return how high something is [m]: an object as it lies in its own axes, a collection as it stands."""
+    return float(item.dimensions.z if isinstance(item, bpy.types.Object) else np.ptp(mesh.position[:, 2]))
 
 
 def pleasant_counts(areas: Sequence[float], ground: float, cover: float, most: int) -> list[int]:
@@ -159,7 +174,11 @@ def add_classes(scatter: ESH_PG_scatter, measured: Sequence[Measured], counts: S
         name = one.item.name.replace(",", " ")
         body_class.name = unused_name(name, {other.name for other in scatter.classes[:-1]})
         size = body_class.sizes[0]
-        size.source_kind, size.source_object, size.count = "OBJECT", one.item, count
+        size.count = count
+        if isinstance(one.item, bpy.types.Collection):
+            size.source_kind, size.source_collection = "ASSET", one.item
+        else:
+            size.source_kind, size.source_object = "OBJECT", one.item
         # Trees stand upright; what lies, lies on the slope.
         body_class.align_to_normal = 0.0 if one.upright else 1.0
         made.append(body_class)

@@ -6,6 +6,8 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+from collections.abc import Sequence
+
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
@@ -16,7 +18,7 @@ from ..properties.described import values_from
 from ..properties.scene import active_scatter, selected_scatter
 from .edit import Edit, sentence
 
-__all__ = ["CLASSES"]
+__all__ = ["CLASSES", "ClassesFromObjects"]
 
 
 class ESH_OT_classes_from_image(Edit):
@@ -83,14 +85,14 @@ class ESH_OT_classes_from_image(Edit):
         return {"FINISHED"}
 
 
-class _ClassesFromObjects(Edit):
+class ClassesFromObjects(Edit):
     """Base of what adds a class for each of some objects."""
 
     count: IntProperty(
         name="Count", description="How many of each object to place", default=100, min=1, soft_max=100_000
     )
 
-    def _add(self, context: bpy.types.Context, items: list[bpy.types.Object]) -> set[str]:
+    def _add(self, context: bpy.types.Context, items: Sequence[bpy.types.Object | bpy.types.Collection]) -> set[str]:
         from ..editing.selection import add_classes, measure
 
         scatter = selected_scatter(context)
@@ -104,7 +106,7 @@ class _ClassesFromObjects(Edit):
         return {"FINISHED"}
 
 
-class ESH_OT_classes_from_selection(_ClassesFromObjects):
+class ESH_OT_classes_from_selection(ClassesFromObjects):
     """Add a class for each selected object, named after it"""
 
     bl_idname = "esh.classes_from_selection"
@@ -126,7 +128,7 @@ class ESH_OT_classes_from_selection(_ClassesFromObjects):
         return self._add(context, sources_in(context.selected_objects, selected_scatter(context).targets))
 
 
-class ESH_OT_classes_from_collection(_ClassesFromObjects):
+class ESH_OT_classes_from_collection(ClassesFromObjects):
     """Add a class for each object of a collection, named after it"""
 
     bl_idname = "esh.classes_from_collection"

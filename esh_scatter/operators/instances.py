@@ -6,31 +6,45 @@
 # Properties are annotations that are calls, which Blender reads and mypy cannot.
 # mypy: disable-error-code="valid-type"
 
+import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import bpy
 import numpy as np
-from bpy.props import FloatProperty
+from bpy.props import EnumProperty, FloatProperty
 
+from ...engine.errors import EshError
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
-from ..result import pins
+from ..result import pins, real_objects
 from ..result.kept_ground import CLASSES_OF_POINTS, read_attribute, stand_anew
-from .edit import Edit, select_points
+from ..result.result import CLASS_NAMES
+from .edit import Edit, select_points, sentence
 
 __all__ = ["CLASSES"]
+
+# From so many on, making them real is asked about.
+MANY = 10_000
 
 
 class _OnResult(Edit):
     _missing = "Scatter first: there are no instances yet"
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Not while the instances are objects of their own."""
+        if not super().poll(context):
+            return False
+        if real_objects_in(context) is not None:
+            cls.poll_message_set("The instances are real objects now. Turn them back into instances first")
+            return False
+        return True
+
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
-        scatter = active_scatter(context)
-        result = scatter and scatter.result_in(context.scene)
-        return result if result is not None and pins.can_be_edited(result) else None
+        return _result_in(context)
 
 
 class ESH_OT_instances_edit(_OnResult):
@@ -115,10 +129,7 @@ class ESH_OT_instances_remove(_OnInstances):
     bl_label = "Remove"
 
     def _do(self, scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
-        for x, y, z, radius in pins.balls_of(result, points).tolist():
-            entry = scatter.free_places.add()
-            entry.place, entry.radius, entry.has_height, entry.height = (x, y), radius, True, z
-        pins.remove(result.data, points)
+        _remove(scatter, result, points)
 
 
 class ESH_OT_instances_refill(Edit):
@@ -137,6 +148,109 @@ class ESH_OT_instances_refill(Edit):
         """Forget them."""
         selected_scatter(context).free_places.clear()
         return {"FINISHED"}
+
+
+class ESH_OT_instances_make_real(_OnResult):
+    """Turn the instances into objects of their own that share their data, in a collection, and hide the result. Back to Instances takes them back"""  # noqa: E501
+
+    bl_idname = "esh.instances_make_real"
+    bl_label = "Make Real"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask first where there are many."""
+        result = selected_scatter(context).result_in(context.scene)
+        assert result is not None
+        if len(result.data.vertices) > MANY:
+            return context.window_manager.invoke_confirm(
+                self,
+                event,
+                title="Make This Many Objects?",
+                message=f"{len(result.data.vertices):,} objects make Blender slow and the file large",
+            )
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Make them."""
+        result = selected_scatter(context).result_in(context.scene)
+        assert result is not None
+        if result.name not in context.view_layer.objects or not result.visible_get():
+            self.report({"ERROR"}, f'"{result.name}" is hidden. Show it first')
+            return {"CANCELLED"}
+        names = json.loads(result.get(CLASS_NAMES, "[[], []]"))[0]
+        with _outside_edit_mode(result):
+            try:
+                made = real_objects.make_real(context, result, names)
+            except EshError as error:
+                self.report({"ERROR"}, sentence(error))
+                return {"CANCELLED"}
+        self.report({"INFO"}, f'{len(made.objects):,} objects are in the collection "{made.name}"')
+        return {"FINISHED"}
+
+
+class ESH_OT_instances_from_real(Edit):
+    """Turn the real objects back into instances. Those that were moved, rotated or scaled stay pinned like that, and the places of deleted ones stay free"""  # noqa: E501
+
+    bl_idname = "esh.instances_from_real"
+    bl_label = "Back to Instances"
+
+    changes: EnumProperty(
+        name="Changes",
+        description="What happens to changes of the objects",
+        items=(
+            ("KEEP", "Keep", "Instances stand as the objects do"),
+            ("DISCARD", "Discard", "The result is as it was"),
+        ),
+    )
+
+    _missing = "The instances of this scatter are not real objects"
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return real_objects_in(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Take them back."""
+        scatter = selected_scatter(context)
+        result = scatter.result_in(context.scene)
+        assert result is not None
+        collection = real_objects_in(context)
+        assert collection is not None
+        if self.changes == "DISCARD":
+            real_objects.discard_real(collection)
+            return {"FINISHED"}
+        try:
+            found = real_objects.changes_of(context, collection)
+        except EshError as error:
+            self.report({"ERROR"}, f"{sentence(error)}. Choose to discard the changes, or keep the objects")
+            return {"CANCELLED"}
+        real_objects.take_over(result, found)
+        if len(found.removed):
+            _remove(scatter, result, found.removed)
+        real_objects.discard_real(collection, found.objects)
+        text = f"{len(found.points):,} pinned as they were changed, {len(found.removed):,} removed"
+        self.report({"INFO"}, text + (f". {found.added:,} other objects stay in the scene" if found.added else ""))
+        return {"FINISHED"}
+
+
+def _result_in(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the result whose instances can be changed by hand, or None."""
+    scatter = active_scatter(context)
+    result = scatter and scatter.result_in(context.scene)
+    return result if result is not None and pins.can_be_edited(result) else None
+
+
+def real_objects_in(context: bpy.types.Context) -> bpy.types.Collection | None:
+    """Return the collection of real objects that the active scatter's instances are now, or None."""
+    result = _result_in(context)
+    return None if result is None else real_objects.real_objects_of(result)
+
+
+def _remove(scatter: ESH_PG_scatter, result: bpy.types.Object, points: np.ndarray) -> None:
+    """Take points out of a result, and keep their places free in the next runs."""
+    for x, y, z, radius in pins.balls_of(result, points).tolist():
+        entry = scatter.free_places.add()
+        entry.place, entry.radius, entry.has_height, entry.height = (x, y), radius, True, z
+    pins.remove(result.data, points)
 
 
 @contextmanager
@@ -160,4 +274,6 @@ CLASSES = (
     ESH_OT_instances_turn,
     ESH_OT_instances_remove,
     ESH_OT_instances_refill,
+    ESH_OT_instances_make_real,
+    ESH_OT_instances_from_real,
 )

@@ -13,9 +13,18 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ...engine.errors import EshError
 from ..properties.scene import active_scatter, selected_scatter
 from ..targets.target import is_result
-from .edit import Edit, remove_at, sentence
+from .edit import Edit, sentence
 
-__all__ = ["CLASSES"]
+__all__ = ["CLASSES", "ground_in"]
+
+
+def ground_in(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the mesh to scatter on: the active one, or that of the active scatter."""
+    active = context.view_layer.objects.active
+    if active is not None and active.type == "MESH" and not is_result(active):
+        return active
+    scatter = active_scatter(context)
+    return scatter.first_target if scatter is not None else None
 
 
 class _Preset(Edit):
@@ -23,29 +32,19 @@ class _Preset(Edit):
 
     @staticmethod
     def _needs(context: bpy.types.Context) -> object:
-        return _ground(context)
+        return ground_in(context)
 
     def _apply(self, context: bpy.types.Context, path: str) -> set[str]:
-        from ..editing.amount_ahead import area_of
         from ..editing.preset_files import read_preset
-        from ..editing.presets import apply_preset
+        from ..editing.presets import add_scatter_of_preset
         from ..editing.selection import sources_in
 
-        settings = context.scene.esh_scatter
-        ground = _ground(context)
+        ground = ground_in(context)
         assert ground is not None
         chosen = sources_in(context.selected_objects, [ground])
-        before = settings.scatter_index
-        scatter = None
         try:
-            preset = read_preset(path)
-            scatter = settings.add_scatter(ground)
-            scatter.name = str(preset.get("name") or scatter.name)
-            apply_preset(scatter, preset, max(area_of(ground), 1e-6), chosen)
+            add_scatter_of_preset(context.scene.esh_scatter, read_preset(path), ground, chosen)
         except EshError as error:
-            if scatter is not None:
-                remove_at(settings.scatters, len(settings.scatters) - 1)
-                settings.scatter_index = before
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         return {"FINISHED"}
@@ -98,15 +97,6 @@ class ESH_OT_preset_export(ExportHelper, Edit):
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {self.filepath}")
         return {"FINISHED"}
-
-
-def _ground(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the mesh to scatter on: the active one, or that of the active scatter."""
-    active = context.view_layer.objects.active
-    if active is not None and active.type == "MESH" and not is_result(active):
-        return active
-    scatter = active_scatter(context)
-    return scatter.first_target if scatter is not None else None
 
 
 CLASSES = (

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..editing.selection import SelectionSurvey
     from ..solving.running import Session
 
-__all__ = ["CLASSES"]
+__all__ = ["CLASSES", "ScatterObjects"]
 
 _SETTINGS = settings_of(ScatterSettings)
 
@@ -216,11 +216,8 @@ class ESH_OT_scatter(_Run):
         return selected_scatter(context)
 
 
-class ESH_OT_scatter_selection(_Run):
-    """Scatter the selected objects on the active one: select what to place, then the ground, then click. If only the ground is selected, the objects of the active collection are placed"""  # noqa: E501
-
-    bl_idname = "esh.scatter_selection"
-    bl_label = "Scatter Selection"
+class ScatterObjects(_Run):
+    """Base of what makes a class of each of some objects, and scatters them on the active one."""
 
     cover: FloatProperty(
         name="Cover",
@@ -245,19 +242,19 @@ class ESH_OT_scatter_selection(_Run):
         """Say in the button's tooltip what to select."""
         if not settings_editable(cls, context):
             return False
-        active = context.view_layer.objects.active
-        obstacle = None
-        if context.mode != "OBJECT":
-            obstacle = "Switch to Object Mode first"
-        elif active is None or active.type != "MESH":
-            obstacle = "Select the objects to place, then the ground, which must be a mesh"
-        elif is_result(active):
-            obstacle = "The active object is the result of a scatter. Select the ground last"
-        elif not _selected_sources(context, active):
-            obstacle = "Select the objects to place as well, then the ground last"
+        obstacle = "Switch to Object Mode first" if context.mode != "OBJECT" else cls._lacks(context)
         if obstacle:
             cls.poll_message_set(obstacle)
         return not obstacle
+
+    @classmethod
+    def _lacks(cls, context: bpy.types.Context) -> str | None:
+        """Return what has to be selected first, as a sentence, or None."""
+        raise NotImplementedError
+
+    def _sources(self, context: bpy.types.Context) -> list:
+        """Return what to place; may raise an EshError."""
+        raise NotImplementedError
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the panel of the last operation."""
@@ -269,8 +266,7 @@ class ESH_OT_scatter_selection(_Run):
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
         from ..editing.selection import SelectionSurvey
 
-        ground = context.view_layer.objects.active
-        return SelectionSurvey(ground, _selected_sources(context, ground), context)
+        return SelectionSurvey(context.view_layer.objects.active, self._sources(context), context)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         from ..editing.selection import add_classes, pleasant_counts
@@ -289,9 +285,7 @@ class ESH_OT_scatter_selection(_Run):
         if flat:
             self.report({"WARNING"}, f"Left out, because they cover no ground when seen from above: {', '.join(flat)}")
         if not measured:
-            self.report(
-                {"ERROR"}, "None of the selected objects covers ground when seen from above. Nothing was changed"
-            )
+            self.report({"ERROR"}, "None of the objects covers ground when seen from above. Nothing was changed")
             return None
         counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
         scatter = context.scene.esh_scatter.add_scatter(context.view_layer.objects.active)
@@ -308,6 +302,62 @@ class ESH_OT_scatter_selection(_Run):
         last = settings.scatters[-1] if settings.scatters else None
         if last is not None and last.name == self._made and not last.report_json:
             settings.scatter_index = remove_at(settings.scatters, len(settings.scatters) - 1)
+
+
+class ESH_OT_scatter_selection(ScatterObjects):
+    """Scatter the selected objects on the active one: select what to place, then the ground, then click. If only the ground is selected, the objects of the active collection are placed"""  # noqa: E501
+
+    bl_idname = "esh.scatter_selection"
+    bl_label = "Scatter Selection"
+
+    @classmethod
+    def _lacks(cls, context: bpy.types.Context) -> str | None:
+        active = context.view_layer.objects.active
+        if active is None or active.type != "MESH":
+            return "Select the objects to place, then the ground, which must be a mesh"
+        if is_result(active):
+            return "The active object is the result of a scatter. Select the ground last"
+        return (
+            None if _selected_sources(context, active) else "Select the objects to place as well, then the ground last"
+        )
+
+    def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        return _selected_sources(context, context.view_layer.objects.active)
+
+
+class ESH_OT_example(_Run):
+    """Add hills with a mixed forest of simple shapes on them, to see how it works. Put your own objects in their places"""
+
+    bl_idname = "esh.example"
+    bl_label = "Add Example"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only in Object Mode."""
+        if not settings_editable(cls, context):
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+        return context.mode == "OBJECT"
+
+    def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
+        from ..editing.example import add_example
+
+        try:
+            scatter = add_example(context)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return None
+        self._made = scatter.name
+        return scatter
+
+    def _undo(self, context: bpy.types.Context) -> None:
+        from ..editing.example import remove_example
+
+        scatters = context.scene.esh_scatter.scatters
+        # After Ctrl+Z it is gone already.
+        if scatters and scatters[-1].name == getattr(self, "_made", None) and not scatters[-1].report_json:
+            remove_example(scatters[-1])
 
 
 class ESH_OT_stop(bpy.types.Operator):
@@ -361,6 +411,7 @@ def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> l
 CLASSES = (
     ESH_OT_scatter,
     ESH_OT_scatter_selection,
+    ESH_OT_example,
     ESH_OT_keep,
     ESH_OT_stop,
 )

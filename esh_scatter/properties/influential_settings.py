@@ -8,8 +8,8 @@ __all__ = ["AT_ONCE", "LOOKS", "WITHOUT_INFLUENCE"]
 
 # Where a class looks: the switch, the object, and what describes it.
 LOOKS = ("use_look_at", "look_at_object", *(f"look_at_{name}" for name in settings_of(LookAt)))
-# What needs no solving: it is changed in the result at once.
-AT_ONCE = {*settings_of(Standing), *LOOKS, "color", "show_viewport", "show_render"}
+# What needs no solving: it is changed in the result at once. So is the scale, but footprints follow it.
+AT_ONCE = {*settings_of(Standing), *LOOKS, "color", "show_viewport", "show_render"} - {"scale"}
 # What has no influence on a result that is solved: what is changed at once, names, what the lists show, and what is known of the
 # last run; of the target its shape and place have. Whatever else a group has, has.
 WITHOUT_INFLUENCE = AT_ONCE | {

@@ -27,7 +27,7 @@ PAINTED, EDITED = " painted", " edited"
 # How a record says that there is nothing of something: no obstacles, no places set by hand and no pins, no curve.
 NOTHING: tuple[Any, ...] = ([], [[], []])
 # What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
-OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter")
+OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter", "tilt")
 
 
 def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
@@ -46,17 +46,19 @@ def record(scatter: Any, classes: Sequence[Any]) -> dict[str, Any]:
     names: dict[str, str] = {}
     return {
         "target": target and _state_of(scatter),
-        "scatter": _telling(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
+        "scatter": _without_defaults(_values(scatter, names, "scatter") | _kept_off(scatter), scatter.bl_rna),
         "classes": {
             str(c.uid): {
-                "values": _telling(_values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}), c.bl_rna),
+                "values": _without_defaults(
+                    _values(c, names, str(c.uid), more) | (_turned_to(c) if more else {}), c.bl_rna
+                ),
                 **_where_it_looks(c),
                 "layers": [
                     _layer(layer, target, names, f"{c.uid}.layer {number}")
                     for number, layer in enumerate(layer for layer in c.layers if layer.use)
                 ],
                 "sizes": [
-                    _telling(
+                    _without_defaults(
                         _values(size, names, f"{c.uid}.{number}") | {"variants": sorted(size.weights.items())},
                         size.bl_rna,
                     )
@@ -117,13 +119,13 @@ def completed(before: dict[str, Any], scatter: Any) -> dict[str, Any]:
     classes = {
         uid: {
             **one,
-            "values": _telling(one["values"], of_classes),
-            "layers": [_telling_layer(layer, of_layers) for layer in one.get("layers", [])],
-            "sizes": [_telling(size, of_sizes) for size in one["sizes"]],
+            "values": _without_defaults(one["values"], of_classes),
+            "layers": [_layer_without_defaults(layer, of_layers) for layer in one.get("layers", [])],
+            "sizes": [_without_defaults(size, of_sizes) for size in one["sizes"]],
         }
         for uid, one in before["classes"].items()
     }
-    return {**before, "scatter": _telling(before["scatter"], scatter.bl_rna), "classes": classes}
+    return {**before, "scatter": _without_defaults(before["scatter"], scatter.bl_rna), "classes": classes}
 
 
 def same(before: dict[str, Any], now: dict[str, Any]) -> bool:
@@ -140,42 +142,47 @@ def changes(before: dict[str, Any], now: dict[str, Any], scatter: Any) -> list[s
     found += _differing(before["scatter"], now["scatter"], scatter)
     old, new = before["classes"], now["classes"]
     groups = {str(c.uid): c for c in scatter.classes}
-    for uid, one in new.items():
-        group = groups[uid]
-        if uid not in old:
-            found.append(f"{group.name} is new")
-            continue
-
-        def told(key: str, uid: str = uid) -> str:
-            """Return what an image or object is called, if it still is called that."""
-            name = now["names"].get(f"{uid}.{key}", "")
-            return name if before["names"].get(f"{uid}.{key}") == name else ""
-
-        for what in _differing(old[uid]["values"], one["values"], group, told, _idle(group, scatter.avoid_overlap)):
-            found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {group.name}")
-        if old[uid].get("looks") != one.get("looks"):
-            moved = group.look_at_object if one.get("looks") else None
-            found.append(f"place of {moved.name}" if moved else f"what {group.name} looks at")
-        found += _differing_layers(old[uid]["layers"], one["layers"], group, told)
-        if len(old[uid]["sizes"]) != len(one["sizes"]):
-            found.append(f"sizes of {group.name}")
-            continue
-        for number, (size_before, size_now, size) in enumerate(
-            zip(old[uid]["sizes"], one["sizes"], group.sizes, strict=True)
-        ):
-            where = group.name if len(group.sizes) == 1 else f"{group.name}, {size.name}"
-            for what in _differing(
-                size_before,
-                size_now,
-                size,
-                lambda key, k=number: told(f"{k}.{key}"),  # type: ignore[misc]
-                size.unused,
-            ):
-                found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
+    for uid in new:
+        if uid in old:
+            found += _differing_class(before, now, uid, groups[uid], scatter.avoid_overlap)
+        else:
+            found.append(f"{groups[uid].name} is new")
     found += [
         f"without {groups[uid].name}" if uid in groups else "a class was removed" for uid in old if uid not in new
     ]
     return list(dict.fromkeys(found)) or ["the order of the classes" if list(old) != list(new) else "settings"]
+
+
+def _differing_class(before: dict[str, Any], now: dict[str, Any], uid: str, group: Any, apart: bool) -> list[str]:
+    """Name what differs of a class that was there before; ``apart`` is whether outlines are kept apart."""
+    old, new = before["classes"][uid], now["classes"][uid]
+
+    def name_of(key: str) -> str:
+        """Return what an image or object is called, if it still is called that."""
+        name = now["names"].get(f"{uid}.{key}", "")
+        return name if before["names"].get(f"{uid}.{key}") == name else ""
+
+    found = _of(group.name, _differing(old["values"], new["values"], group, name_of, _idle(group, apart)))
+    if old.get("looks") != new.get("looks"):
+        moved = group.look_at_object if new.get("looks") else None
+        found.append(f"place of {moved.name}" if moved else f"what {group.name} looks at")
+    found += _differing_layers(old["layers"], new["layers"], group, name_of)
+    if len(old["sizes"]) != len(new["sizes"]):
+        return [*found, f"sizes of {group.name}"]
+    for number, (size_before, size_now, size) in enumerate(zip(old["sizes"], new["sizes"], group.sizes, strict=True)):
+        where = group.name if len(group.sizes) == 1 else f"{group.name}, {size.name}"
+        found += _of(where, _differing(size_before, size_now, size, _within(name_of, f"{number}."), size.unused))
+    return found
+
+
+def _of(where: str, found: list[str]) -> list[str]:
+    """Say whose the values are that differ; images and objects are said by their names alone."""
+    return [what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}" for what in found]
+
+
+def _within(name_of: Callable[[str], str], start: str) -> Callable[[str], str]:
+    """Return what gives the names of a part of a class, whose keys begin like this."""
+    return lambda key: name_of(start + key)
 
 
 def _idle(body_class: Any, apart: bool) -> set[str]:
@@ -190,7 +197,7 @@ def _idle(body_class: Any, apart: bool) -> set[str]:
 
 
 def _differing_layers(
-    before: list[dict[str, Any]], now: list[dict[str, Any]], group: Any, told: Callable[[str], str]
+    before: list[dict[str, Any]], now: list[dict[str, Any]], group: Any, name_of: Callable[[str], str]
 ) -> list[str]:
     """Name what differs between the layers of a class."""
     if [layer["kind"] for layer in before] != [layer["kind"] for layer in now]:
@@ -199,8 +206,7 @@ def _differing_layers(
     found = []
     for number, (layer_before, layer_now, layer) in enumerate(zip(before, now, layers, strict=True)):
         where = group.name if len(layers) == 1 else f"{group.name}, {layer.label}"
-        for what in _differing(layer_before, layer_now, layer, lambda key, k=number: told(f"layer {k}.{key}")):  # type: ignore[misc]
-            found.append(what if what.endswith((PAINTED, EDITED)) else f"{what} of {where}")
+        found += _of(where, _differing(layer_before, layer_now, layer, _within(name_of, f"layer {number}.")))
     return found
 
 
@@ -208,7 +214,7 @@ def _differing(
     before: dict[str, Any],
     now: dict[str, Any],
     group: Any,
-    told: Callable[[str], str] = lambda _key: "",
+    name_of: Callable[[str], str] = lambda _key: "",
     idle: Collection[str] = (),
 ) -> list[str]:
     """Name the values that differ.
@@ -217,7 +223,7 @@ def _differing(
         before: Values that tell something, by name.
         now: The same, now.
         group: That has them.
-        told: Gives the name of what a value was looked into, where that is the same.
+        name_of: Gives the name of what a value was looked into, where that is the same.
         idle: Names of what has no influence now.
     """
     properties = group.bl_rna.properties
@@ -229,8 +235,8 @@ def _differing(
         if before.get(name) == value:
             continue
         item = getattr(group, name)
-        if isinstance(item, bpy.types.ID) and name in before and told(name):
-            found.append(told(name) + (PAINTED if isinstance(item, bpy.types.Image) else EDITED))
+        if isinstance(item, bpy.types.ID) and name in before and name_of(name):
+            found.append(name_of(name) + (PAINTED if isinstance(item, bpy.types.Image) else EDITED))
         elif isinstance(value, list) and isinstance(item, str) and before.get(name, [None])[:1] == value[:1]:
             found.append((item or "UV map") + EDITED if name == "uv_map" else item + PAINTED)
         else:
@@ -238,7 +244,7 @@ def _differing(
     return found
 
 
-def _telling(values: dict[str, Any], of: Any) -> dict[str, Any]:
+def _without_defaults(values: dict[str, Any], of: Any) -> dict[str, Any]:
     """Return the values that differ from the defaults of a group's properties; ``of`` is Blender's description of the group."""
     defaults = _defaults(of)
     return {
@@ -248,9 +254,9 @@ def _telling(values: dict[str, Any], of: Any) -> dict[str, Any]:
     }
 
 
-def _telling_layer(values: dict[str, Any], of: Any) -> dict[str, Any]:
+def _layer_without_defaults(values: dict[str, Any], of: Any) -> dict[str, Any]:
     """Return the same of a layer, and its kind, which says what else counts."""
-    return {"kind": values["kind"], **_telling(values, of)}
+    return {"kind": values["kind"], **_without_defaults(values, of)}
 
 
 # Defaults of the groups' properties, by the groups' identifiers: to ask Blender for all of them takes as long as the rest of a record.
@@ -260,21 +266,21 @@ _DEFAULTS: dict[str, dict[str, Any]] = {}
 def _defaults(of: Any) -> dict[str, Any]:
     """Return the defaults of a group's properties by their names."""
     if of.identifier not in _DEFAULTS:
-        _DEFAULTS[of.identifier] = {told.identifier: _default(told) for told in of.properties}
+        _DEFAULTS[of.identifier] = {prop.identifier: _default(prop) for prop in of.properties}
     return _DEFAULTS[of.identifier]
 
 
-def _default(told: Any) -> Any:
+def _default(prop: Any) -> Any:
     """Return the default of a property; what lies in a list of its own has none."""
-    if told.type in ("POINTER", "COLLECTION"):
+    if prop.type in ("POINTER", "COLLECTION"):
         return None
-    return list(told.default_array) if getattr(told, "is_array", False) else told.default
+    return list(prop.default_array) if getattr(prop, "is_array", False) else prop.default
 
 
 @lru_cache(maxsize=8)
 def _influential(group: Any) -> tuple[str, ...]:
     """Return the names of the properties of a group that have an influence on the result."""
-    names = (told.identifier for told in group.bl_rna.properties if told.type != "COLLECTION")
+    names = (prop.identifier for prop in group.bl_rna.properties if prop.type != "COLLECTION")
     return tuple(name for name in names if name not in WITHOUT_INFLUENCE | {"rna_type"})
 
 
@@ -351,7 +357,7 @@ def _layer(layer: Any, target: bpy.types.Object | None, names: dict[str, str], k
             values[name] = [value, checksums.of_attribute(target, value)]
         else:
             values[name] = list(value) if isinstance(value, bpy.types.bpy_prop_array) else value
-    return _telling_layer({**values, "curve": layer.curve_record()}, layer.bl_rna)
+    return _layer_without_defaults({**values, "curve": layer.curve_record()}, layer.bl_rna)
 
 
 def _view(camera: bpy.types.Object | None) -> list[Any] | None:

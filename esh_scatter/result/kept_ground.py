@@ -22,6 +22,7 @@ __all__ = [
     "PLACED_AT",
     "SEED",
     "TO_ORIGIN",
+    "add_attribute",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
@@ -236,3 +237,11 @@ def write_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None
     """Set the values of an attribute that :func:`read_attribute` has read."""
     attribute = mesh.attributes[name]
     attribute.data.foreach_set(_FIELDS[attribute.data_type][0], np.ascontiguousarray(values).ravel())
+
+
+def add_attribute(mesh: bpy.types.Mesh, name: str, value: float) -> np.ndarray:
+    """Return the values of a number of points, shape ``[n]``; where the mesh has no such attribute, it gets one of this value."""
+    if name not in mesh.attributes:
+        mesh.attributes.new(name, "FLOAT", "POINT")
+        write_attribute(mesh, name, np.full(len(mesh.vertices), value, np.float32))
+    return read_attribute(mesh, name)

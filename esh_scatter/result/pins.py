@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
+from ..targets.target import members_of, world_matrix
 from .kept_ground import (
     BODY_ANGLE,
     BODY_LENGTH,
@@ -80,12 +81,13 @@ class Pins(NamedTuple):
     identity: np.ndarray
     normal: np.ndarray
 
-    def fixed_in(self, chart: Chart, variant: np.ndarray) -> FixedBodies:
+    def fixed_in(self, chart: Chart, variant: np.ndarray, scale: np.ndarray) -> FixedBodies:
         """Return them as the solver takes them, brought into the rectangle of a chart.
 
         Args:
             chart: Of the target.
             variant: Which of its size's objects each is, shape ``[n]``.
+            scale: Of its class now, which its outline has, too, shape ``[n]``.
         """
         size = np.asarray(chart.size, np.float64)
         return FixedBodies(
@@ -97,7 +99,7 @@ class Pins(NamedTuple):
             None,
             self.identity,
             variant,
-            self.scale,
+            self.scale / scale,
         )
 
     def fixed_on(self, surface: WholeSurface, area: np.ndarray) -> FixedBodies:
@@ -252,10 +254,21 @@ def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     position = position @ world[:3, :3].T + world[:3, 3]
     groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
     shown = placed_objects(groups[0]) if groups else []
-    half = [0.0 if item is None else 0.5 * max(item.dimensions.x, item.dimensions.y) for item in shown]
+    half = [_half_width(item) for item in shown]
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
     return np.column_stack([position, np.maximum(radius * read_attribute(mesh, SCALE)[points, 0], SMALLEST_DISC)])
+
+
+def _half_width(item: bpy.types.Object | bpy.types.Collection | None) -> float:
+    """Return half of the longer side that an object covers seen from above, or a collection as one [m]."""
+    if isinstance(item, bpy.types.Object):
+        return 0.5 * max(item.dimensions.x, item.dimensions.y)
+    corners = [
+        (world_matrix(one, bpy.context) @ np.column_stack([np.array(one.bound_box), np.ones(8)]).T)[:2]
+        for one in members_of(item)
+    ]
+    return 0.5 * float(np.ptp(np.concatenate(corners, axis=1), axis=1).max()) if corners else 0.0
 
 
 def remove(mesh: bpy.types.Mesh, points: np.ndarray) -> None:

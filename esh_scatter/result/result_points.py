@@ -182,7 +182,8 @@ def _lay_along(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray
     if size.shape.line is not None and outlines:
         ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
         ground.heading[own] -= ground.axis[own]
-        ground.middle[own] = np.array([outline.center for outline in outlines])[variant]
+        # Of an object as it is, before its class's scale.
+        ground.middle[own] = np.array([outline.center for outline in outlines])[variant] / size.standing.scale
 
 
 def _look(ground: Ground, look: LookAt, size: _Size, position: np.ndarray, own: np.ndarray, free: np.ndarray) -> None:

@@ -19,6 +19,11 @@ _ONLY_BUTTONS = {
     "esh.size_move",
     "esh.layer_move",
     "esh.preset_apply",
+    # In the menus of the asset browser.
+    "esh.scatter_assets",
+    "esh.classes_from_assets",
+    "esh.source_from_asset",
+    "esh.preset_from_asset",
 }
 # Presets in a column of their menu, and how large their pictures are, in units of its lines.
 PRESETS_IN_A_COLUMN, PICTURE_SCALE = 3, 5.0
@@ -72,6 +77,7 @@ class ESH_MT_presets(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("esh.preset_import", icon="IMPORT")
         layout.operator("esh.preset_export", icon="EXPORT")
+        layout.operator("esh.presets_as_assets", icon="ASSET_MANAGER")
         layout.separator()
         # Blender lays a menu out column by column, in the order in which its parts are added.
         row = layout.row()
@@ -118,20 +124,51 @@ class ESH_MT_object(bpy.types.Menu):
                 layout.operator(cls.bl_idname)
 
 
+class ESH_MT_assets(bpy.types.Menu):
+    """What is done with the selected assets."""
+
+    bl_label = "ESH Scatter"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("esh.scatter_assets", icon="PLAY")
+        layout.operator("esh.classes_from_assets", icon="ADD")
+        layout.operator("esh.source_from_asset", icon="OBJECT_DATA")
+        layout.separator()
+        layout.operator("esh.preset_from_asset", icon="PRESET")
+
+
+def _draw_of_assets(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.menu("ESH_MT_assets")
+
+
 def _draw_entry(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.menu("ESH_MT_object")
 
 
 def attach() -> None:
-    """Add the menu to the viewport's Object menu."""
+    """Add the menus to the viewport's Object menu, and to those of the asset browser."""
     bpy.types.VIEW3D_MT_object.append(_draw_entry)
+    for menu in _asset_menus():
+        menu.append(_draw_of_assets)
 
 
 def detach() -> None:
-    """Take it out again."""
+    """Take them out again."""
     bpy.types.VIEW3D_MT_object.remove(_draw_entry)
+    for menu in _asset_menus():
+        menu.remove(_draw_of_assets)
     preset_pictures.detach()
 
 
-CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object)
+def _asset_menus() -> list[type[bpy.types.Menu]]:
+    """Return the menus of the asset browser: its own, and the one that a right click opens. Blender may be quitting without them."""
+    names = ("ASSETBROWSER_MT_asset", "ASSETBROWSER_MT_context_menu")
+    return [getattr(bpy.types, name) for name in names if hasattr(bpy.types, name)]
+
+
+CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object, ESH_MT_assets)

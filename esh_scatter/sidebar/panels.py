@@ -10,7 +10,7 @@ from ...engine.problem.scatter_settings import RunSettings, TargetSettings
 from ..editing import forecast
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
-from ..result import words
+from ..result import real_objects, words
 from ..result.display import get_inputs, input_property, our_modifier
 from ..solving import live, running
 from ..targets import checksums
@@ -178,6 +178,10 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         scatter = selected_scatter(context)
         result = scatter.result_in(context.scene)
         assert result is not None
+        if real_objects.real_objects_of(result) is not None:
+            write_text(context, column, "The instances are real objects now, and the result is hidden", icon="INFO")
+            column.operator_menu_enum("esh.instances_from_real", "changes", icon="LOOP_BACK")
+            return
         editing = result.mode == "EDIT"
         row = column.row()
         row.scale_y = 1.3
@@ -194,6 +198,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row.operator("esh.instances_remove", icon="X")
         if len(scatter.free_places):
             column.operator("esh.instances_refill")
+        column.operator("esh.instances_make_real", icon="OBJECT_DATA")
 
 
 class ESH_PT_display(SubPanel, bpy.types.Panel):
@@ -248,6 +253,7 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
     column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+    column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
 
 
 def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, scatter: ESH_PG_scatter) -> None:

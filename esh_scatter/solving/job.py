@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ from ...engine.surface.triangle_mesh import TriangleMesh
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.classes_from_above import ClassesFromAbove
 from ..classes.on_whole_surface import class_on_surface
-from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of
+from ..classes.scatter_class import ScatterClass, check_classes, color_of, direction_of, standing_of
 from ..classes.sources import SizeShape, SizeSource, SourceReader, engine_size, measure_size
 from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
@@ -47,6 +48,10 @@ from ..targets.targets import Target, Targets, read_targets
 from .obstacles import ObstacleSource, StoredObstacle, covered, obstacle_image, read_obstacles
 
 __all__ = ["ScatterJob", "ScatterResult"]
+
+# What positions may be rounded by, as a share of the root of the smallest footprint: less than the report sees of an overlap, or than
+# anybody sees where overlap does not count.
+UNREPORTED, UNSEEN = 1e-3, 0.05
 
 
 class _Reading(NamedTuple):
@@ -207,8 +212,9 @@ class ScatterJob:
         shapes_of_classes: list[list[SizeShape]] = []
         values_of_classes: list[np.ndarray] = []
         for number, scatter_class in enumerate(self.classes):
+            scale = standing_of(scatter_class, self.settings).scale
             shapes = [
-                measure_size(size, source, reading.directions[number], survey)
+                measure_size(size, source, reading.directions[number], survey, scale)
                 for size, source in zip(scatter_class.sizes, reading.sources[number], strict=True)
             ]
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
@@ -253,7 +259,8 @@ class ScatterJob:
             return ()
         pins, variant = reading.pins
         if isinstance(self.chart, Chart):
-            return (pins.fixed_in(self.chart, variant),)
+            scale = np.array([standing_of(c, self.settings).scale for c in self.classes])
+            return (pins.fixed_in(self.chart, variant, scale[pins.class_index]),)
         # Those of a range have the ground that their objects were fitted to.
         area = np.full(len(variant), np.nan)
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
@@ -288,6 +295,9 @@ class ScatterJob:
     def stand(self, placement: Placement) -> None:
         """Take a placement of :attr:`problem` for the answer, and stand its objects on the surface; touches nothing of Blender."""
         self._points = self._result_points(placement)
+        note = _rounding_note(placement, self._points.instances.position)
+        if note is not None and placement.report is not None:
+            placement = replace(placement, report=replace(placement.report, notes=(*placement.report.notes, note)))
         self.placement = placement
 
     def instances(self) -> Instances:
@@ -358,6 +368,19 @@ class ScatterJob:
         seed = self.settings.seed
         item.data[SEED] = seed if seed < 2**31 else str(seed)
         return item, sources
+
+
+def _rounding_note(placement: Placement, position: np.ndarray) -> str | None:
+    """Say so where Blender, which holds positions in the world as float32, rounds them by more than the report sees of an overlap."""
+    if not len(position):
+        return None
+    rounded = float(np.spacing(np.abs(position).max()))
+    if rounded <= (UNREPORTED if placement.problem.avoid_overlap else UNSEEN) * math.sqrt(float(placement.area.min())):
+        return None
+    return (
+        f"so far from the world's origin Blender rounds positions to {rounded:.2g} m: objects may overlap where the report says that "
+        "none do; move the scene nearer to the origin"
+    )
 
 
 def _check_pinned(pinned: object, class_count: int) -> bool | list[int | None]:

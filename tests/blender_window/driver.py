@@ -103,8 +103,8 @@ def change():
     before = count_instances()
     classes["Mushroom"].show_viewport = False
     answer["hidden_at_once"] = before - count_instances() == classes["Mushroom"].count
-    classes["Pine"].tilt = 0.5
-    answer["outdated_by_tilt"] = scatter.outdated
+    classes["Pine"].offset = -0.05
+    answer["outdated_by_offset"] = scatter.outdated
     classes["Log"].sizes[0].count += 5
     classes["Pebble"].mute = True
     classes["Beech"].add_layer("IMAGE")

@@ -74,7 +74,7 @@ def test_the_button_scatters_in_a_window(package: Path, tmp_path: Path):
     assert (answer["last"], answer["tuned"]) == ("ESH_OT_scatter_selection", ["FINISHED"])
     assert answer["scatters_after_tuning"] == 1
     assert answer["instances_after_tuning"] == answer["asked_after_tuning"] <= 102
-    assert answer["hidden_at_once"] and not answer["outdated_by_tilt"]
+    assert answer["hidden_at_once"] and not answer["outdated_by_offset"]
     assert sorted(answer["changes"]) == ["count of Log", "without Beech", "without Pebble"]
     before, after = (image.open(tmp_path / name).convert("RGB") for name in ("before.png", "after.png"))
     # A black window has no colors; a window in which nothing happened looks the same twice.

@@ -430,3 +430,15 @@ def test_instances_say_where_blender_shows_the_objects():
 def test_an_unsolved_job_has_no_instances():
     with pytest.raises(EshError, match="must be solved"):
         ScatterJob(quad(), one_class(quad("Tree")), device="cpu").instances()
+
+
+@pytest.mark.parametrize(("away", "told"), [((100.0, -3000.0), False), ((500_000.0, 5_000_000.0), True)])
+def test_what_blender_rounds_far_from_the_origin_is_said(away, told):
+    """At the coordinates of a map planks lay in each other by half a meter, and the report said nothing."""
+    ground = quad()
+    ground.location.xy = away
+    bpy.context.view_layer.update()
+    tree = new_object("Tree", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)])
+    result = scatter(ground, [ScatterClass("tree", [ScatterSize("all", 30, tree)])], **OPTIONS)
+    assert any("rounds positions to 0.5 m" in note for note in result.report.notes) == told
+    assert len(result.report.notes) == told

@@ -136,3 +136,14 @@ def test_overlapping_objects_are_selected_and_the_worst_place_is_found(scatter):
     bpy.ops.esh.scatter()
     assert scatter.report["overlaps"] == 0 and OVERLAPPING not in scatter.result.data.attributes
     assert not bpy.ops.esh.select_overlapping.poll() and not bpy.ops.esh.frame_overlap.poll()
+
+
+def test_overlaps_on_a_whole_surface_are_found_too(scatter):
+    scatter.surface = "WHOLE"
+    bpy.ops.esh.scatter()
+    report = scatter.report
+    assert report["overlaps"] > 0 and report["deepest_overlap"] > 0.0
+    assert bpy.ops.esh.frame_overlap() == {"FINISHED"}
+    np.testing.assert_allclose(bpy.context.scene.cursor.location, report["deepest_place"], atol=1e-4)
+    assert bpy.ops.esh.select_overlapping() == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")

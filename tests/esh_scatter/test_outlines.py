@@ -147,6 +147,25 @@ def test_outlines_on_slopes_lie_in_the_planes_that_objects_stand_in(ground, alig
     assert share < 0.9 if align == 1.0 else share < 0.97 if align else share > 1.0
 
 
+@pytest.mark.parametrize("tilt", [0.2, 0.7])
+@pytest.mark.parametrize("align", [1.0, 0.0])
+@pytest.mark.parametrize("ground", ["plane", *GROUNDS])
+def test_outlines_of_tilted_objects_lie_in_the_planes_that_these_lean_in(ground, align, tilt):
+    """As if they stood straight, a third of the planks on hills went through each other, and the report said none."""
+    item = rectangle("Ground", 10.0, 10.0) if ground == "plane" else terrain("Ground", 10.0, GROUNDS[ground])
+    classes = [
+        esh.ScatterClass("box", [esh.ScatterSize("all", 45, rectangle("Box", 0.7, 0.5), (0.1, 0.6))]),
+        esh.ScatterClass("long", [esh.ScatterSize("all", 60, rectangle("Long", 1.5, 0.25))]),
+        esh.ScatterClass("disc", [esh.ScatterSize("all", 15, disc("Disc", 0.3, 96), area=math.pi * 0.09)]),
+    ]
+    result = esh.scatter(
+        item, classes, device="cpu", avoid_overlap=True, seed=3, align_to_normal=align, tilt=tilt, scale_jitter=0.3
+    )
+    seen = outlines_in_the_scene()
+    assert len(seen) == 120 and result.report.overlaps == 0
+    assert overlapping(seen) == 0
+
+
 def test_a_slope_holds_as_many_as_its_surface_has_room_for():
     """Seen from above the boxes would cover 95 %."""
     item = terrain("Ground", 10.0, lambda x, y: x)

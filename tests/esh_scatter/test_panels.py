@@ -314,6 +314,10 @@ def test_every_operator_is_in_the_object_menu():
         "esh.layer_move",
         "esh.preset_apply",
     }
+    of_assets: list[str] = []
+    Layout(of_assets).menu("ESH_MT_assets")
+    by_hand |= set(of_assets)
+    assert len(of_assets) == 4
     assert {cls.bl_idname for cls in operators.CLASSES} - by_hand == set(drawn)
     assert all("INTERNAL" not in getattr(cls, "bl_options", ()) for cls in operators.CLASSES), "F3 would not find them"
 

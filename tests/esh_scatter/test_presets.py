@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -152,3 +153,31 @@ def test_files_that_cannot_be_read_or_written_are_named(tmp_path):
             read_preset(path)
     with pytest.raises(esh.InputFileError, match="must be a file that can be written"):
         write_preset(tmp_path / "no" / "folder.json", {"classes": []})
+
+
+def test_the_example_is_a_forest_on_hills(ground):
+    ground.select_set(True)
+    assert bpy.ops.esh.example() == {"FINISHED"}
+    scatter = bpy.context.scene.esh_scatter.active
+    hills = scatter.first_target
+    assert hills != ground and hills == bpy.context.view_layer.objects.active and not ground.select_get()
+    assert np.ptp([vertex.co.z for vertex in hills.data.vertices]) > 2.0
+    assert scatter.report["overlaps"] == 0 and len(scatter.result.data.vertices) == sum(
+        c.count for c in scatter.classes
+    )
+    assert len({c.sizes[0].source_object for c in scatter.classes}) == 3 and not scatter.outdated
+
+
+def test_an_example_that_is_stopped_leaves_nothing(ground, monkeypatch):
+    before = [len(bpy.data.objects), len(bpy.data.meshes)]
+
+    def fail(*_arguments, **_named):
+        raise esh.EshError("it was stopped")
+
+    monkeypatch.setattr("esh.esh_scatter.api.scatter", fail)
+    with pytest.raises(RuntimeError, match="It was stopped"):
+        bpy.ops.esh.example()
+    assert not bpy.context.scene.esh_scatter.scatters and "Example Ground" not in bpy.data.objects
+    # The shapes that stood for objects are in no scene, and go when the file is saved.
+    assert all(item.users_scene == () for item in bpy.data.objects if item != ground)
+    assert len(bpy.data.objects) == before[0] + 3

@@ -109,7 +109,7 @@ def test_what_takes_no_ground_is_left_out_and_nothing_else_changes_nothing(groun
     wall.rotation_euler.x = np.pi / 2
     bpy.context.view_layer.update()
     select(wall, ground, active=ground)
-    with pytest.raises(RuntimeError, match="None of the selected objects covers ground"):
+    with pytest.raises(RuntimeError, match="None of the objects covers ground"):
         bpy.ops.esh.scatter_selection()
     assert len(bpy.context.scene.esh_scatter.scatters) == 0
     select(wall, objects[0], ground, active=ground)

@@ -135,7 +135,8 @@ OF_GROUPS = {
 def test_every_setting_that_needs_solving_makes_a_result_outdated(scatter):
     scatter.remember(new_object("Result"), {"steps": 3})
     for group, _, shown in shown_of(scatter):
-        if shown.name in AT_ONCE:
+        # The scale shows at once, too, in a result that has what it takes: test_scale.py.
+        if shown.name in AT_ONCE | {"scale"}:
             continue
         before = getattr(group, shown.name)
         setattr(group, shown.name, changed(group, shown.name))

@@ -150,7 +150,11 @@ def test_changed_at_once_a_class_stands_as_after_another_run(scatter, number):
 
 def test_outlines_that_are_kept_apart_are_solved_anew_for_another_turn_or_scale(scatter):
     assert not scatter.outdated
+    scatter.classes[0].offset = 0.2
+    assert not scatter.outdated
     scatter.classes[0].tilt = 0.2
+    assert scatter.outdated
+    bpy.ops.esh.scatter()
     assert not scatter.outdated
     scatter.classes[0].random_turn = 1.0
     assert scatter.outdated

@@ -329,6 +329,10 @@ def test_any_bytes_are_refused(folder, content):
         read_recipe(write(folder, content))
 
 
+def test_a_version_that_is_written_as_a_fraction_is_the_same(folder):
+    assert isinstance(read_recipe(write(folder, COMPLETE.replace("version = 1", "version = 1.0"))), Problem)
+
+
 @pytest.mark.parametrize("path", [None, 3, b"\x00", ["a.toml"]])
 def test_what_is_no_name_of_a_recipe_is_a_sentence(path):
     with pytest.raises(InputFileError):

@@ -11,7 +11,8 @@ from esh.engine.files.recipe import recipe_colors
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.look_at import LookAt
 from esh.engine.problem.obstacles import Obstacle
@@ -75,7 +76,7 @@ SAMPLES = {
                 turn=[0.0, 1.0 / 3.0, -2.0],
                 room=1.1,
             ),
-            Footprints(Footprint.capsule(0.3, 0.1), scale=0.7, turn="random", scale_jitter=0.1),
+            Footprints(Footprint.capsule(0.3, 0.1), scale=0.7, turn="random", scale_jitter=0.1, tilt=0.2),
             Footprints(Footprint.rectangle(0.3, 0.1), slope=VECTORS),
         ],
     },
@@ -89,6 +90,7 @@ SAMPLES = {
         "room": [1.1],
         "gap": [0.01],
         "slope": [VECTORS],
+        "tilt": [0.1],
     },
     Obstacle: {
         "polygon": [[[0.0, 0.0], [1.0 / 3.0, 0.0], [0.0, 1.0]]],

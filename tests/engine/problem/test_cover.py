@@ -6,7 +6,8 @@ from esh.engine.errors import ProblemError
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.cover import cover_of
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size

@@ -8,7 +8,8 @@ from esh.engine.errors import ProblemError
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import CAPSULE, footprints_of
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import MOST_CORNERS, Footprint, Footprints
+from esh.engine.problem.footprint import MOST_CORNERS, Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size

@@ -250,6 +250,11 @@ def test_images_of_every_depth_keep_their_ratios(dtype):
     np.testing.assert_array_equal(kept / kept.max(), image.astype(np.float32) / image.astype(np.float32).max())
 
 
+def test_nobody_is_where_a_density_is_masked():
+    density = np.ma.masked_array([[1.0, 2.0]], mask=[[True, False]])
+    assert BodyClass("a", [Size("s", 1.0, 3)], density).density.tolist() == [[0.0, 2.0]]
+
+
 @pytest.mark.parametrize("scale", [1e300, 1e38, 1e-45, 1e-300])
 def test_densities_beyond_float32_keep_their_ratios(scale):
     kept = BodyClass("a", [SIZE], np.array([[1.0, 2.0, 4.0]]) * scale).density

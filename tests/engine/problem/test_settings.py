@@ -17,7 +17,8 @@ from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass, ClassSettings, PlacingSettings, Unsharp
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.fixed_bodies import FixedBodies, FixedBody
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.prepared_class import PreparedClass

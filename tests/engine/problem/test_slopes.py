@@ -9,7 +9,8 @@ from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import footprints_of
 from esh.engine.problem.cover import cover_of
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.slopes import (
@@ -19,6 +20,8 @@ from esh.engine.problem.slopes import (
     normal_of_slope,
     slope_at,
     slope_of_normal,
+    tilted,
+    tilts,
 )
 
 BOX = Footprint.rectangle(0.8, 0.6)
@@ -55,6 +58,25 @@ def test_what_is_seen_from_above_is_what_leans_in_space(align):
     area = [np.linalg.det(leaning(n, align)[:2, :2]) for n in normal]
     np.testing.assert_allclose(level_share(slope), area, atol=1e-6)
     np.testing.assert_allclose(normal_of_slope(slope, align), normal, atol=1e-6)
+
+
+def test_what_leans_over_on_a_slope_lies_in_the_plane_of_both_turns():
+    normal = normals()
+    tilt = tilts(0.6, np.arange(len(normal)), 4)
+    up = np.array([[math.sin(a) * math.cos(d), math.sin(a) * math.sin(d), math.cos(a)] for a, d in tilt])
+    axis = np.array([leaning(n, 1.0) @ u for n, u in zip(normal, up, strict=True)])
+    upright = axis[:, 2] > 0.1
+    assert upright.sum() > 30
+    expected = -axis[upright, :2] / axis[upright, 2:]
+    np.testing.assert_allclose(tilted(slope_of_normal(normal), tilt)[upright], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_bodies_lean_by_at_most_the_tilt_in_all_directions():
+    tilt = tilts(0.3, np.arange(5000), 1)
+    assert tilt[:, 0].min() >= 0.0 and 0.29 < tilt[:, 0].max() <= 0.3
+    assert (tilt[:, 0] < 0.15).mean() == pytest.approx(0.25, abs=0.02), "as many as the area of the cone says"
+    assert np.hypot(np.cos(tilt[:, 1]).mean(), np.sin(tilt[:, 1]).mean()) < 0.03
+    np.testing.assert_array_equal(tilts(0.3, np.array([7, 3]), 1), tilt[[7, 3]])
 
 
 def test_slopes_are_blended_between_the_middles_of_pixels():

@@ -11,7 +11,8 @@ from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import footprints_of
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem

@@ -9,6 +9,8 @@ import warp as wp
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -16,6 +18,7 @@ from esh.engine.quality.coverage import coverage_error
 from esh.engine.quality.measured_bodies import measured_bodies
 from esh.engine.quality.measurement import measure
 from esh.engine.quality.spacing import HEXAGONAL_SPACING, measure_spacing, smallest_spacing
+from esh.engine.solve import solve
 
 UNIFORM = np.ones((1, 1))
 
@@ -195,3 +198,13 @@ def test_a_report_measures_every_class_by_itself(launcher):
     alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
     single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
     assert single.classes[0].smallest_spacing == single.smallest_spacing == pytest.approx(square, rel=1e-5)
+
+
+def test_the_ground_that_is_covered_is_that_of_the_outlines_as_they_are_scaled():
+    """Also where the area of their bodies is said beside them, as in Blender."""
+    scale = np.linspace(0.5, 1.5, 40)
+    footprints = Footprints(Footprint.rectangle(1.2, 0.5), scale=scale, turn="random")
+    box = BodyClass("box", [Size("any", area=0.6, count=40, footprint=footprints)])
+    disc = BodyClass("disc", [Size("any", area=0.2, count=30)])
+    report = solve(Problem(Domain((20.0, 10.0)), [box, disc]), device="cpu", max_steps=1).report
+    assert report.covered == pytest.approx((0.6 * (scale**2).sum() + 30 * 0.2) / 200.0)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +107,50 @@ def test_spacing_and_overlaps_are_those_of_all_pairs_of_one_side(launcher):
     assert report.smallest_spacing == pytest.approx(apart.min() / hexagonal, rel=1e-3)
     assert report.overlaps == (apart < 2.0 * (1.0 - 1e-3) * np.sqrt(1e-3 / np.pi)).sum() // 2
     assert report.covered == pytest.approx(0.3 / surface.area, rel=1e-3)
+
+
+def test_the_deepest_overlap_is_told_with_its_bodies_and_its_place(launcher):
+    """Of discs on a plane, beside arithmetic of their centers; two that are fixed do not count."""
+    surface = Surface(SurfaceMesh(*meshes.square(6)))
+    points = random_points(surface, 200, 7)
+    radius = 0.03
+    placement = placed(surface, points, np.pi * radius**2)
+    fixed = np.zeros(200, bool)
+    fixed[::3] = True
+    report = measure(replace(placement, fixed=fixed), launcher)
+    depth = 2.0 * radius - np.linalg.norm(points.position[:, None] - points.position, axis=2)
+    depth[np.eye(200, dtype=bool) | (fixed[:, None] & fixed)] = 0.0
+    # What only touches does not count.
+    depth[depth < 1e-3 * 2.0 * radius] = 0.0
+    i, j = np.unravel_index(np.argmax(depth), depth.shape)
+    assert report.overlaps == (depth > 0.0).sum() // 2 > 100
+    assert report.deepest_pair == (min(i, j), max(i, j))
+    assert report.deepest_overlap == pytest.approx(depth.max(), rel=1e-4)
+    np.testing.assert_allclose(report.deepest_place, points.position[[i, j]].mean(axis=0))
+    assert set(report.overlapping) == set(np.flatnonzero(depth.any(axis=1)).tolist())
+    deepest = depth.max(axis=1)[list(report.overlapping)]
+    assert (np.diff(deepest) <= 1e-7).all()
+
+
+def test_nothing_overlaps_where_nothing_does(launcher):
+    surface = Surface(SurfaceMesh(*meshes.square(6)))
+    report = measure(placed(surface, random_points(surface, 5, 1), 1e-8), launcher)
+    assert (report.overlaps, report.deepest_overlap, report.deepest_pair, report.overlapping) == (0, 0.0, None, ())
+
+
+def test_distances_are_those_of_neighbors_on_one_sheet(launcher):
+    """Two squares that look up, one close above the other: what lies above has nothing to do with what lies below."""
+    vertices, faces = meshes.square(8)
+    height = 0.05
+    surface = Surface([SurfaceMesh(vertices, faces), SurfaceMesh(vertices + [0.0, 0.0, height], faces)])
+    count = 2 * len(faces)
+    points = surface.points(np.arange(count), np.full((count, 3), 1.0 / 3.0))
+    # Middles of triangles: the two of each of the eight by eight squares are nearest to each other.
+    nearest = np.sqrt(2.0) / 3.0 / 8.0
+    assert height < nearest
+    report = measure(placed(surface, points, 1e-3), launcher)
+    assert report.closest == pytest.approx(nearest, rel=1e-5)
+    assert report.usual == pytest.approx(nearest, rel=1e-5)
 
 
 def test_slivers_and_large_triangles_are_measured(launcher):

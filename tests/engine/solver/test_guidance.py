@@ -7,7 +7,8 @@ import pytest
 import warp as wp
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
-from esh.engine.problem.footprint import Footprint, Footprints
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
@@ -210,7 +211,8 @@ def test_what_cannot_fit_is_not_converged_and_says_why():
     assert any("at most about 82% fits" in note for note in report.notes)
 
 
-def test_whoever_watches_can_end_contact_too(monkeypatch):
+@pytest.mark.parametrize("kind", [bool, np.bool_])
+def test_whoever_watches_can_end_contact_too(monkeypatch, kind):
     import esh.engine.solve as module
 
     monkeypatch.setattr(module, "MOMENT", 0.0)
@@ -218,7 +220,7 @@ def test_whoever_watches_can_end_contact_too(monkeypatch):
 
     def progress(state):
         steps.append(state.step)
-        return len(steps) < 25
+        return kind(len(steps) < 25)
 
     placement = solve(
         problem_of(Footprints(PLANK, turn="random"), 400, 18.0), device="cpu", max_steps=20, progress=progress

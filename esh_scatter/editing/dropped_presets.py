@@ -1,0 +1,124 @@
+"""Presets that are dragged from the asset browser onto a mesh: what Blender makes of them becomes a scatter on that mesh.
+
+Blender gives the mesh a modifier with the preset's node group, which does nothing. A moment later the modifier is gone, and the
+preset applied. While nothing is brought in from another file, nothing of this runs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...engine.errors import EshError
+from ..solving import running
+from ..targets.target import is_result
+from .assets import PRESET
+
+__all__ = ["add_preset", "attach", "detach", "take_dropped"]
+
+# Seconds until it is tried again after a run.
+PAUSE = 0.5
+
+
+@persistent
+def _brought_in(context: Any, *_arguments: object) -> None:
+    """Look whether a preset is among what was brought in; Blender calls it, before the mesh has its modifier."""
+    items = (one.id for one in context.import_items)
+    if any(isinstance(item, bpy.types.NodeTree) and PRESET in item for item in items):
+        _soon()
+
+
+def _soon() -> None:
+    if not bpy.app.timers.is_registered(_take):
+        bpy.app.timers.register(_take, first_interval=0.0)
+
+
+def _take() -> float | None:
+    """Take what was dropped, as one step of the undo history, and begin to scatter; Blender calls it."""
+    if running.session is not None:
+        # Settings do not change while one runs.
+        return PAUSE
+    names = []
+    try:
+        names = take_dropped(bpy.context)
+    except EshError as error:
+        _say(str(error).replace("`", ""))
+    if names:
+        bpy.ops.ed.undo_push(message=f"Preset {names[-1]}")
+        _scatter()
+    return None
+
+
+def take_dropped(context: bpy.types.Context) -> list[str]:
+    """Make scatters of presets that stand as modifiers on meshes, and take these modifiers away; returns the presets' names.
+
+    Raises:
+        EshError: One is no preset that can be applied.
+    """
+    found = [
+        (item, modifier)
+        for item in context.scene.objects
+        if item.type == "MESH" and not is_result(item)
+        for modifier in item.modifiers
+        if modifier.type == "NODES" and modifier.node_group is not None and PRESET in modifier.node_group
+    ]
+    made = []
+    for ground, modifier in found:
+        group = modifier.node_group
+        name, text = group.name, str(group[PRESET])
+        ground.modifiers.remove(modifier)
+        if not group.users or (group.users == 1 and group.use_fake_user):
+            bpy.data.node_groups.remove(group)
+        add_preset(context, text, name, ground)
+        made.append(name)
+    return made
+
+
+def add_preset(context: bpy.types.Context, text: str, name: str, ground: bpy.types.Object) -> None:
+    """Add a scatter with a preset, given as its text, on a mesh; selected objects take the places of its classes.
+
+    Raises:
+        EshError: It is no preset that can be applied. Nothing was added.
+    """
+    from .preset_files import parse_preset
+    from .presets import add_scatter_of_preset
+    from .selection import sources_in
+
+    preset = parse_preset(text, name)
+    add_scatter_of_preset(context.scene.esh_scatter, preset, ground, sources_in(context.selected_objects, [ground]))
+
+
+def _scatter() -> None:
+    """Press the button, in the first window with a 3D view."""
+    areas = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    found = next(((window, area) for window, area in areas if area.type == "VIEW_3D"), None)
+    if found is None:
+        return
+    window, area = found
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        if bpy.ops.esh.scatter.poll():
+            bpy.ops.esh.scatter("INVOKE_DEFAULT")
+
+
+def _say(text: str) -> None:
+    def draw(popup: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
+        popup.layout.label(text=text)
+
+    if not bpy.app.background:
+        bpy.context.window_manager.popup_menu(draw, title="The Preset Cannot Be Used", icon="ERROR")
+
+
+def attach() -> None:
+    """Have presets taken that are dragged onto meshes from now on."""
+    bpy.app.handlers.blend_import_post.append(_brought_in)
+
+
+def detach() -> None:
+    """Leave them to Blender."""
+    if _brought_in in bpy.app.handlers.blend_import_post:
+        bpy.app.handlers.blend_import_post.remove(_brought_in)
+    if bpy.app.timers.is_registered(_take):
+        bpy.app.timers.unregister(_take)

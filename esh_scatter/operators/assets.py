@@ -1,0 +1,209 @@
+"""The asset browser: its selected assets scattered or made classes, and the presets among its libraries."""
+
+# Blender shows an operator's docstring as its tooltip and ends it with a period of its own.
+# ruff: noqa: D415
+
+# Properties are annotations that are calls, which Blender reads and mypy cannot.
+# mypy: disable-error-code="valid-type"
+
+import bpy
+from bpy.props import StringProperty
+
+from ...engine.errors import EshError, ProblemError
+from ..editing.assets import PLACED, PRESET, Asset, assets_from_text, bring_in, selected_assets, text_of_assets
+from ..properties.scene import active_scatter, selected_scatter
+from ..targets.target import is_result
+from .classes_from import ClassesFromObjects
+from .edit import Edit, sentence
+from .presets import ground_in
+from .run import ScatterObjects
+
+__all__ = ["CLASSES"]
+
+_SELECT_ASSETS = "Select objects or collections in the asset browser first"
+
+
+def _assets() -> StringProperty:
+    return StringProperty(
+        name="Assets",
+        description="What is placed: kind, name and file of each asset, as JSON. Empty: what is selected in the asset browser",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+
+
+class ESH_OT_scatter_assets(ScatterObjects):
+    """Scatter the assets that are selected in the asset browser on the active mesh. Each object or collection becomes a class"""
+
+    bl_idname = "esh.scatter_assets"
+    bl_label = "Scatter Selected Assets"
+
+    assets: _assets()
+
+    @classmethod
+    def _lacks(cls, context: bpy.types.Context) -> str | None:
+        active = context.view_layer.objects.active
+        if active is None or active.type != "MESH":
+            return "Select the ground in the 3D view first; it must be a mesh"
+        return "The active object is the result of a scatter. Select the ground" if is_result(active) else None
+
+    def _sources(self, context: bpy.types.Context) -> list:
+        given = assets_from_text(self.assets) if self.assets else _placed(context)
+        # They are found again when the settings of the last operation are changed.
+        self.assets = text_of_assets(given)
+        if not given:
+            raise ProblemError(_SELECT_ASSETS)
+        ground = context.view_layer.objects.active
+        return [item for item in map(bring_in, given) if item != ground]
+
+
+class ESH_OT_classes_from_assets(ClassesFromObjects):
+    """Add a class for each asset that is selected in the asset browser, named after it"""
+
+    bl_idname = "esh.classes_from_assets"
+    bl_label = "Classes from Selected Assets"
+
+    assets: _assets()
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add them."""
+        try:
+            given = assets_from_text(self.assets) if self.assets else _placed(context)
+            self.assets = text_of_assets(given)
+            items = [bring_in(one) for one in given]
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        if not items:
+            self.report({"ERROR"}, _SELECT_ASSETS)
+            return {"CANCELLED"}
+        targets = selected_scatter(context).targets
+        return self._add(context, [item for item in items if item not in targets])
+
+
+class ESH_OT_source_from_asset(Edit):
+    """Have the selected class place the asset that is active in the asset browser"""
+
+    bl_idname = "esh.source_from_asset"
+    bl_label = "Place This Asset"
+    _missing = "Select a class first"
+
+    assets: _assets()
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        scatter = active_scatter(context)
+        return scatter and scatter.active_class
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Choose it."""
+        body_class = selected_scatter(context).active_class
+        assert body_class is not None
+        try:
+            given = assets_from_text(self.assets) if self.assets else _placed(context)[:1]
+            self.assets = text_of_assets(given)
+            item = bring_in(given[0]) if given else None
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        if item is None:
+            self.report({"ERROR"}, _SELECT_ASSETS)
+            return {"CANCELLED"}
+        size = body_class.active_size or body_class.add_size()
+        if isinstance(item, bpy.types.Collection):
+            size.source_kind, size.source_collection = "ASSET", item
+        else:
+            size.source_kind, size.source_object = "OBJECT", item
+        return {"FINISHED"}
+
+
+class ESH_OT_preset_from_asset(Edit):
+    """Add a scatter with the preset that is selected in the asset browser, on the active mesh. Selected objects take the places of its classes"""  # noqa: E501
+
+    bl_idname = "esh.preset_from_asset"
+    bl_label = "Apply Selected Preset"
+    _missing = "Select the ground in the 3D view first; it must be a mesh"
+
+    assets: _assets()
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return ground_in(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add it."""
+        from ..editing.dropped_presets import add_preset
+
+        ground = ground_in(context)
+        assert ground is not None
+        try:
+            given = assets_from_text(self.assets) if self.assets else _presets(context)[:1]
+            self.assets = text_of_assets(given)
+            group = bring_in(given[0]) if given else None
+            if group is None or PRESET not in group:
+                self.report({"ERROR"}, "Select a preset of ESH Scatter in the asset browser first")
+                return {"CANCELLED"}
+            text = str(group[PRESET])
+            if given[0].file and group.library is None:
+                # Only its text counts.
+                bpy.data.node_groups.remove(group)
+            add_preset(context, text, given[0].name, ground)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class ESH_OT_presets_as_assets(Edit):
+    """Show the presets in the asset browser, with their pictures: writes them as an asset library, and adds it to the preferences"""
+
+    bl_idname = "esh.presets_as_assets"
+    bl_label = "Show in Asset Browser"
+    bl_options = {"REGISTER"}
+
+    @staticmethod
+    def _needs(context: bpy.types.Context) -> object:
+        return context.scene
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write the library, and show it."""
+        from ..editing.preset_library import library_folder, show_library, write_library
+
+        try:
+            folder = library_folder()
+            write_library(folder)
+        except EshError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        library = show_library(folder)
+        _turn_to(context, library.name)
+        self.report({"INFO"}, f'The presets are in the asset library "{library.name}". Drag one onto the ground')
+        return {"FINISHED"}
+
+
+def _placed(context: bpy.types.Context) -> list[Asset]:
+    """Return the selected assets that can be placed."""
+    return [one for one in selected_assets(context) if one.kind in PLACED]
+
+
+def _presets(context: bpy.types.Context) -> list[Asset]:
+    """Return the selected assets that may be presets."""
+    return [one for one in selected_assets(context) if one.kind not in PLACED]
+
+
+def _turn_to(context: bpy.types.Context, library: str) -> None:
+    """Have asset browsers that are open show a library."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            parameters = getattr(area.spaces.active, "params", None) if area.ui_type == "ASSETS" else None
+            if parameters is not None:
+                parameters.asset_library_reference = library
+                area.tag_redraw()
+
+
+CLASSES = (
+    ESH_OT_scatter_assets,
+    ESH_OT_classes_from_assets,
+    ESH_OT_source_from_asset,
+    ESH_OT_preset_from_asset,
+    ESH_OT_presets_as_assets,
+)

@@ -1,0 +1,94 @@
+"""Runs inside a windowed Blender: drags a preset with the mouse from the asset browser onto the ground, and says what came of it."""
+
+import shutil
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import window_steps as steps
+from window_steps import answer
+
+PRESET = "Pebbles"
+LONGEST_RUN = 120.0
+
+
+def fill_in():
+    """A ground, and beside it an asset browser."""
+    with steps.window_context():
+        for item in list(bpy.data.objects):
+            bpy.data.objects.remove(item)
+        bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)
+        bpy.context.object.name = "Ground"
+        bpy.context.object.select_set(False)
+        bpy.ops.ed.undo_push(message="Filled in")
+        areas = bpy.context.window.screen.areas
+        before = list(areas)
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
+        next(one for one in areas if one not in before).ui_type = "ASSETS"
+
+
+def show_presets():
+    with steps.window_context():
+        answer["shown"] = sorted(bpy.ops.esh.presets_as_assets())
+        bpy.context.area.spaces.active.show_region_ui = True
+    area = browser()
+    space = area.spaces.active
+    space.show_region_toolbar = False
+    space.params.filter_search = PRESET
+    space.params.display_size_discrete = "LARGE"
+
+
+def browser():
+    return next(one for one in bpy.context.window_manager.windows[0].screen.areas if one.ui_type == "ASSETS")
+
+
+def drop():
+    steps.take_screenshot("presets.png")
+    answer["mouse"] = shutil.which("xdotool") is not None
+    if not answer["mouse"]:
+        return
+    window, _, viewport = steps.view()
+    region = next(one for one in browser().regions if one.type == "WINDOW")
+    begin = region.x + 60, window.height - (region.y + region.height - 60)
+    end = steps.on_screen(viewport.width * 0.45, viewport.height * 0.45)
+    way = [
+        (round(begin[0] + (end[0] - begin[0]) * k / 20), round(begin[1] + (end[1] - begin[1]) * k / 20))
+        for k in range(21)
+    ]
+    steps.drag([*way, end, end], 3.0)
+    answer["deadline"] = time.time() + LONGEST_RUN
+
+
+def finished():
+    if not answer["mouse"]:
+        return True
+    scatter = bpy.context.scene.esh_scatter.active
+    if (scatter is None or scatter.result is None) and time.time() < answer["deadline"]:
+        return False
+    ground = bpy.data.objects["Ground"]
+    answer["modifiers"] = [one.name for one in ground.modifiers]
+    answer["scatters"] = [one.name for one in bpy.context.scene.esh_scatter.scatters]
+    answer["placed"] = len(scatter.result.data.vertices) if scatter and scatter.result else 0
+    answer["asked"] = sum(one.count for one in scatter.classes) if scatter else 0
+    answer["groups"] = [one.name for one in bpy.data.node_groups if "esh_preset" in one]
+    return True
+
+
+def look():
+    steps.take_screenshot("dropped.png")
+
+
+steps.run(
+    [
+        (steps.install, 2.0),
+        (fill_in, 2.0),
+        (show_presets, 6.0),
+        (drop, 1.0),
+        (finished, 2.0),
+        (look, 0.5),
+        (steps.end, 1.0),
+    ]
+)
