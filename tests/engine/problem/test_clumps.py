@@ -56,7 +56,7 @@ def test_clumps_leave_the_means_of_a_density_with_edges():
     asked = np.kron(image, np.ones([n // 160 for n in clumped.shape]))
     change = clumped / clumped.mean() - asked / asked.mean()
     blurred = gaussian_filter(change, 1.6 * 1.6 / 40.0 * len(change), mode="wrap")
-    assert np.sqrt((blurred**2).mean()) < 0.008
+    assert np.sqrt((blurred**2).mean()) < 0.006
 
 
 def test_bodies_stand_in_clumps_and_the_density_at_large_is_kept():
