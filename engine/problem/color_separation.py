@@ -113,7 +113,7 @@ MODELS: dict[str, InkModel] = {name: _model(name, *letters_and_pairs) for name, 
 
 
 def separate(image: np.ndarray, model: str | InkModel = DEFAULT_MODEL) -> np.ndarray:
-    """Split an image into ink channels by achromatic composition (section 5).
+    """Split an image into ink channels by achromatic composition (section 5 of Schmaltz, Gwosdek and Weickert 2012).
 
     Inks that hold several colors are taken out first, from black downwards: each gets the minimum of the channels that it
     holds, which then lose it. So the channels of all inks add up to 1 - image, for every color.
@@ -167,7 +167,7 @@ def halftone_problem(
         class_separation: The alpha of Schmaltz, Gwosdek and Weickert 2012.
         size_emphasis: Its C.
         rare_emphasis: How much more evenly inks of few dots are spread among themselves; 0 is the paper's.
-        density_correction: Of every channel (section 3).
+        density_correction: Of every channel (section 3 of that paper).
         seed: Of the problem.
 
     Raises:
