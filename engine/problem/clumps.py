@@ -1,8 +1,7 @@
 """Clumps: a density that is denser in spots and thinner between them, and the same as before at large.
 
-The density is multiplied by the exponential of a random field of one wavelength. What that changes of the density's longer waves is
-taken back, so that clumps say where bodies are within a wavelength, and the density where they are beyond it. The product counts, not
-the field: where a density has edges, short waves times these are long ones.
+The density is multiplied by the exponential of a random field of one wavelength. What that has of longer waves is taken out, so that
+clumps say where bodies are within a wavelength, and the density where they are beyond it.
 """
 
 from __future__ import annotations
@@ -63,9 +62,8 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     shape = _shape(image, size, domain, body_class.name)
     factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), factors[0], axis=0), factors[1], axis=1)
-    contrast, random = CONTRAST * body_class.clustering, np.random.default_rng([seed, 8, index])
-    fine *= _factor(fine, size, domain, contrast, random)
-    return replace(body_class, density_image=fine.astype(np.float32))
+    factor = _factor(shape, size, domain, CONTRAST * body_class.clustering, np.random.default_rng([seed, 8, index]))
+    return replace(body_class, density_image=(fine * factor).astype(np.float32))
 
 
 def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[int, int]:
@@ -88,73 +86,36 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
 
 
 def _factor(
-    density: np.ndarray, size: float, domain: Domain, contrast: float, random: np.random.Generator
+    shape: tuple[int, int], size: float, domain: Domain, contrast: float, random: np.random.Generator
 ) -> np.ndarray:
-    """What a density is multiplied by at its pixels: clumps, and nothing that changes its longer waves."""
+    """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
     count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
-    step = [length / many for length, many in zip(domain.size[::-1], count, strict=True)]
-    asked = _means(_means(density, count[0]).T, count[1]).T
-    factor = np.exp(contrast * _noise(count, step, WAVELENGTH * size, domain.periodic, random))
-    factor *= asked.sum() / (factor * asked).sum()
-    clumped = factor
-    clumped *= asked
-    wave = _waves(count, step, wraps=domain.periodic)
-    # In place, as all of this: grids may have millions of pixels.
+    step_y, step_x = (length / many for length, many in zip(domain.size[::-1], count, strict=True))
+    if domain.periodic:
+        wave = np.hypot(np.fft.fftfreq(count[0], step_y)[:, None], np.fft.rfftfreq(count[1], step_x)[None, :])
+    else:
+        # What does not wrap goes on as in mirrors, and is made of cosines: clumps at an edge are whole ones.
+        along_y, along_x = (
+            0.5 * np.arange(many) / (many * step) for many, step in zip(count, (step_y, step_x), strict=True)
+        )
+        wave = np.hypot(along_y[:, None], along_x[None, :])
     wave *= WAVELENGTH * size
-    times = min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // wave.size))
-    _take_long_waves_out(clumped, asked, wave, domain.periodic, times)
-    # Where there is nothing, it does not matter.
-    factor = np.divide(clumped, asked, out=np.ones_like(clumped), where=asked > 1e-9 * asked.max())
-    np.clip(factor, 0.5 * LEAST_FACTOR, 2.0 * float(np.exp(contrast * HIGHEST)), out=factor)
-    return _stretched(_stretched(factor, density.shape[0], domain.periodic).T, density.shape[1], domain.periodic).T
-
-
-def _take_long_waves_out(clumped: np.ndarray, asked: np.ndarray, wave: np.ndarray, wraps: bool, times: int) -> None:
-    """Take the waves that are longer than clumps out of what clumps change of a density, in place.
-
-    Args:
-        clumped: The density with clumps.
-        asked: The density.
-        wave: Wave numbers, in those of clumps.
-        wraps: Whether the density wraps; otherwise it goes on as in mirrors.
-        times: How often.
-    """
+    factor = np.exp(contrast * _noise(count, wave, domain.periodic, random))
+    factor /= factor.mean()
     low, high = LOWEST_WAVES
-    kept = np.clip((wave - low) / (high - low), 0.0, 1.0)
+    # In place, as all of this: grids may have millions of pixels.
+    kept = np.clip((wave - low) / (high - low), 0.0, 1.0, out=wave)
     kept *= kept * (3.0 - 2.0 * kept)
-    most = asked * float((clumped / np.maximum(asked, 1e-9 * asked.max())).max())
-    for _ in range(times):
-        # What is cut off on both sides has long waves again, though fewer.
-        np.clip(clumped, LEAST_FACTOR * asked, most, out=clumped)
-        clumped -= asked
-        clumped[:] = filter_waves(clumped, kept, wraps)
-        clumped += asked
+    for _ in range(min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // factor.size))):
+        # What is cut off below has long waves again, though fewer.
+        factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
+    factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
+    return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
 
 
-def _means(values: np.ndarray, count: int) -> np.ndarray:
-    """Means of values over so many parts of equal length along the first axis."""
-    many = len(values)
-    running = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    end = np.arange(count + 1) * (many / count)
-    low = np.minimum(end.astype(np.int64), many - 1)
-    share = (end - low)[:, None]
-    return np.diff((1.0 - share) * running[low] + share * running[low + 1], axis=0) * (count / many)
-
-
-def _waves(count: list[int], step: list[float], *, wraps: bool) -> np.ndarray:
-    """Wave numbers of a grid [1/m]; of one that goes on as in mirrors those of its cosines."""
-    if wraps:
-        return np.hypot(np.fft.fftfreq(count[0], step[0])[:, None], np.fft.rfftfreq(count[1], step[1])[None, :])
-    along_y, along_x = (0.5 * np.arange(many) / (many * one) for many, one in zip(count, step, strict=True))
-    return np.hypot(along_y[:, None], along_x[None, :])
-
-
-def _noise(
-    count: list[int], step: list[float], wavelength: float, wraps: bool, random: np.random.Generator
-) -> np.ndarray:
+def _noise(count: list[int], wave: np.ndarray, wraps: bool, random: np.random.Generator) -> np.ndarray:
     """Noise of waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
-    # What does not wrap goes on as in mirrors, and is made of cosines: clumps at an edge are whole ones.
-    band = np.exp(-0.5 * ((_waves(count, step, wraps=wraps) * wavelength - 1.0) / BAND) ** 2)
+    band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
     band[0, 0] = 0.0
     noise = filter_waves(random.standard_normal(count), band, wraps)
     # Where the domain is smaller than a clump there is next to nothing.
