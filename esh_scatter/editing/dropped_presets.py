@@ -23,7 +23,7 @@ PAUSE = 0.5
 
 
 @persistent
-def _brought_in(context: Any, *_arguments: object) -> None:
+def notice_dropped_presets(context: Any, *_arguments: object) -> None:
     """Look whether a preset is among what was brought in; Blender calls it, before the mesh has its modifier."""
     items = (one.id for one in context.import_items)
     if any(isinstance(item, bpy.types.NodeTree) and PRESET in item for item in items):
@@ -113,12 +113,12 @@ def _say(text: str) -> None:
 
 def attach() -> None:
     """Have presets taken that are dragged onto meshes from now on."""
-    bpy.app.handlers.blend_import_post.append(_brought_in)
+    bpy.app.handlers.blend_import_post.append(notice_dropped_presets)
 
 
 def detach() -> None:
     """Leave them to Blender."""
-    if _brought_in in bpy.app.handlers.blend_import_post:
-        bpy.app.handlers.blend_import_post.remove(_brought_in)
+    if notice_dropped_presets in bpy.app.handlers.blend_import_post:
+        bpy.app.handlers.blend_import_post.remove(notice_dropped_presets)
     if bpy.app.timers.is_registered(_take):
         bpy.app.timers.unregister(_take)

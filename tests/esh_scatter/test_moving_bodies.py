@@ -32,7 +32,9 @@ def test_bodies_are_seen_on_the_surface_in_the_colors_of_their_classes(job, monk
 
     def progress(now):
         bodies.see(now)
-        seen.append(bodies.points.copy())
+        # Of few bodies, starts are tried before the first step.
+        if now.step:
+            seen.append(bodies.points.copy())
 
     job.solve(progress)
     assert len(seen) == 8 and all(points.shape == (50, 3) for points in seen)

@@ -53,7 +53,7 @@ def test_unregistering_removes_everything_however_often_it_is_done():
         assert {"Scene.esh", "esh.scatter", "menu"} <= registered
         assert {"TOPBAR_MT_file_export._draw_export", "TOPBAR_MT_file_import._draw_import"} <= registered
         handlers = {name.partition(":")[2] for name in registered if ":" in name}
-        assert handlers == {"bring_up_to_date", "pack_painted_images"}, (
+        assert handlers == {"bring_up_to_date", "notice_dropped_presets", "pack_painted_images"}, (
             "no other handler may be installed while nothing runs"
         )
         registration.unregister()
