@@ -60,7 +60,7 @@ def solve(
         steps, converged = solver.run(max_steps, None if progress is None else watched)
         solver.separate(None if progress is None else watched.go_on)
         with solver.launcher.phase("report"):
-            placement = solver.placement()
+            placement = solver.last_placement()
             report = measure(placement, solver.launcher)
         converged = converged and not (problem.avoid_overlap and report.overlaps)
         seconds = time.perf_counter() - start_time

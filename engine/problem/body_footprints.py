@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import numpy as np
 
@@ -127,8 +128,20 @@ def _perimeter(outline: Footprint) -> float:
     return float(np.hypot(*edges.T).sum()) + 2.0 * math.pi * outline.rounding
 
 
+# Of a million bodies they take a tenth of a solver's memory; kept as long as somebody has them.
+_made: WeakKeyDictionary[Problem, ReferenceType[BodyFootprints]] = WeakKeyDictionary()
+
+
 def footprints_of(problem: Problem) -> BodyFootprints:
     """Return the outlines of all bodies of ``problem``: the same ones whenever it is asked."""
+    made = _made[problem]() if problem in _made else None
+    if made is None:
+        made = _footprints(problem)
+        _made[problem] = ref(made)
+    return made
+
+
+def _footprints(problem: Problem) -> BodyFootprints:
     sizes = [(c, s, size) for c, k in enumerate(problem.classes) for s, size in enumerate(k.sizes)]
     counts = [size.count or 0 for _, _, size in sizes]
     n = sum(counts)

@@ -134,6 +134,7 @@ class Solver:
         flags: np.ndarray | None = None,
     ) -> None:
         self.launcher = Launcher(resolve_device(device), profile)
+        self._left_at: np.ndarray | None = None
         try:
             check_memory(problem)
             with self.launcher.phase("set-up"):
@@ -453,6 +454,18 @@ class Solver:
                 placement = replace(placement, width=with_widths(placement, self.launcher))
         return placement
 
+    def last_placement(self) -> Placement:
+        """Return what :meth:`placement` does, and let go of what steps need, so that a report can have the memory.
+
+        Nothing can be stepped after that.
+        """
+        placement = self.placement()
+        # Whoever was told how the run goes may ask where bodies are even now.
+        self._left_at = placement.position
+        self.launcher.release(self.descent.step)
+        del self.descent
+        return placement
+
     def close(self) -> None:
         """Give the threads back; nothing can be stepped after that."""
         self.launcher.close()
@@ -473,6 +486,8 @@ class Solver:
         return spread(self.launcher, problem.rectangle, densities, counts, seed)
 
     def _position(self) -> np.ndarray:
+        if self._left_at is not None:
+            return self._left_at.copy()
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
         return position_in_meters(self.model, self.descent.state)
