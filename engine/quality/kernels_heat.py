@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import warp as wp
+
+from .kernels_sheets import on_one_sheet
 
 wp.set_module_options({"enable_backward": False})
 
@@ -33,24 +33,6 @@ def chebyshev_step(
     result[i] = result[i] + factor * new
 
 
-# Bodies on one sheet of a surface see each other along it: the way between them leaves both planes, together, by as much as these are
-# turned. Where it does so by this much more [rad], they lie on two sheets, one above the other.
-STEEPER = wp.constant(math.pi / 3.0)
-
-
-@wp.func
-def on_one_sheet(way: wp.vec3, distance: float, normal: wp.vec3, other: wp.vec3):
-    """Whether what lies at a way from here, where the surface looks along ``other``, lies on the sheet of the surface that is here."""
-    cosine = wp.dot(normal, other)
-    if cosine <= 0.0:
-        return False
-    if distance == 0.0:
-        return True
-    leaves = wp.asin(wp.min(wp.abs(wp.dot(way, normal)) / distance, 1.0))
-    leaves += wp.asin(wp.min(wp.abs(wp.dot(way, other)) / distance, 1.0))
-    return leaves <= wp.acos(wp.min(cosine, 1.0)) + STEEPER
-
-
 @wp.kernel
 def nearest_distance(
     first: int,
@@ -71,6 +53,7 @@ def nearest_distance(
         if j != i:
             way = position[j] - own
             away = wp.length(way)
-            if away < least and on_one_sheet(way, away, normal[i], normal[j]):
-                least = away
+            if away < least:
+                if on_one_sheet(wp.vec3d(way), wp.float64(away), wp.vec3d(normal[i]), wp.vec3d(normal[j])):
+                    least = away
     distance[i] = least
