@@ -204,14 +204,15 @@ def relax(
         # Charges per area of a footprint, before anything fades.
         scale = model.charge_count / float(model.body.area.sum())
         local = bodies.position - box.low
-        model.charge = replace(model.charge, charge=model.charge.charge * _fading(box, bodies, model, taper))
+        whole_charge = model.charge.charge
+        model.charge = replace(model.charge, charge=whole_charge * _fading(box, bodies, model, taper))
         pose = np.zeros((len(bodies), 4))
         pose[:, :2] = np.clip(local, 0.0, box.size) / model.unit
         pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
         pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
         present = np.unique(plan.groups.group_of(bodies.identity))
         targets = _targets(plan, box, model, present, totals, scale, taper)
-        descent = Descent(model, launcher, pose=pose, targets=targets)
+        descent = Descent(model, launcher, pose=pose, targets=targets, whole_charge=whole_charge)
         factors = _LengthFactors.of(plan, model, present)
         factors.give(length_factor, descent.state)
     try:
@@ -501,7 +502,7 @@ def _targets(
 ) -> list[FieldTarget]:
     """What attracts every group: its share of the whole problem's charge that belongs here, faded as the charges are."""
     names = [c.name for c in plan.problem.classes]
-    faded: dict[int, tuple[np.ndarray, float]] = {}
+    faded: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}
     result = []
     for g, group in enumerate(present.tolist()):
         c = int(model.groups.class_index[g])
@@ -513,12 +514,12 @@ def _targets(
             y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
             dim = np.maximum(image * box.fade(x[None, :], y[:, None], taper), LEAST_FADED * image).astype(np.float32)
             pixel = box.size[0] * box.size[1] / image.size
-            faded[c] = dim, float(dim.sum(dtype=np.float64)) * pixel
-        dim, held = faded[c]
+            faded[c] = image, dim, float(dim.sum(dtype=np.float64)) * pixel
+        image, dim, held = faded[c]
         whole = totals[names.index(model.problem.classes[c].name)]
         share = held / whole if whole > 0.0 else 0.0
         charge = scale * float(plan.groups.count[group]) * float(plan.groups.mean_area[group]) * share
-        result.append(FieldTarget(dim, charge, class_index=c))
+        result.append(FieldTarget(dim, charge, class_index=c, whole=image))
     return result
 
 
