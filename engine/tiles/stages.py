@@ -14,7 +14,8 @@ from .layout import Box
 from .part_times import PartTimes
 from .plan import Plan, TileRun, make_plan
 from .tile_files import TILE_WRITERS, tile_name
-from .window import density_of_class, onto_densities, relax, start_bodies
+from .window import onto_densities, relax, start_bodies
+from .window_problem import density_of_class
 
 __all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "PartDone", "flow_folder", "make_part", "part_path", "stage_names"]
 
