@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-import io
+import contextlib
 import os
 import secrets
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from ..errors import EshError
 from .coarse import Patch
 
-__all__ = ["PartBodies", "read_bodies", "read_length_factor", "read_patch", "write_atomically", "write_part"]
+__all__ = [
+    "PartBodies",
+    "read_bodies",
+    "read_length_factor",
+    "read_patch",
+    "write_atomically",
+    "write_part",
+    "written_atomically",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +97,8 @@ def write_part(path: Path, bodies: PartBodies, patch: Patch, length_factor: np.n
         arrays["turn"] = bodies.turn
     if bodies.bend.size:
         arrays["bend"] = bodies.bend
-    file = io.BytesIO()
-    np.savez(file, **arrays, patch=patch.values, corner=np.array([patch.row, patch.column]))
-    write_atomically(path, file.getvalue())
+    with written_atomically(path) as file:
+        np.savez(file, **arrays, patch=patch.values, corner=np.array([patch.row, patch.column]))
 
 
 def read_bodies(path: Path) -> PartBodies:
@@ -126,10 +135,19 @@ def _opened(path: Path) -> np.lib.npyio.NpzFile:
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a file that is there as a whole, or not at all, whenever the process is killed."""
+    with written_atomically(path) as file:
+        file.write(content)
+
+
+@contextlib.contextmanager
+def written_atomically(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file to write to, which is there as a whole once the block ends, or not at all."""
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
-        beside.write_bytes(content)
+        with beside.open("wb") as file:
+            yield file
         os.replace(beside, path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise EshError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}") from None
+    finally:
+        beside.unlink(missing_ok=True)

@@ -31,7 +31,7 @@ from ..space.support import images_for_kernels
 from .bodies import PartBodies
 from .density_windows import into_pixels
 from .groups import in_turns
-from .layout import Box
+from .layout import Box, within
 from .part_times import PartTimes
 from .plan import Plan
 from .window_problem import MARGIN, model_of, pixels_of
@@ -196,7 +196,7 @@ def relax(
         whole_charge = model.charge.charge
         model.charge = replace(model.charge, charge=whole_charge * _fading(box, bodies, model, taper))
         pose = np.zeros((len(bodies), 4))
-        pose[:, :2] = np.clip(local, 0.0, box.size) / model.unit
+        pose[:, :2] = within(local, (0.0, 0.0), box.size) / model.unit
         pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
         pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
         present = np.unique(plan.groups.group_of(bodies.identity))
@@ -360,6 +360,8 @@ def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
 def _fading(box: Box, bodies: PartBodies, model: Model, taper: float) -> np.ndarray:
     """How much every charge counts: less and less towards a cut. Only those of pinned bodies are so near to one."""
     body, axial = model.charge.body, model.charge.axial
+    if not axial.any():
+        return box.fade(bodies.position[:, 0], bodies.position[:, 1], taper)
     along = 0.5 * bodies.length[body] * axial
     x = bodies.position[body, 0] + along * np.cos(bodies.angle[body])
     y = bodies.position[body, 1] + along * np.sin(bodies.angle[body])
@@ -382,11 +384,12 @@ def _targets(
         if c not in faded:
             image = model.problem.classes[c].density_image
             image = image if image.any() else np.ones_like(image)
-            rows, columns = image.shape
+            # What is even fades all the same.
+            rows, columns = image.shape if image.size > 1 else pixels_of(plan, box)
             x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
             y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
-            dim = np.maximum(image * box.fade(x[None, :], y[:, None], taper), LEAST_FADED * image).astype(np.float32)
-            pixel = box.size[0] * box.size[1] / image.size
+            dim = image * np.maximum(box.fade(x[None, :], y[:, None], taper), LEAST_FADED, dtype=np.float32)
+            pixel = box.size[0] * box.size[1] / dim.size
             faded[c] = image, dim, float(dim.sum(dtype=np.float64)) * pixel
         image, dim, held = faded[c]
         whole = totals[names.index(model.problem.classes[c].name)]
@@ -410,10 +413,14 @@ def _in_support(model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarr
 def _settled(plan: Plan, box: Box, model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Positions in the domain of bodies of a box: rounded, inside it, and the chosen ones where they may be."""
     grain = 2.0 ** math.floor(math.log2(plan.spacing * ROUNDING))
-    low = np.array(box.low)
-    rounded = np.round((local + low) / grain) * grain
+    rounded = np.empty_like(local)
+    for axis in (0, 1):
+        rounded[:, axis] = np.rint((local[:, axis] + box.low[axis]) / grain)
+    rounded *= grain
     rounded = box.confine(rounded)
-    dots = chosen & (model.body.kind < 0)
-    result = _in_support(model, np.clip(rounded - low, 0.0, box.size), dots)
-    same = result == np.clip(rounded - low, 0.0, box.size)
-    return box.confine(np.where(same, rounded, result + low))
+    if all((support > 0.0).all() for support in model.supports):
+        return rounded
+    low = np.array(box.low)
+    inside = within(rounded - low, (0.0, 0.0), box.size)
+    result = _in_support(model, inside, chosen & (model.body.kind < 0))
+    return box.confine(np.where(result == inside, rounded, result + low))

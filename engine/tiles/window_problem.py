@@ -219,7 +219,14 @@ def _pixels_under(begin: int, end: int, units: int, pixels: int, least: int) -> 
 
 @lru_cache(maxsize=8)
 def _density(plan: Plan, class_index: int, box: Box) -> np.ndarray:
-    return sample_source(plan.sources[class_index], box.down, box.across, pixels_of(plan, box))
+    """Density of a class in a box; a single pixel where it is everywhere the same, and no obstacle asks for finer ones."""
+    source = plan.sources[class_index]
+    if not plan.problem.obstacles and source.shape == (1, 1):
+        return np.array(source.read(0, 1, 0, 1), np.float32)
+    image = sample_source(source, box.down, box.across, pixels_of(plan, box))
+    if not plan.problem.obstacles and float(image.min()) == float(image.max()):
+        return np.ascontiguousarray(image[:1, :1])
+    return image
 
 
 def pixels_of(plan: Plan, box: Box) -> tuple[int, int]:
