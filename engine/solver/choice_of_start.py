@@ -69,8 +69,9 @@ def number_of_starts(model: Model) -> int:
     """From how many starts to solve: 1 unless there are so few bodies that several cost little, and some of them can move."""
     classes = model.problem.classes
     most = max((c.body_count for c in classes), default=0)
-    free = int(((model.body.flags & BodyFlags.PINNED) == 0).sum())
-    if most > FEW or model.charge_count > FEW_CHARGES or free < 2:
+    if most > FEW or model.charge_count > FEW_CHARGES:
+        return 1
+    if int(((model.body.flags & BodyFlags.PINNED) == 0).sum()) < 2:
         return 1
     return min(STARTS + STARTS_PER_CLASS * (len(classes) - 1), MOST_STARTS_OF_GROUPS // model.groups.count)
 
