@@ -24,7 +24,7 @@ from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import RunSettings, ScatterSettings
 from ...engine.problem.settings import takes, values_of
 from ...engine.problem.validation import as_whole, check_name, show
-from ...engine.solve import solve
+from ...engine.solve import moved, solve
 from ...engine.solver.solver import Progress
 from ...engine.surface.chart import Chart
 from ...engine.surface.instances import Instances
@@ -52,6 +52,10 @@ __all__ = ["ScatterJob", "ScatterResult"]
 # What positions may be rounded by, as a share of the root of the smallest footprint: less than the report sees of an overlap, or than
 # anybody sees where overlap does not count.
 UNREPORTED, UNSEEN = 1e-3, 0.05
+ROUNDED = (
+    "so far from the world's origin Blender rounds positions to {:.2g} m; the report tells of objects where it puts them; move the "
+    "scene nearer to the origin"
+)
 
 
 class _Reading(NamedTuple):
@@ -285,10 +289,18 @@ class ScatterJob:
 
     def stand(self, placement: Placement) -> None:
         """Take a placement of :attr:`problem` for the answer, and stand its objects on the surface; touches nothing of Blender."""
-        self._points = self._result_points(placement)
-        note = _rounding_note(placement, self._points.instances.position)
-        if note is not None and placement.report is not None:
+        points = self._result_points(placement)
+        stored = points.instances.position
+        if placement.report is not None and _is_rounded(placement, stored):
+            # The report is of what is there; what each object stands like has been drawn, and stays.
+            error = stored - (points.surface.position + points.to_origin)
+            placement = moved(
+                placement, placement.position + error[:, : placement.position.shape[1]], self.settings.device
+            )
+            assert placement.report is not None
+            note = ROUNDED.format(np.spacing(np.abs(stored).max()))
             placement = replace(placement, report=replace(placement.report, notes=(*placement.report.notes, note)))
+        self._points = points
         self.placement = placement
 
     def start_of(self, places: KeptPlaces) -> dict[str, Any]:
@@ -405,17 +417,12 @@ def _variants(
     return variant
 
 
-def _rounding_note(placement: Placement, position: np.ndarray) -> str | None:
-    """Say so where Blender, which holds positions in the world as float32, rounds them by more than the report sees of an overlap."""
+def _is_rounded(placement: Placement, position: np.ndarray) -> bool:
+    """Tell whether Blender, which holds positions in the world as float32, rounds them by more than the report sees of an overlap."""
     if not len(position):
-        return None
-    rounded = float(np.spacing(np.abs(position).max()))
-    if rounded <= (UNREPORTED if placement.problem.avoid_overlap else UNSEEN) * math.sqrt(float(placement.area.min())):
-        return None
-    return (
-        f"so far from the world's origin Blender rounds positions to {rounded:.2g} m: objects may overlap where the report says that "
-        "none do; move the scene nearer to the origin"
-    )
+        return False
+    allowed = (UNREPORTED if placement.problem.avoid_overlap else UNSEEN) * math.sqrt(float(placement.area.min()))
+    return float(np.spacing(np.abs(position).max())) > allowed
 
 
 def _check_pinned(pinned: object, class_count: int) -> bool | list[int | None]:
