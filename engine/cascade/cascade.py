@@ -27,7 +27,7 @@ from ..surface import kernels_facets
 from ..surface.facets import Facets
 from . import kernels_cascade
 from .kernels_points import Points
-from .points import Lists, chosen, empty_points, grid_of, lists_of, nearest_of, running_sum, thinned
+from .points import Lists, chosen, empty_points, grid_of, lists_of, nearest_of, running_sum, runs_of, thinned
 
 __all__ = ["Cascade"]
 
@@ -42,10 +42,13 @@ WEIGHT_REACH = math.sqrt(kernels_cascade.REACH_SQUARED)
 HOME_DISTANCE = 0.8
 # A Gaussian of a level ends at this many of its widths.
 OCTAVE_REACH = 3.5
-# The near part: where it ends over the width of its widest Gaussian, octaves, and entries of its table.
+# The near part: where it ends over the width of its widest Gaussian; octaves of the target's, and entries of its table.
 NEAR_REACH = 3.6
 NEAR_OCTAVES = 13
 TABLE_SIZE = 2048
+# Octaves that are taken from -log r to have the near part between charges, and places that its polynomial is fitted to.
+FAR_OCTAVES = 40
+FITTED = 4001
 # Nodes whose normals are farther apart see nothing of each other.
 LEAST_COSINE = -0.95
 # The target of the near part is blurred by this share of the spacing, as it is in the plane: bodies cannot resolve more, and
@@ -118,7 +121,7 @@ class Cascade:
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
         self._charge = wp.array(charge, dtype=float, device=device)
         self._group = wp.array(charge_group, dtype=wp.int32, device=device)
-        table, table_of_target = self._make_tables()
+        table_of_target = self._make_table()
 
         tiles = empty_points(launcher, facets.tile_count)
         launcher.launch(
@@ -149,10 +152,12 @@ class Cascade:
         of_tile[full] = home.numpy()
         self.home = wp.array(of_tile, dtype=wp.int32, device=device)
         self._weights = _weights_of(launcher, nodes, width, length)
-        pairs = lists_of(launcher, nodes, nodes, table.cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE)
+        cutoff = NEAR_REACH / math.sqrt(2.0) * length
+        pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
         self._nearby = kernels_cascade.NearPart()
-        self._nearby.start, self._nearby.pair = pairs.start, pairs.entry
-        self._nearby.table, self._nearby.interaction = table, self._interaction
+        self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
+        self._nearby.term = wp.array(_near_terms(cutoff / length), dtype=float, device=device)
+        self._nearby.interaction = self._interaction
         columns = np.concatenate([share[:, full], facets.tile_area[None, full]])
         on_nodes = self._shared_out(quarters, home, columns)
         self.node_share, self.node_area = on_nodes[:-1], on_nodes[-1]
@@ -235,7 +240,7 @@ class Cascade:
             assert lists is not None
             self.launcher.launch(
                 kernels_cascade.multiply,
-                len(result),
+                (len(lists.start) - 1) * groups,
                 [lists.start, lists.entry, value, column, groups, add],
                 [result],
                 grain=GRAIN_OF_NEIGHBORS,
@@ -250,24 +255,13 @@ class Cascade:
             if level.up is not None:
                 multiply(level.up, level.up_value, levels[number + 1].potential, 1, level.potential)
 
-    def _make_tables(self) -> tuple[kernels_cascade.NearTable, kernels_cascade.NearTable]:
-        """The near part between charges, and that between a charge and the target, up to where they end."""
+    def _make_table(self) -> kernels_cascade.NearTable:
+        """The near part between a charge and the target, up to where it ends: octaves of Gaussians, blurred."""
         squares = self._length**2 * 4.0 ** (0.5 - np.arange(1, NEAR_OCTAVES + 1))
         blurred = squares + (BLUR * self._length) ** 2
-        near = self._tabulated(NEAR_REACH / math.sqrt(2.0) * self._length, squares, np.ones(NEAR_OCTAVES), first=1.0)
-        of_target = self._tabulated(NEAR_REACH * math.sqrt(blurred[0]), blurred, squares / blurred)
-        return near, of_target
-
-    def _tabulated(
-        self, cutoff: float, squares: np.ndarray, heights: np.ndarray, first: float = 0.0
-    ) -> kernels_cascade.NearTable:
-        """Distance times force of Gaussians of these squared widths and heights; ``first`` is that at no distance.
-
-        Between charges that is 1: all of the octaves that are left out together.
-        """
-        ratio = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None] / squares
-        force = (math.log(2.0) * heights * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
-        force[0] = first
+        cutoff = NEAR_REACH * math.sqrt(blurred[0])
+        ratio = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None] / blurred
+        force = (math.log(2.0) * squares / blurred * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
         table = kernels_cascade.NearTable()
         table.force = wp.array(force, dtype=float, device=self.launcher.device)
         table.scale, table.cutoff = TABLE_SIZE / cutoff**2, cutoff
@@ -372,7 +366,9 @@ class Cascade:
             count = len(nodes.position)
             height = math.log(2.0) * (octave / rest) ** 2
             launcher.launch(kernels_cascade.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
-            charge, potential = (launcher.empty(count * self.group_count, float) for _ in range(2))
+            charge = launcher.empty(count * self.group_count, float)
+            # Kernels read beyond its end: see LANES.
+            potential = launcher.zeros(count * self.group_count + kernels_cascade.LANES, float)
             if octave > diagonal or count < FEWEST_NODES:
                 self._levels.append(_Level(near, value, charge, potential))
                 return
@@ -412,6 +408,15 @@ class Cascade:
         return tuple(result)
 
 
+def _near_terms(cutoff: float) -> np.ndarray:
+    """Factors of the polynomial of the near part between charges (:class:`.NearPart`): -log r less all octaves that go to nodes."""
+    squared = np.linspace(0.0, 1.0, FITTED)
+    ratio = cutoff**2 * squared[:, None] / 4.0 ** (np.arange(FAR_OCTAVES) + 0.5)
+    force = 1.0 - (math.log(2.0) * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
+    fit = np.polynomial.Chebyshev.fit(squared, force, kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0])
+    return fit.convert(kind=np.polynomial.Polynomial).coef
+
+
 def _homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Homed:
     """Points with their homes, as they are sorted by these."""
     homed = kernels_cascade.Homed()
@@ -422,15 +427,19 @@ def _homed(points: Points, home: wp.array, sort: CellSort) -> kernels_cascade.Ho
 def _room_for_sorted(launcher: Launcher, count: int) -> kernels_cascade.SortedCharges:
     """Room for charges in the order of their homes."""
     charges = kernels_cascade.SortedCharges()
-    charges.points, charges.row = empty_points(launcher, count), launcher.empty(count, kernels_cascade.Row)
+    charges.group = launcher.empty(count, wp.int32)
+    charges.plane = launcher.zeros(kernels_cascade.CHARGE_PLANES * count + kernels_cascade.LANES, float)
     return charges
 
 
 def _weights_of(launcher: Launcher, nodes: Points, width: float, length: float) -> kernels_cascade.Weights:
     """What points are shared out among: nodes of a level of a length, by weights of a width."""
-    near = lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length)
+    near = runs_of(launcher, lists_of(launcher, nodes, nodes, WEIGHT_REACH * width + HOME_DISTANCE * length))
     weights = kernels_cascade.Weights()
     weights.nodes, weights.start, weights.near, weights.width = nodes, near.start, near.entry, width
+    count = len(nodes.position)
+    weights.plane = launcher.zeros(kernels_cascade.NODE_PLANES * count + kernels_cascade.LANES, float)
+    launcher.launch(kernels_cascade.fill_planes, count, [nodes], [weights.plane])
     return weights
 
 

@@ -210,6 +210,64 @@ def list_near(
                     at += 1
 
 
+@wp.func_native("""
+    // Nearly in order already.
+    int* list = entry.data;
+    for (int k = begin + 1; k < end; ++k)
+    {
+        const int number = list[k];
+        int at = k;
+        for (; at > begin && list[at - 1] > number; --at) list[at] = list[at - 1];
+        list[at] = number;
+    }
+""")
+def put_in_order(begin: int, end: int, entry: wp.array(dtype=wp.int32)): ...
+
+
+@wp.kernel
+def count_runs(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    most_between: int,
+    # outputs
+    entry: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+):
+    """Put the numbers of every list in order, and count the runs in it: so many that lie between two do not end a run."""
+    i = first + wp.tid()
+    put_in_order(start[i], start[i + 1], entry)
+    found = int(0)
+    for k in range(start[i], start[i + 1]):
+        if k == start[i]:
+            found = 1
+        elif entry[k] - entry[k - 1] - 1 > most_between:
+            found += 1
+    count[i] = found
+
+
+@wp.kernel
+def list_runs(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    most_between: int,
+    entry: wp.array(dtype=wp.int32),
+    run_start: wp.array(dtype=wp.int32),
+    # outputs
+    run: wp.array(dtype=wp.vec2i),
+):
+    """Write what :func:`count_runs` counts: the first number of every run, and the one behind its last."""
+    i = first + wp.tid()
+    at = run_start[i]
+    for k in range(start[i], start[i + 1]):
+        if k == start[i]:
+            run[at] = wp.vec2i(entry[k], entry[k] + 1)
+        elif entry[k] - entry[k - 1] - 1 > most_between:
+            at += 1
+            run[at] = wp.vec2i(entry[k], entry[k] + 1)
+        else:
+            run[at] = wp.vec2i(run[at][0], entry[k] + 1)
+
+
 @wp.kernel
 def choose_points(
     first: int,

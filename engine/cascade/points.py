@@ -11,18 +11,23 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_points
 
-__all__ = ["Lists", "chosen", "empty_points", "grid_of", "lists_of", "nearest_of", "running_sum", "thinned"]
+__all__ = ["Lists", "chosen", "empty_points", "grid_of", "lists_of", "nearest_of", "running_sum", "runs_of", "thinned"]
 
 # Slots of a table for every point in it.
 SLOTS_PER_POINT = 2
 # Points that are far denser than they are to be kept are first made as few as there are cells of this share of the distance.
 CELLS_OF_RADIUS = 4.0
 CROWDED = 0.5
+# Numbers that a run takes in rather than end.
+MOST_BETWEEN = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Lists:
-    """Lists of numbers, one after the other: where each starts, shape ``[n + 1]``, and all numbers, both ``wp.int32``."""
+    """Lists one after the other: where each starts, ``wp.int32``, shape ``[n + 1]``, and what is in them.
+
+    Numbers, ``wp.int32``; or runs of them, ``wp.vec2i``: the first, and the one behind the last.
+    """
 
     start: wp.array
     entry: wp.array
@@ -123,6 +128,21 @@ def lists_of(
     entry = launcher.empty(max(total, 1), wp.int32)
     launcher.launch(kernels_points.list_near, n, [*inputs, start], [entry], grain=GRAIN_OF_NEIGHBORS)
     return Lists(start, entry)
+
+
+def runs_of(launcher: Launcher, lists: Lists) -> Lists:
+    """Lists of numbers as runs of them; with a few more numbers, so that the CPU, which takes several at once, has fewer runs."""
+    between = 0 if launcher.device.is_cuda else MOST_BETWEEN
+    n = len(lists.start) - 1
+    count = launcher.empty(n, wp.int32)
+    launcher.launch(
+        kernels_points.count_runs, n, [lists.start, between], [lists.entry, count], grain=GRAIN_OF_NEIGHBORS
+    )
+    start, total = running_sum(launcher, count)
+    run = launcher.empty(max(total, 1), wp.vec2i)
+    inputs = [lists.start, between, lists.entry, start]
+    launcher.launch(kernels_points.list_runs, n, inputs, [run], grain=GRAIN_OF_NEIGHBORS)
+    return Lists(start, run)
 
 
 def running_sum(launcher: Launcher, count: wp.array) -> tuple[wp.array, int]:
