@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..surface.kernels_facets import Facets, interpolated
-from .kernels_points import PointGrid, Points, cell_around, cell_at, same_cell, slot_of
+from .kernels_points import PointGrid, Points, cell_around, cell_at, slot_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -90,6 +90,18 @@ class NearPart:
 
 
 @wp.struct
+class Sources:
+    """Points that a target is drawn to, in the order of their cells: their part, and numbers, each of all points after the one before.
+
+    These are x, y and z, those of the normal, and the charge of every image.
+    """
+
+    grid: PointGrid
+    label: wp.array(dtype=wp.int32)
+    plane: wp.array(dtype=float)
+
+
+@wp.struct
 class NearTarget:
     """The near part of the target's force at corners of tiles, image after image, and the charge of each that every group sees."""
 
@@ -141,9 +153,12 @@ _LANES = f"""
     const int lanes = 1;
     const I lane = 0;
     auto load = [](const float* from) -> V {{ return from[0]; }};
+    auto numbers = [](const int* from) -> I {{ return from[0]; }};
     auto get = [](const float* from, I at) -> V {{ return from[at]; }};
     auto sum = [](V v) -> float {{ return v; }};
     auto most = [](V a, V b) -> V {{ return fmaxf(a, b); }};
+    auto whole = [](V v) -> I {{ return (int)v; }};
+    auto real = [](I v) -> V {{ return (float)v; }};
 #else
     typedef float V __attribute__((ext_vector_type({LANES})));
     typedef int I __attribute__((ext_vector_type({LANES})));
@@ -153,6 +168,12 @@ _LANES = f"""
     {{
         V v;
         __builtin_memcpy(&v, from, sizeof(V));
+        return v;
+    }};
+    auto numbers = [](const int* from) -> I
+    {{
+        I v;
+        __builtin_memcpy(&v, from, sizeof(I));
         return v;
     }};
     auto get = [](const float* from, I at) -> V
@@ -168,8 +189,9 @@ _LANES = f"""
         return two.x + two.y;
     }};
     auto most = [](V a, V b) -> V {{ return a > b ? a : b; }};
+    auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
+    auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
 #endif
-    const int* runs = (const int*)near.data;
     const float* x = plane.data;
     const float* y = x + count;
     const float* z = y + count;
@@ -194,8 +216,8 @@ Moments = wp.types.vector(6, wp.float32)
     V m00 = (V)0.0f, m01 = (V)0.0f, m02 = (V)0.0f, m11 = (V)0.0f, m12 = (V)0.0f, m22 = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
-        const int end = runs[2 * k + 1];
-        for (int j = runs[2 * k]; j < end; j += lanes)
+        const int end = near.data[k][1];
+        for (int j = near.data[k][0]; j < end; j += lanes)
         {{
             {_WEIGHT}
             const V a = (dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width;
@@ -236,8 +258,8 @@ def moments_of(
     V s0 = (V)0.0f, s1 = (V)0.0f, s2 = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
-        const int end = runs[2 * k + 1];
-        for (int j = runs[2 * k]; j < end; j += lanes)
+        const int end = near.data[k][1];
+        for (int j = near.data[k][0]; j < end; j += lanes)
         {{
             {_WEIGHT}
             const V f = w * (group_count == 1 ? load(potential.data + j) : get(potential.data, (j + lane) * group_count + group));
@@ -276,8 +298,8 @@ def potential_of(
     V alone = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
-        const int end = charge_start.data[runs[2 * k + 1]];
-        for (int j = charge_start.data[runs[2 * k]]; j < end; j += lanes)
+        const int end = charge_start.data[near.data[k][1]];
+        for (int j = charge_start.data[near.data[k][0]]; j < end; j += lanes)
         {{
             {_WEIGHT}
             // The way leads from the charge to the node.
@@ -320,8 +342,8 @@ def gather_at_node(
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
-        const int end = charge_start.data[runs[2 * k + 1]];
-        for (int j = charge_start.data[runs[2 * k]]; j < end; j += lanes)
+        const int end = charge_start.data[near.data[k][1]];
+        for (int j = charge_start.data[near.data[k][0]]; j < end; j += lanes)
         {{
             const V dx = position[0] - load(x + j);
             const V dy = position[1] - load(y + j);
@@ -366,6 +388,46 @@ def sum_near(
     term: wp.array(dtype=float),
     interaction: wp.array(dtype=float),
     group_count: int,
+) -> wp.vec3: ...
+
+
+@wp.func_native(f"""{_LANES}
+    const float* charge = up_z + (column + 1) * count;
+    const int last = table.shape[0] - 2;
+    V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
+    for (int j = begin; j < end; j += lanes)
+    {{
+        const V dx = position[0] - load(x + j);
+        const V dy = position[1] - load(y + j);
+        const V dz = position[2] - load(z + j);
+        const V square = dx * dx + dy * dy + dz * dz;
+        const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
+        const V at = square * table_scale;
+        I cell = whole(at);
+        cell = cell > last ? (I)last : cell;
+        const V low = get(table.data, cell);
+        const V force = low + (at - real(cell)) * (get(table.data, cell + 1) - low);
+        V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
+        strength = ((square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end)) ? strength : (V)0.0f;
+        to_x += strength * dx;
+        to_y += strength * dy;
+        to_z += strength * dz;
+    }}
+    return wp::vec3(sum(to_x), sum(to_y), sum(to_z));
+""")
+def pull_of_sources(
+    position: wp.vec3,
+    normal: wp.vec3,
+    label: int,
+    begin: int,
+    end: int,
+    labels: wp.array(dtype=wp.int32),
+    plane: wp.array(dtype=float),
+    count: int,
+    column: int,
+    square_cutoff: float,
+    table: wp.array(dtype=float),
+    table_scale: float,
 ) -> wp.vec3: ...
 
 
@@ -670,49 +732,72 @@ def multiply(
     result[i] = total
 
 
-@wp.func
-def near_force(square: float, table: NearTable):
-    """Distance times force of the near part of a target's unit charge, by the square of the distance."""
-    at = square * table.scale
-    k = wp.min(int(at), table.force.shape[0] - 2)
-    return table.force[k] + (at - float(k)) * (table.force[k + 1] - table.force[k])
+Slots = wp.types.vector(27, wp.int32)
+
+
+@wp.kernel
+def sort_sources(
+    first: int,
+    points: Points,
+    charge: wp.array(dtype=float),
+    column_count: int,
+    # outputs
+    sources: Sources,
+):
+    """Bring points and their charges into the order of their cells."""
+    s = first + wp.tid()
+    count = points.position.shape[0]
+    i = sources.grid.order[s]
+    sources.label[s] = points.label[i]
+    for k in range(3):
+        sources.plane[k * count + s] = points.position[i][k]
+        sources.plane[(3 + k) * count + s] = points.normal[i][k]
+    for c in range(column_count):
+        sources.plane[(6 + c) * count + s] = charge[c * count + i]
 
 
 @wp.kernel
 def near_target(
     first: int,
     corners: Points,
-    sources: Points,
-    source_charge: wp.array(dtype=float),
+    sources: Sources,
     column_count: int,
-    grid: PointGrid,
+    source_count: int,
     table: NearTable,
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
     """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off."""
     i = first + wp.tid()
-    own = corners.position[i]
-    normal = corners.normal[i]
-    label = corners.label[i]
-    corner_count = corners.position.shape[0]
-    for c in range(column_count):
-        force[c * corner_count + i] = wp.vec3(0.0, 0.0, 0.0)
-    cell = cell_at(own, grid.inverse_size)
+    grid = sources.grid
+    cell = cell_at(corners.position[i], grid.inverse_size)
+    slots = Slots()
     for number in range(27):
-        around = cell_around(cell, number)
-        slot = slot_of(around, grid.mask)
-        for s in range(grid.start[slot], grid.start[slot + 1]):
-            j = grid.order[s]
-            way = own - sources.position[j]
-            square = wp.dot(way, way)
-            met = square < table.cutoff * table.cutoff and sources.label[j] == label
-            if met and same_cell(cell_at(sources.position[j], grid.inverse_size), around):
-                factor = side_factor(normal, sources.normal[j])
-                f = near_force(square, table) / wp.max(square, 1.0e-12) * factor
-                for c in range(column_count):
-                    at = c * corner_count + i
-                    force[at] = force[at] + (f * source_charge[c * sources.position.shape[0] + j]) * way
+        slots[number] = slot_of(cell_around(cell, number), grid.mask)
+    for c in range(column_count):
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for number in range(27):
+            # What is not in a cell, but shares its slot, is near only where its own cell is one of the 27: slots count once.
+            slot = slots[number]
+            known = int(0)
+            for before in range(number):
+                known += int(slots[before] == slot)
+            if known == 0 and grid.start[slot] < grid.start[slot + 1]:
+                total += pull_of_sources(
+                    corners.position[i],
+                    corners.normal[i],
+                    corners.label[i],
+                    grid.start[slot],
+                    grid.start[slot + 1],
+                    sources.label,
+                    sources.plane,
+                    source_count,
+                    c,
+                    table.cutoff * table.cutoff,
+                    table.force,
+                    table.scale,
+                )
+        force[c * corners.position.shape[0] + i] = total
 
 
 @wp.func
