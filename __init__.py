@@ -7,10 +7,10 @@ imports neither Blender, Warp nor NumPy: every public name is fetched where it i
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING
-
 from .engine.version import __version__
+
+# What `typing` calls so, which takes longer to load than all that the command needs before it answers Ctrl-C.
+TYPE_CHECKING = False
 
 # For type checkers and editors, which cannot follow the table below; a test holds the two and `__all__` together.
 if TYPE_CHECKING:
@@ -269,6 +269,8 @@ _MODULES = {
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
+        import importlib
+
         if name in _MODULES:
             return getattr(importlib.import_module(_MODULES[name], __name__), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 
+import numpy as np
+
+from .device.launcher import Launcher, resolve_device
 from .device.profile import Profile
 from .errors import ProblemError
+from .problem.domain import Domain
 from .problem.placement import Placement
 from .problem.problem import Problem
 from .problem.validation import check_count, show
 from .quality.measurement import measure
 from .solver.solver import Progress, Solver, is_stop
 
-__all__ = ["solve"]
+__all__ = ["moved", "solve"]
 
 # Seconds after which whoever watches is asked again while outlines are being parted.
 MOMENT = 0.1
@@ -65,6 +70,25 @@ def solve(
         converged = converged and not (problem.avoid_overlap and report.overlaps)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
+
+
+def moved(placement: Placement, position: np.ndarray, device: str = "auto") -> Placement:
+    """Return a placement of the same bodies at other places, with a report of how they are there.
+
+    Args:
+        placement: One with a report; what that says of the run stays.
+        position: Where they are now [m], of the shape of ``placement.position``; taken back into the domain.
+        device: As for :func:`solve`.
+    """
+    before = placement.report
+    assert before is not None
+    domain = placement.problem.domain
+    inside = np.clip(position, 0.0, domain.size) if isinstance(domain, Domain) else position
+    placement = replace(placement, position=inside, report=None)
+    with closing(Launcher(resolve_device(device))) as launcher:
+        report = measure(placement, launcher)
+    converged = before.converged and not (placement.problem.avoid_overlap and report.overlaps)
+    return replace(placement, report=replace(report, steps=before.steps, converged=converged, seconds=before.seconds))
 
 
 class _Watched:

@@ -48,6 +48,20 @@ def test_importing_the_package_imports_nothing_heavy():
     assert run_python(code) == "['esh']"
 
 
+def test_the_command_answers_ctrl_c_before_it_loads_anything():
+    """Until its handler is there, Ctrl-C shows a traceback."""
+    late = ast.FunctionDef, ast.If
+    before_the_handler = ["__init__", "engine/__init__", "engine/version", "engine/cli/__init__", "engine/cli/start"]
+    for name in (*before_the_handler, "engine/cli/first_signals"):
+        path = ROOT / f"{name}.py"
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if not isinstance(node, late):
+                loaded = {one.partition(".")[0] for level, one in imported_names(node)}
+                assert loaded <= {"__future__", "os", "signal", "engine", "version", "first_signals"}, (
+                    f"{path} loads {loaded}"
+                )
+
+
 def test_describing_a_problem_imports_neither_blender_nor_warp():
     code = (
         "import sys, esh; esh.Problem; esh.EshError; print([n for n in ('bpy', 'warp', 'trimesh') if n in sys.modules])"

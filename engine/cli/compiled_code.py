@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
-from .signals import ENDING, INTERRUPTING
+from .first_signals import ENDING, INTERRUPTING
 from .streams import complain
 
 __all__ = ["ends_in_compiled_code"]

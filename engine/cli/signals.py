@@ -1,23 +1,21 @@
-"""What Ctrl-C and signals that end a process do to the command; nothing here takes time to load."""
+"""What Ctrl-C and signals that end a process do to the command once it is under way."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
+from .first_signals import ENDING, INTERRUPTING, leave, said_to
+
 __all__ = [
-    "ENDING",
     "INTERRUPTED",
-    "INTERRUPTING",
     "Ended",
     "after_all_is_written",
     "answered_here",
     "end",
     "interrupt",
-    "leave_on_signals",
     "loading",
     "on_signals",
     "received",
@@ -25,15 +23,9 @@ __all__ = [
 
 # What shells report for a program that Ctrl-C ended.
 INTERRUPTED = 130
-INTERRUPTING = (signal.SIGINT,)
-# A process manager's way to end a program, and that of a terminal that is closed.
-ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-DEFAULTS = (signal.default_int_handler, signal.SIG_DFL)
 
 # Signals that came: what was under way may raise anything, and libraries that are being imported turn our exceptions into theirs.
 received: list[int] = []
-# Of the standard error stream, which is redirected at times; empty where this process is not the command.
-_said_to: list[int] = []
 
 
 class Ended(BaseException):
@@ -55,31 +47,11 @@ def interrupt(number: int, frame: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
-def _leave(number: int, frame: object) -> None:
-    """End the process at once: nothing has been written, and nothing waits to be taken away."""
-    name = "stopped by Ctrl-C" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
-    try:
-        os.write(_said_to[0], f"esh-scatter: {name}; nothing was written\n".encode())
-    finally:
-        os._exit(128 + number)
-
-
-def leave_on_signals() -> None:
-    """Have signals end this process, which is the command and nothing else, with a sentence."""
-    try:
-        _said_to[:] = [os.dup(2)]
-    except OSError:  # closed: there is nobody to tell
-        _said_to[:] = [-1]
-    for number in (*INTERRUPTING, *ENDING):
-        if signal.getsignal(number) in DEFAULTS:
-            signal.signal(number, _leave)
-
-
 @contextlib.contextmanager
 def answered_here() -> Iterator[None]:
     """Raise what :func:`~.command_line.main` answers where a signal comes; other programs' handlers of Ctrl-C stay."""
     received.clear()
-    ours = signal.getsignal(signal.SIGINT) in (signal.default_int_handler, _leave)
+    ours = signal.getsignal(signal.SIGINT) in (signal.default_int_handler, leave)
     with on_signals(INTERRUPTING if ours else (), interrupt), on_signals(ENDING, end):
         yield
 
@@ -90,14 +62,14 @@ def loading() -> Iterator[None]:
 
     Modules whose import is interrupted raise errors of their own about that, or swallow what our handlers raise.
     """
-    with on_signals((*INTERRUPTING, *ENDING) if _said_to else (), _leave):
+    with on_signals((*INTERRUPTING, *ENDING) if said_to else (), leave):
         yield
 
 
 @contextlib.contextmanager
 def after_all_is_written() -> Iterator[None]:
     """Let signals end the process without a word, because all that it was to write is there."""
-    with on_signals((*INTERRUPTING, *ENDING) if _said_to else (), signal.SIG_DFL):
+    with on_signals((*INTERRUPTING, *ENDING) if said_to else (), signal.SIG_DFL):
         yield
 
 

@@ -15,8 +15,9 @@ from ..errors import EshError, ProblemError
 from ..files.placement_files import WRITERS, check_ending, check_writable, one_of, placement_writer, write_files
 from .argument_types import positive_number, whole_number
 from .compiled_code import ends_in_compiled_code
+from .first_signals import ENDING, INTERRUPTING
 from .progress_bar import progress_bar
-from .signals import ENDING, INTERRUPTING, after_all_is_written, loading, on_signals, received
+from .signals import after_all_is_written, loading, on_signals, received
 from .signals import end as end_by_signal
 from .streams import complain, say
 

@@ -2,7 +2,7 @@
 
 import signal
 
-from .signals import leave_on_signals
+from .first_signals import leave_on_signals
 
 
 def main() -> int:

@@ -37,13 +37,14 @@ class FieldTarget:
     """Target density of one group: an image (see :mod:`~esh.engine.problem.problem`) and the charge that its integral stands for.
 
     Groups of one ``class_index`` follow one image. Those of several may, too; then it is laid on the mesh once. ``more`` are others
-    that are added to it.
+    that are added to it. Where the image fades towards a cut, ``whole`` is what it was before, which says how dense bodies stand.
     """
 
     image: np.ndarray
     charge: float
     more: tuple[FieldTarget, ...] = ()
     class_index: int | None = None
+    whole: np.ndarray | None = None
 
 
 class Field:
@@ -64,6 +65,8 @@ class Field:
         fewest_nodes: Of the targets' mesh; None for the usual.
         smooth: Whether charges have no core, see :mod:`.blur`, and are blurred so widely however few they are: the near part, which
             bounds the blur otherwise, reaches farther.
+        whole_charge: What charges were before they faded towards a cut, shape ``[n]``: their blur is that of bodies of this size; None
+            where none did.
 
     Attributes:
         layout: The charges' mesh.
@@ -96,12 +99,13 @@ class Field:
         sharper: float = SHARPER_BETWEEN,
         fewest_nodes: int | None = None,
         smooth: bool = False,
+        whole_charge: np.ndarray | None = None,
     ) -> None:
         self.launcher, self.space = launcher, space
         self.group_count, self.charge_count = len(targets), len(charge)
         device = launcher.device
-        images, charge_of_image, self.image_of_class = _distinct_images(targets)
-        uniform = all(float(np.ptp(image)) == 0.0 for image in images)
+        images, whole, charge_of_image, self.image_of_class = _distinct_images(targets)
+        uniform = all(float(np.ptp(image)) == 0.0 for image in whole)
         if blur_over_spacing is None:
             blur_over_spacing = blur.blur_over_spacing(regularity, uniform)
         self.layout = charge_mesh(
@@ -131,12 +135,13 @@ class Field:
             launcher,
             space=space,
             images=images,
+            whole=whole,
             attraction=np.stack([(interaction * same) @ charge_of_image, (interaction * ~same) @ charge_of_image]),
             sharper=sharper,
             number=_followers(charge_of_image, charge_group),
             spacing=spacing,
             uniform=uniform,
-            charge=charge,
+            charge=charge if whole_charge is None else whole_charge,
             blur_over_spacing=blur_over_spacing,
             cutoff=self.cutoff,
             fewest_nodes=fewest_nodes or FEWEST_NODES,
@@ -146,6 +151,9 @@ class Field:
         self.core, self.core_end = blur.core(blur_over_spacing, uniform)
         if smooth:
             self.core = 0.0
+        own_sizes = whole_charge is not None
+        sizes = launcher.array(whole_charge, float) if whole_charge is not None else launcher.empty(1, float)
+        self._own_sizes = [int(own_sizes), sizes]
         self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
         self._blurred = self._blurred_by(sharper)
         self._corrected = self._correction.for_kernels()
@@ -241,7 +249,7 @@ class Field:
             self.launcher.launch(
                 kernels_blur.gather_variances,
                 self.charge_count,
-                [self._sorted, self._corrected.mesh, self.blur.variance, LEAST_OF_SMALL],
+                [self._sorted, *self._own_sizes, self._corrected.mesh, self.blur.variance, LEAST_OF_SMALL],
                 [self._blurred.variance],
             )
 
@@ -280,13 +288,23 @@ class Field:
 def _followers(charge_of_image: np.ndarray, charge_group: np.ndarray) -> list[float]:
     """Number of charges that follow each image: those of a group by what it has of its charge."""
     share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
+    if len(share) == 1:
+        return (len(charge_group) * share[0]).tolist()
     number = np.bincount(charge_group, minlength=len(share)) @ share
     return number.tolist()
 
 
-def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], np.ndarray, dict[int, int]]:
-    """Images that groups follow, one per class; the charge of each group by image, shape ``[groups, images]``; each class's image."""
+def _distinct_images(
+    targets: Sequence[FieldTarget],
+) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, dict[int, int]]:
+    """Find the images that groups follow, one per class.
+
+    Returns:
+        The images; what they were before they faded; the charge of each group by image, shape ``[groups, images]``; and each class's
+        image.
+    """
     images: list[np.ndarray] = []
+    whole: list[np.ndarray] = []
     place: dict[tuple[str, int], int] = {}
     entries = []
     for group, target in enumerate(targets):
@@ -295,8 +313,9 @@ def _distinct_images(targets: Sequence[FieldTarget]) -> tuple[list[np.ndarray], 
             if key not in place:
                 place[key] = len(images)
                 images.append(part.image)
+                whole.append(part.image if part.whole is None else part.whole)
             entries.append((group, place[key], part.charge))
     charge = np.zeros((len(targets), len(images)))
     for group, index, amount in entries:
         charge[group, index] += amount
-    return images, charge, {number: index for (kind, number), index in place.items() if kind == "class"}
+    return images, whole, charge, {number: index for (kind, number), index in place.items() if kind == "class"}

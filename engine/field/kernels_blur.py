@@ -113,15 +113,20 @@ def variance_at(x: float, y: float, mesh: Mesh, variance: wp.array(dtype=float))
 def gather_variances(
     first: int,
     charges: SortedCharges,
+    own_sizes: int,
+    size: wp.array(dtype=float),
     mesh: Mesh,
     variance: wp.array(dtype=float),
     least: float,
     # outputs
     sorted_variance: wp.array(dtype=float),
 ):
-    """Variance of every charge's blur: that of its place, less where it is a small one."""
+    """Variance of every charge's blur: that of its place, less where it is a small one; by ``size`` where charges fade."""
     i = first + wp.tid()
-    share = wp.clamp(charges.charge[i], least, 1.0)
+    share = charges.charge[i]
+    if own_sizes != 0:
+        share = size[charges.order[i]]
+    share = wp.clamp(share, least, 1.0)
     sorted_variance[i] = share * variance_at(charges.x[i], charges.y[i], mesh, variance)
 
 

@@ -28,6 +28,7 @@ class MirroredField:
         targets: One per group.
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
+        whole_charge: What charges were before they faded, see :class:`~.field.Field`; None where none did.
         more: What else :class:`~.field.Field` takes.
 
     Attributes:
@@ -42,19 +43,23 @@ class MirroredField:
         targets: Sequence[FieldTarget],
         charge: np.ndarray,
         charge_group: np.ndarray,
+        whole_charge: np.ndarray | None = None,
         **more: Any,
     ) -> None:
         self._launcher = launcher
         self._size = wp.vec2(*space.size)
         self._count = len(charge)
         # An image that several groups follow stays one.
-        mirrored = {id(part.image): mirror(part.image) for target in targets for part in (target, *target.more)}
+        parts = [part for target in targets for part in (target, *target.more)]
+        images = [image for part in parts for image in (part.image, part.whole) if image is not None]
+        mirrored = {id(image): mirror(image) for image in images}
         self.field = Field(
             launcher,
             space=space.with_mirror_images(),
             targets=[_mirrored(target, mirrored) for target in targets],
             charge=np.tile(charge, COPIES),
             charge_group=np.tile(charge_group, COPIES),
+            whole_charge=None if whole_charge is None else np.tile(whole_charge, COPIES),
             **more,
         )
         self._position = launcher.empty(COPIES * self._count, wp.vec2)
@@ -77,4 +82,5 @@ def mirror(image: np.ndarray) -> np.ndarray:
 
 def _mirrored(target: FieldTarget, images: dict[int, np.ndarray]) -> FieldTarget:
     more = tuple(_mirrored(part, images) for part in target.more)
-    return FieldTarget(images[id(target.image)], COPIES * target.charge, more, target.class_index)
+    whole = None if target.whole is None else images[id(target.whole)]
+    return FieldTarget(images[id(target.image)], COPIES * target.charge, more, target.class_index, whole)

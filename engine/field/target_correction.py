@@ -32,13 +32,14 @@ class TargetCorrection:
         launcher: Where to run.
         space: What the targets lie over.
         images: The distinct target densities.
+        whole: What they were before they faded towards a cut, which says how dense bodies stand; mostly the same.
         attraction: Charge of each image that attracts each group, shape ``[2, group_count, image_count]``: of its own
             family, and of all others, whose variances are divided by ``sharper``.
         sharper: See :mod:`.blur`.
         number: Charges that follow each image.
         spacing: Typical distance of neighboring bodies where they are dense.
         uniform: Whether the density is everywhere the same.
-        charge: All charges.
+        charge: All charges, before they faded.
         blur_over_spacing: Width of the blur between two charges at that spacing, over it.
         cutoff: Where the split ends; see :mod:`.splitting`.
         fewest_nodes: Nodes of the fine mesh at least, where charges are few.
@@ -57,6 +58,7 @@ class TargetCorrection:
         *,
         space: Space,
         images: Sequence[np.ndarray],
+        whole: Sequence[np.ndarray],
         attraction: np.ndarray,
         sharper: float,
         number: Sequence[float],
@@ -78,10 +80,11 @@ class TargetCorrection:
             fewest_nodes=fewest_nodes,
         )
         deposited = deposit_images(launcher, images, self.layout)
+        faded = any(a is not b for a, b in zip(images, whole, strict=True))
         self.blur = Blur(
             launcher,
             layout=self.layout,
-            deposited=deposited,
+            deposited=deposit_images(launcher, whole, self.layout) if faded and not uniform else deposited,
             number=number,
             spacing=spacing,
             width=blur_over_spacing * spacing,

@@ -45,8 +45,13 @@ class RayPool:
         """Return what stands for a value that all calls get: it is sent to each machine once."""
         return self._ray.put(value)
 
-    def map(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
-        """Carry out a call for each tuple of arguments, in a process with one thread; as :meth:`.WorkerPool.map`."""
+    def map(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], *, first_alone: bool = True
+    ) -> Iterator[tuple[int, Any]]:
+        """Carry out a call for each tuple of arguments, in a process with one thread; as :meth:`.WorkerPool.map`.
+
+        No call waits for another: each machine compiles what it needs.
+        """
         ray = self._ray
         remote = ray.remote(num_cpus=1, num_gpus=self._gpus, max_retries=RETRIES)(_carry_out)
         waiting = enumerate(calls)

@@ -41,20 +41,24 @@ class WorkerPool:
         self._lock = threading.Lock()
         self._closed = threading.Event()
 
-    def map(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
+    def map(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], *, first_alone: bool = True
+    ) -> Iterator[tuple[int, Any]]:
         """Carry out a call for each tuple of arguments.
 
         Args:
             function: At the top level of a module; it and its arguments can be pickled.
             calls: Arguments; taken when a process is free.
+            first_alone: Whether the others wait for the end of the first call, which compiles the kernels for all.
 
         Yields:
             The number of the call and what it returned or a :class:`~.worker.Failure`, in the order in which they end.
         """
         waiting = enumerate(calls)
         answers: queue.Queue[tuple[int, Any] | BaseException | None] = queue.Queue(maxsize=2 * self.workers)
-        # The first call is made alone: it compiles the kernels, for all.
         warm = threading.Event()
+        if not first_alone:
+            warm.set()
 
         def deliver(answer: tuple[int, Any] | BaseException | None) -> None:
             while not self._closed.is_set():

@@ -35,6 +35,7 @@ class Forces:
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
         blur_over_spacing: Width of the blur between two charges over their spacing; None for the one that places them.
         smooth: Whether nothing keeps close pairs apart; see :class:`~esh.engine.field.field.Field`.
+        whole_charge: What charges were before they faded, see there; None where none did.
 
     Attributes:
         field: The field; that of a mirrored domain is one of twice its extent.
@@ -50,6 +51,7 @@ class Forces:
         fewest_nodes: int | None = None,
         blur_over_spacing: float | None = None,
         smooth: bool = False,
+        whole_charge: np.ndarray | None = None,
     ) -> None:
         problem = model.problem
         outlined = any(size.footprint is not None for c in problem.classes for size in c.sizes)
@@ -61,12 +63,13 @@ class Forces:
             "targets": group_targets(model) if targets is None else targets,
             "spacing": typical_spacing(problem) / model.unit,
             "charge": model.charge.charge,
-            "charge_group": model.body.group[model.charge.body],
+            "charge_group": model.charge_group,
             "fewest_nodes": fewest_nodes,
             "family": model.groups.class_index,
             "regularity": problem.regularity,
             "blur_over_spacing": blur_over_spacing,
             "smooth": smooth,
+            "whole_charge": whole_charge,
         }
         if problem.rectangle.mirrored:
             mirrored = MirroredField(launcher, **described)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ import numpy as np
 from .bodies import PartBodies, read_bodies, read_length_factor, write_atomically, write_part
 from .coarse import cell_sums, displacement
 from .layout import Box
+from .part_times import PartTimes
 from .plan import Plan, TileRun, make_plan
 from .tile_files import TILE_WRITERS, tile_name
 from .window import density_of_class, onto_densities, relax, start_bodies
 
-__all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "flow_folder", "make_part", "part_path", "stage_names"]
+__all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "PartDone", "flow_folder", "make_part", "part_path", "stage_names"]
 
 # Files of the work folder.
 COUNTS = "counts.npy"
@@ -40,15 +42,31 @@ def flow_folder(run: TileRun, stage: str, group: int) -> Path:
     return run.work / f"flow-{stage}" / f"{group:04d}"
 
 
-def make_part(run: TileRun, stage: str, number: int) -> int:
-    """Make a part of a stage, and return how many bodies are in it."""
-    plan = make_plan(run)
+@dataclass(frozen=True)
+class PartDone:
+    """What is told of a part that was made.
+
+    Attributes:
+        bodies: How many are in it.
+        seconds: See :attr:`.PartTimes.seconds`.
+    """
+
+    bodies: int
+    seconds: dict[str, float]
+
+
+def make_part(run: TileRun, stage: str, number: int) -> PartDone:
+    """Make a part of a stage."""
+    times = PartTimes()
+    with times.of("plan"):
+        plan = make_plan(run)
     if stage == "survey":
-        _survey(run, plan, number)
-        return 0
+        with times.of("survey"):
+            _survey(run, plan, number)
+        return PartDone(0, times.seconds)
     if stage == "start":
-        return _start(run, plan, number)
-    return _pass(run, plan, int(stage.removeprefix("pass-")) - 1, number)
+        return PartDone(_start(run, plan, number, times), times.seconds)
+    return PartDone(_pass(run, plan, int(stage.removeprefix("pass-")) - 1, number, times), times.seconds)
 
 
 def _survey(run: TileRun, plan: Plan, number: int) -> None:
@@ -70,7 +88,7 @@ def _survey(run: TileRun, plan: Plan, number: int) -> None:
     write_atomically(part_path(run, "survey", number), file.getvalue())
 
 
-def _start(run: TileRun, plan: Plan, number: int) -> int:
+def _start(run: TileRun, plan: Plan, number: int, times: PartTimes) -> int:
     """Put the bodies of a tile where they start."""
     begin, end = np.load(run.work / COUNTS, mmap_mode="r")[:, :, number]
     parts = [plan.groups.identities(g, int(a), int(b)) for g, (a, b) in enumerate(zip(begin, end, strict=True))]
@@ -78,12 +96,14 @@ def _start(run: TileRun, plan: Plan, number: int) -> int:
     with np.load(run.work / RARE, allow_pickle=False) as stored:
         here = box.holds(stored["position"])
         rare, place = stored["identity"][here], stored["position"][here]
-    bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
-    _write(run, plan, "start", number, bodies, np.ones(plan.groups.layers))
+    with times.of("start"):
+        bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
+    with times.of("parts"):
+        _write(run, plan, "start", number, bodies, np.ones(plan.groups.layers))
     return len(bodies)
 
 
-def _pass(run: TileRun, plan: Plan, place: int, number: int) -> int:
+def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -> int:
     """Let the bodies of a window settle."""
     stage, before = f"pass-{place + 1}", f"pass-{place}" if place else "start"
     this = plan.passes[place]
@@ -91,20 +111,25 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int) -> int:
     earlier = plan.passes[place - 1].shift if place else (0.0, 0.0)
     parts, factors = [], []
     # A body may have been warped a little out of the window that it was in.
-    for other in plan.layout.near(earlier, box, plan.spacing):
-        found = read_bodies(part_path(run, before, other))
-        parts.append(found.chosen(box.holds(found.position)))
-        factors.append(read_length_factor(part_path(run, before, other)))
-    factor = _mean_factor(plan, parts, factors)
-    bodies = _warped(run, plan, stage, this.warp, box, PartBodies.joined(parts))
+    with times.of("read"):
+        for other in plan.layout.near(earlier, box, plan.spacing):
+            found = read_bodies(part_path(run, before, other))
+            parts.append(found.chosen(box.holds(found.position)))
+            factors.append(read_length_factor(part_path(run, before, other)))
+        factor = _mean_factor(plan, parts, factors)
+        bodies = PartBodies.joined(parts)
+    with times.of("warp"):
+        bodies = _warped(run, plan, stage, this.warp, box, bodies)
     totals = np.load(run.work / TOTALS)
-    bodies, factor = relax(plan, box, bodies, factor, totals, this.steps, this.part, run.device)
+    bodies, factor = relax(plan, box, bodies, factor, totals, this.steps, this.part, run.device, times)
     last = place + 1 == len(plan.passes)
+    with times.of("parts"):
+        if last:
+            bodies = onto_densities(plan, box, bodies)
+        _write(run, plan, stage, number, bodies, factor)
     if last:
-        bodies = onto_densities(plan, box, bodies)
-    _write(run, plan, stage, number, bodies, factor)
-    if last:
-        _write_tile(run, plan, number, bodies)
+        with times.of("tiles"):
+            _write_tile(run, plan, number, bodies)
     return len(bodies)
 
 

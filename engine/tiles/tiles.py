@@ -14,7 +14,7 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from ..scenes.worker_pool import WorkerPool
 from .bodies import read_patch, write_atomically
 from .coarse import SCALE, solve_flow
 from .layout import hilbert_order
+from .part_times import PartTimes
 from .plan import Plan, TileRun, choose_tiles, make_plan, read_tiled_recipe
 from .stages import COUNTS, RARE, TARGET, TOTALS, flow_folder, make_part, part_path, stage_names
 from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
@@ -50,6 +51,8 @@ BLUR, BLUR_IN_CELLS = 4.0, 2.0
 GOLDEN = 0.6180339887498949
 # Fewer parts are made sooner in this process than others are started.
 WORTH_PROCESSES = 8
+# Of a GPU's memory so much is given to windows: to each process what CUDA takes, and what a body of a window takes [bytes].
+GPU_SHARE, GPU_PROCESS, GPU_BODY = 0.8, 0.8e9, 2000.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,9 @@ class TileState:
         bodies: Bodies of the whole problem.
         tiles: Columns and rows of tiles.
         finished: Whether all is done.
+        workers: Processes at work; 0 where this one does everything.
+        seconds: What processes have spent so far, added up, by what they did; ``"between"`` is what they all waited for: what only
+            the whole domain knows.
     """
 
     stage: int
@@ -75,6 +81,8 @@ class TileState:
     bodies: int
     tiles: tuple[int, int]
     finished: bool = False
+    workers: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
 
 
 def solve_tiles(
@@ -104,7 +112,7 @@ def solve_tiles(
         steps: Of the descent in each of the three passes.
         ending: ``".parquet"`` (GeoParquet) or ``".npz"``.
         device: ``"auto"``, ``"cpu"`` or ``"cuda:0"``.
-        workers: Processes, of one thread each; 0 solves in this one, with all threads. None chooses.
+        workers: Processes, of one thread each, which share a GPU; 0 solves in this one, with all threads. None chooses.
         ray: Address of a Ray cluster to solve on, whose machines all see recipe and folder; None solves on this machine.
         gpus: GPUs that a window asks of Ray.
         progress: Called at the beginning, and after every part.
@@ -155,9 +163,11 @@ class _Driver:
         self._ray = ray
         self._gpus = gpus
         if workers is None:
-            workers = core_count() if not on_gpu and self._tiles >= WORTH_PROCESSES else 0
-        self._workers = min(workers, self._tiles) if workers > 1 or workers == 1 else 0
+            workers = _processes(run, plan, on_gpu) if self._tiles >= WORTH_PROCESSES else 0
+        self._workers = min(workers, self._tiles)
         self._pool: RayPool | WorkerPool | None = None
+        self._times = PartTimes()
+        self._compiled: set[str] = set()
 
     def go(self) -> TileState:
         """Carry out what is left of the run."""
@@ -169,9 +179,11 @@ class _Driver:
             for place, name in enumerate(self._names):
                 if self._is_over(name):
                     continue
-                self._before(place, name)
+                with self._times.of("between"):
+                    self._before(place, name)
                 self._make(place, name)
-                self._after(place, name)
+                with self._times.of("between"):
+                    self._after(place, name)
         finally:
             if self._pool is not None:
                 self._pool.close()
@@ -190,6 +202,8 @@ class _Driver:
             plan.groups.body_count,
             plan.layout.tiles,
             finished,
+            self._workers,
+            dict(self._times.seconds),
         )
 
     def _parts(self, name: str) -> int:
@@ -220,13 +234,15 @@ class _Driver:
         left = [number for number in range(parts) if number not in there]
         done = parts - len(left)
         self._show(place, done, parts)
-        for answer in self._answers([(run, name, number) for number in left]):
+        for answer in self._answers(name, [(run, name, number) for number in left]):
             if isinstance(answer, Failure):
                 raise ProblemError(f"{name} of the tiles failed: {answer.text}")
+            for what, spent in answer.seconds.items():
+                self._times.seconds[what] = self._times.seconds.get(what, 0.0) + spent
             done += 1
             self._show(place, done, parts)
 
-    def _answers(self, calls: list[tuple[Any, ...]]) -> Iterator[Any]:
+    def _answers(self, name: str, calls: list[tuple[Any, ...]]) -> Iterator[Any]:
         if not calls:
             return
         if self._ray is None and self._workers == 0:
@@ -239,8 +255,18 @@ class _Driver:
                 if self._ray is not None
                 else WorkerPool(self._workers, 1, keep=True)
             )
-        for _, answer in self._pool.map(make_part, calls):
+        # A stage that needs other kernels than those before has its first part made alone, which compiles them for all.
+        kernels = self._kernels_of(name)
+        for _, answer in self._pool.map(make_part, calls, first_alone=not kernels <= self._compiled):
             yield answer
+        self._compiled |= kernels
+
+    def _kernels_of(self, name: str) -> set[str]:
+        """What a stage needs compiled."""
+        if not name.startswith("pass-"):
+            return {name} if name == "start" else set()
+        this = self._plan.passes[int(name.removeprefix("pass-")) - 1]
+        return {"pass", "contact"} if this.part else {"pass"}
 
     def _show(self, place: int, done: int, parts: int) -> None:
         if self._progress is not None:
@@ -262,6 +288,18 @@ class _Driver:
         if place > 0:
             shutil.rmtree(run.work / self._names[place - 1], ignore_errors=True)
         shutil.rmtree(run.work / f"flow-{name}", ignore_errors=True)
+
+
+def _processes(run: TileRun, plan: Plan, on_gpu: bool) -> int:
+    """Processes that a run is best made by: one for each processor; of those that share a GPU no more than it has the memory for.
+
+    On a GPU most of a window's time is spent beside it, in reading, preparing and writing.
+    """
+    if not on_gpu:
+        return core_count()
+    memory = resolve_device(run.device).total_memory if resolve_device(run.device).is_cuda else 0
+    bodies = plan.groups.body_count / math.prod(plan.layout.tiles)
+    return max(1, min(core_count(), int(GPU_SHARE * memory / (GPU_PROCESS + GPU_BODY * bodies))))
 
 
 def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:

@@ -34,6 +34,7 @@ from .bodies import PartBodies
 from .density_windows import into_pixels, sample_source
 from .groups import in_turns
 from .layout import Box
+from .part_times import PartTimes
 from .plan import Plan
 
 __all__ = ["density_of_class", "launcher_on", "onto_densities", "relax", "spread_rare", "start_bodies"]
@@ -111,7 +112,7 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
     try:
         for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
             descent.step.play()
-        return identity, position_in_meters(model, descent.state)
+        return identity, position_in_meters(model, descent.state, launcher)
     finally:
         launcher.release(descent.step)
 
@@ -170,6 +171,7 @@ def relax(
     steps: int,
     part: bool,
     device: str,
+    times: PartTimes,
 ) -> tuple[PartBodies, np.ndarray]:
     """Let the bodies of a window settle; those near its cuts are pinned.
 
@@ -182,6 +184,7 @@ def relax(
         steps: Of the descent.
         part: Whether to part footprints at the end.
         device: Where to run.
+        times: Gets the seconds of what is done.
 
     Returns:
         The bodies, and what makes up for the pressure on lines now.
@@ -196,34 +199,40 @@ def relax(
     if pinned.all():
         return bodies, length_factor
     launcher = launcher_on(device, os.getpid())
-    model = _model(plan, box, bodies.identity, flags, plan.problem.seed)
-    # Charges per area of a footprint, before anything fades.
-    scale = model.charge_count / float(model.body.area.sum())
-    local = bodies.position - box.low
-    model.charge = replace(model.charge, charge=model.charge.charge * _fading(box, bodies, model, taper))
-    pose = np.zeros((len(bodies), 4))
-    pose[:, :2] = np.clip(local, 0.0, box.size) / model.unit
-    pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
-    pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
-    present = np.unique(plan.groups.group_of(bodies.identity))
-    targets = _targets(plan, box, model, present, totals, scale, taper)
-    descent = Descent(model, launcher, pose=pose, targets=targets)
-    factors = _LengthFactors.of(plan, model, present)
-    factors.give(length_factor, descent.state)
+    with times.of("set-up"):
+        model = _model(plan, box, bodies.identity, flags, plan.problem.seed)
+        # Charges per area of a footprint, before anything fades.
+        scale = model.charge_count / float(model.body.area.sum())
+        local = bodies.position - box.low
+        whole_charge = model.charge.charge
+        model.charge = replace(model.charge, charge=whole_charge * _fading(box, bodies, model, taper))
+        pose = np.zeros((len(bodies), 4))
+        pose[:, :2] = np.clip(local, 0.0, box.size) / model.unit
+        pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
+        pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
+        present = np.unique(plan.groups.group_of(bodies.identity))
+        targets = _targets(plan, box, model, present, totals, scale, taper)
+        descent = Descent(model, launcher, pose=pose, targets=targets, whole_charge=whole_charge)
+        factors = _LengthFactors.of(plan, model, present)
+        factors.give(length_factor, descent.state)
     try:
-        for _ in range(steps):
-            descent.step.play()
-        if math.isnan(descent.direction.residual()):
+        with times.of("steps"):
+            for _ in range(steps):
+                descent.step.play()
+            residual = descent.direction.residual()
+        if math.isnan(residual):
             raise ProblemError(
                 "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
             )
         state = descent.state
-        _call_back(descent, box, pose, ~pinned, margin)
-        if part and descent.contact is not None:
-            descent.contact.separate(state.pose, state.turn, state.bend)
-        moved = state.pose.numpy().astype(np.float64)
-        position = _settled(plan, box, model, position_in_meters(model, state), ~pinned)
-        length_factor = factors.taken(state, length_factor)
+        with times.of("contact"):
+            _call_back(descent, box, pose, ~pinned, margin)
+            if part and descent.contact is not None:
+                descent.contact.separate(state.pose, state.turn, state.bend)
+        with times.of("readback"):
+            moved = state.pose.numpy().astype(np.float64)
+            position = _settled(plan, box, model, position_in_meters(model, state, launcher), ~pinned)
+            length_factor = factors.taken(state, length_factor)
     finally:
         launcher.release(descent.step)
     return _moved(bodies, ~pinned, position, moved, model), length_factor
@@ -493,7 +502,7 @@ def _targets(
 ) -> list[FieldTarget]:
     """What attracts every group: its share of the whole problem's charge that belongs here, faded as the charges are."""
     names = [c.name for c in plan.problem.classes]
-    faded: dict[int, tuple[np.ndarray, float]] = {}
+    faded: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}
     result = []
     for g, group in enumerate(present.tolist()):
         c = int(model.groups.class_index[g])
@@ -505,12 +514,12 @@ def _targets(
             y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
             dim = np.maximum(image * box.fade(x[None, :], y[:, None], taper), LEAST_FADED * image).astype(np.float32)
             pixel = box.size[0] * box.size[1] / image.size
-            faded[c] = dim, float(dim.sum(dtype=np.float64)) * pixel
-        dim, held = faded[c]
+            faded[c] = image, dim, float(dim.sum(dtype=np.float64)) * pixel
+        image, dim, held = faded[c]
         whole = totals[names.index(model.problem.classes[c].name)]
         share = held / whole if whole > 0.0 else 0.0
         charge = scale * float(plan.groups.count[group]) * float(plan.groups.mean_area[group]) * share
-        result.append(FieldTarget(dim, charge, class_index=c))
+        result.append(FieldTarget(dim, charge, class_index=c, whole=image))
     return result
 
 

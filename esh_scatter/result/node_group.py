@@ -51,6 +51,8 @@ DISPLAYS = ("Objects", "Bounds", "Points")
 # Radius of points, as a share of the objects' scale [m].
 POINT_RADIUS = 0.1
 UP = (0.0, 0.0, 1.0)
+# Of a ground point that has not moved, what float32 may make of it, as a share of its distance from the origin.
+ROUNDING = 3e-7
 
 
 class Followed(NamedTuple):
@@ -251,13 +253,18 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
         corners.append(corner)
     tree.column(3)
     a, b, c = corners
-    ground = None
-    for corner, weight in zip(corners, tree.parts(weights), strict=True):
-        part = tree.scaled(corner, weight)
-        ground = part if ground is None else tree.vector("ADD", ground, part)
-    tree.column(4)
     edge = tree.vector("SUBTRACT", b, a)
-    normal = tree.vector("CROSS_PRODUCT", edge, tree.vector("SUBTRACT", c, a))
+    side = tree.vector("SUBTRACT", c, a)
+    # From one corner: far from the origin sums of whole coordinates would lose what differences keep.
+    ground = a
+    for way, weight in zip((edge, side), tree.parts(weights)[1:], strict=True):
+        ground = tree.vector("ADD", ground, tree.scaled(way, weight))
+    ground_before = tree.attribute(GROUND_POINT, "FLOAT_VECTOR")
+    moved = tree.vector("LENGTH", tree.vector("SUBTRACT", ground, ground_before))
+    rounding = tree.math("MULTIPLY", tree.vector("LENGTH", ground_before), ROUNDING)
+    ground = tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), ground_before, ground)
+    tree.column(4)
+    normal = tree.vector("CROSS_PRODUCT", edge, side)
     edge_before, normal_before = tree.attribute(EDGE, "FLOAT_VECTOR"), tree.attribute(FACE_NORMAL, "FLOAT_VECTOR")
     turned = _turn(tree, (normal_before, edge_before), (normal, edge))
     tree.column(5)
@@ -270,7 +277,7 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
         tree.link(value, socket)
     mixed = next(socket for socket in mix.outputs if socket.enabled)
     new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
-    away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
+    away = tree.vector("SUBTRACT", position, ground_before)
     away = tree.call("FunctionNodeRotateVector", away, turned)
     tree.column(7)
     # Kept before the points are moved, with which all that is asked of the ground would change.

@@ -11,6 +11,7 @@ bpy = pytest.importorskip("bpy")
 pytest.importorskip("shapely")
 
 import esh  # noqa: E402
+from shapely.affinity import translate  # noqa: E402
 from shapely.geometry import MultiPoint, Polygon  # noqa: E402
 from shapely.strtree import STRtree  # noqa: E402
 
@@ -49,8 +50,8 @@ def outlines_in_the_scene() -> list[Polygon]:
     found = []
     for entry in bpy.context.evaluated_depsgraph_get().object_instances:
         if entry.is_instance:
-            matrix = np.array(entry.matrix_world)
-            points = np.array([vertex.co for vertex in entry.object.data.vertices])
+            matrix = np.array(entry.matrix_world, float)
+            points = np.array([vertex.co for vertex in entry.object.data.vertices], float)
             found.append(MultiPoint((points @ matrix[:3, :3].T + matrix[:3, 3])[:, :2]).convex_hull)
     return found
 
@@ -102,6 +103,24 @@ def test_no_two_objects_overlap(side, things, settings):
     assert len(seen) == sum(c.sizes[0].count for c in classes)
     assert overlapping(seen) == 0
     assert result.report.overlaps == 0
+
+
+@pytest.mark.parametrize("shape", ["plank", "box"])
+def test_far_from_the_origin_the_report_counts_what_blender_shows(shape):
+    """At the coordinates of a map Blender rounds positions to half a meter: objects that were parted lie in each other there."""
+    ground = rectangle("Ground", 12.0, 12.0)
+    ground.location.xy = (500_000.0, 5_000_000.0)
+    bpy.context.view_layer.update()
+    item = rectangle("Plank", 2.0, 0.3) if shape == "plank" else rectangle("Box", 0.8, 0.6)
+    classes = [esh.ScatterClass("all", [esh.ScatterSize("all", 90, item)])]
+    result = esh.scatter(ground, classes, device="cpu", avoid_overlap=True, seed=2)
+    # Shapely, too, counts better near the origin.
+    shown = [translate(outline, -500_000.0, -5_000_000.0) for outline in outlines_in_the_scene()]
+    seen = overlapping(shown)
+    assert (seen > 0) == (shape == "plank")
+    assert result.report.overlaps == seen
+    assert result.report.converged == (seen == 0)
+    assert any("0.5 m" in note for note in result.report.notes)
 
 
 def terrain(name: str, side: float, height) -> bpy.types.Object:

@@ -269,3 +269,39 @@ def test_forces_are_minus_the_gradient_of_the_energy():
         step[body, axis] = 1e-4
         slope = (energy(position + step) - energy(position - step)) / 2e-4
         assert -slope == pytest.approx(charge[body] * field[body, axis], rel=2e-3, abs=2e-3)
+
+
+def test_what_fades_is_blurred_as_if_it_did_not(launcher):
+    """A window's charges and targets fade towards its cuts; that makes neither small bodies nor thin places of them."""
+    rng = np.random.default_rng(3)
+    position = random_points(rng, SQUARE, 900).astype(np.float32)
+    fades = np.clip(position[:, 0] / 8.0, 1e-3, 1.0)
+    ramp = np.clip((np.arange(64) + 0.5) / 16.0, 1e-3, 1.0)[None, :].astype(np.float32)
+
+    def field_of(image, charge, **more):
+        arguments = {
+            "space": Space(SQUARE),
+            "interaction": np.ones((1, 1)),
+            "targets": [FieldTarget(image * more.pop("ramp", 1.0), charge.sum(), whole=more.pop("whole", None))],
+            "spacing": np.sqrt(32.0 * 32.0 / 900),
+            "charge": charge,
+            "charge_group": np.zeros(900, np.int32),
+        }
+        field = Field(launcher, **arguments, **more)
+        result = wp.zeros(900, dtype=wp.vec2, device=launcher.device)
+        field.evaluate(wp.array(position, dtype=wp.vec2, device=launcher.device), result)
+        order = field._sorted.order.numpy()[:900]
+        variance = np.empty(900)
+        variance[order] = field._blurred.variance.numpy()[:900]
+        return field, variance
+
+    even = np.ones((1, 64), np.float32)
+    uneven = np.linspace(0.05, 1.0, 64, dtype=np.float32)[None, :]
+    for image in (even, uneven):
+        plain, expected = field_of(image, np.ones(900))
+        faded, found = field_of(image, fades, ramp=ramp, whole=image, whole_charge=np.ones(900))
+        assert len(faded.blur.levels) == len(plain.blur.levels)
+        assert np.allclose(found, expected, rtol=1e-5)
+    # Without being told, the blur takes faded charges for small ones.
+    _, taken_for_small = field_of(even, fades, ramp=ramp)
+    assert taken_for_small.min() < 0.5 * field_of(even, np.ones(900))[1].min()

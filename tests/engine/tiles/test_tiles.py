@@ -214,7 +214,7 @@ def test_tiles_are_as_even_as_one_solve_and_have_no_seams(tmp_path):
         assert rms(mine[strip]) < 1.3 * rms(mine[~strip])
     assert max(rows_along(tiled, cut) for cut in (50.0 / 3.0, 100.0 / 3.0, 50.0, 200.0 / 3.0)) < 0.2
     closest = [spatial.cKDTree(p).query(p, 2)[0][:, 1].min() for p in (tiled, whole)]
-    assert closest[0] > 0.95 * closest[1]
+    assert closest[0] > 0.97 * closest[1]
 
 
 def test_tiles_that_lie_side_by_side_unsolved_would_have_seams(tmp_path):
