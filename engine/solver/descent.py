@@ -122,13 +122,19 @@ class Descent:
         n = model.body_count
         return State(
             pose=pose,
-            turn=wp.array(model.footprints.turn.astype(np.float32), dtype=float, device=launcher.device),
+            turn=self._first_turns(),
             bend=launcher.zeros(model.charge_count, float),
             displacement=launcher.zeros(n, wp.vec4),
             move=launcher.zeros(n, wp.vec4),
             length_factor=self.rules.lines.length_factor,
             steps=np.zeros(1, np.int32),
         )
+
+    def _first_turns(self) -> wp.array:
+        turn = self.model.footprints.turn
+        if not self.model.footprints.has_outlines:
+            return self.launcher.zeros(len(turn), float)
+        return wp.array(turn.astype(np.float32), dtype=float, device=self.launcher.device)
 
     def _prepare_step_limits(self) -> None:
         field = self.field

@@ -22,7 +22,14 @@ from .carried_over import CarriedOver
 from .choice_of_start import choose_start, number_of_starts
 from .descent import Descent
 from .edit import carry_lines, carry_over
-from .final_placement import angle_within, facing_turns, looks_at_point, placement_of, position_in_meters
+from .final_placement import (
+    angle_within,
+    facing_turns,
+    looks_at_point,
+    placement_of,
+    position_in_meters,
+    somebody_looks,
+)
 from .ink import with_widths
 from .memory import check_memory
 from .model import Model
@@ -230,7 +237,7 @@ class Solver:
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         old = before_edit.state
         pose = old.pose.numpy().astype(np.float64)
-        position = position_in_meters(before, old)
+        position = position_in_meters(before, old, self.launcher)
         carried = carry_over(before, position, model, self._next_identity, self._spread)
         model.carry(before, carried)
         start = np.full((model.body_count, 4), np.nan)
@@ -467,13 +474,16 @@ class Solver:
         They keep these turns while they are parted.
         """
         model, descent = self.model, self.descent
+        if not somebody_looks(model):
+            return False
         looking = looks_at_point(model) & model.footprints.is_outline
         if not looking.any():
             return False
         if isinstance(descent, SurfaceDescent):
             turns, wanted = descent.state.heading, facing_headings(model, points_of(descent.facets, descent.state))
         else:
-            turns, wanted = descent.state.turn, facing_turns(model, position_in_meters(model, descent.state))
+            position = position_in_meters(model, descent.state, self.launcher)
+            turns, wanted = descent.state.turn, facing_turns(model, position)
         turn = turns.numpy().copy()
         away = looking & (np.abs(angle_within(wanted - turn, 2.0 * math.pi)) > past)
         turn[away] = wanted[away]
@@ -489,12 +499,13 @@ class Solver:
         if isinstance(self.descent, SurfaceDescent):
             placement = placement_on_surface(self.model, self.descent.facets, self.descent.state)
         else:
-            placement = placement_of(self.model, self.descent.state)
-        if not np.isfinite(placement.position).all():
+            placement = placement_of(self.model, self.descent.state, self.launcher)
+        # One that is not makes their sum so, too.
+        if not np.isfinite(placement.position.sum()):
             raise ProblemError(OVERFLOW)
+        drawn = bool(self.model.kinds) and not isinstance(self.descent, SurfaceDescent)
         # Ghosts, of which a placement has none, would be missing; and what is kept apart does not overlap.
-        alone = isinstance(self.descent, SurfaceDescent) or (self.model.body.flags & BodyFlags.GHOST).any()
-        if self.model.kinds and not alone and not self.model.problem.avoid_overlap:
+        if drawn and not self.model.problem.avoid_overlap and not (self.model.body.flags & BodyFlags.GHOST).any():
             with self.launcher.phase("widths"):
                 placement = replace(placement, width=with_widths(placement, self.launcher))
         return placement
@@ -535,7 +546,7 @@ class Solver:
             return self._left_at.copy()
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
-        return position_in_meters(self.model, self.descent.state)
+        return position_in_meters(self.model, self.descent.state, self.launcher)
 
 
 def _charges_per_body(model: Model) -> np.ndarray:

@@ -93,7 +93,7 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
     try:
         for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
             descent.step.play()
-        return identity, position_in_meters(model, descent.state)
+        return identity, position_in_meters(model, descent.state, launcher)
     finally:
         launcher.release(descent.step)
 
@@ -221,7 +221,7 @@ def relax(
                 descent.contact.separate(state.pose, state.turn, state.bend)
         with times.of("readback"):
             moved = _moved(bodies, ~pinned, model, state)
-            position = _settled(plan, box, model, position_in_meters(model, state), ~pinned)
+            position = _settled(plan, box, model, position_in_meters(model, state, launcher), ~pinned)
             moved.position[~pinned] = position[~pinned]
             length_factor = factors.taken(state, length_factor)
     finally:

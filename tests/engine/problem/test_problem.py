@@ -562,3 +562,16 @@ def test_classes_of_equal_densities_share_one_image():
     np.testing.assert_array_equal(third, classes[2].density)
     # What was given is as it was.
     assert classes[0].density is not classes[1].density
+
+
+def test_areas_are_the_callers_own():
+    """Those that the engine shares are one number for all, to read only; those that are handed out may be written to."""
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", area=0.5, count=40)])])
+    shared, own = problem.shared_areas(), problem.body_areas()
+    np.testing.assert_array_equal(shared, own)
+    assert not shared.flags.writeable and own.flags.writeable
+    own[:] = 0.0
+    assert problem.body_areas().min() == 0.5 and shared.min() == 0.5
+    several = [Size("s", area=0.5, count=40), Size("l", area=2.0, count=3)]
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", several)])
+    assert problem.shared_areas().tolist() == [0.5] * 40 + [2.0] * 3
