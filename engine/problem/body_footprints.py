@@ -16,7 +16,7 @@ from .packing import CELLS, in_cells
 from .problem import Problem
 from .settings import settle
 from .size import with_count
-from .slopes import level_share, slope_at, tilted, tilts
+from .slopes import level_share, mean_cosine, slope_at, tilted, tilts
 
 __all__ = ["CAPSULE", "BodyFootprints", "footprints_of"]
 
@@ -202,6 +202,7 @@ def _footprints(problem: Problem) -> BodyFootprints:
             slopes += [] if known else [given.slope]
             seen[own] = _seen(given.slope, body_class.density_image)
         most_tilt[own] = given.tilt
+        seen[own] *= mean_cosine(given.tilt)
     return BodyFootprints(
         tuple(shapes),
         first + variant,

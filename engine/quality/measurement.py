@@ -118,7 +118,12 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
     notes = []
     warning = None
     if problem.avoid_overlap:
-        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
+        pairs = (
+            "1 pair of footprints still overlaps"
+            if overlaps.count == 1
+            else f"{overlaps.count} pairs of footprints still overlap"
+        )
+        notes.append(f"{pairs}, the deepest by {overlaps.deepest:.3g} m")
         warning = cover_of(problem).warning
     if warning is not None:
         notes.append(warning)

@@ -41,6 +41,7 @@ from .state import State
 from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
 from .surface_placement import facing_headings, placement_on_surface, points_of
+from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_state import SurfaceState
 
 __all__ = ["Edit", "Progress", "Solver", "is_stop"]
@@ -332,40 +333,38 @@ class Solver:
         angle: np.ndarray | None = None,
         length: np.ndarray | None = None,
         identity: np.ndarray | None = None,
+        variant: np.ndarray | None = None,
+        scale: np.ndarray | None = None,
+        triangle: np.ndarray | None = None,
+        barycentric: np.ndarray | None = None,
     ) -> None:
-        """Go on from where somebody has put the bodies, in a rectangle: from a placement that was kept without its state.
+        """Go on from where somebody has put the bodies: from a placement that was kept without its state.
 
         Args:
-            position: Where they are [m], shape ``[body_count, 2]``, in the order of a placement; those outside go to the border.
-                Fixed bodies stay where the problem says.
+            position: Where they are [m], in the order of a placement, shape ``[body_count, 2]``; those outside go to the border. On a
+                surface shape ``[body_count, 3]``. Fixed bodies stay where the problem says.
             angle: How they lie [rad], as a placement says it, shape ``[body_count]``; None as they would begin.
             length: Lengths of lines [m], shape ``[body_count]``; None, or 0, as they would begin.
             identity: Their :attr:`Placement.id`, shape ``[body_count]``; None for those that they have.
+            variant: Which of the outlines of their sizes they have, shape ``[body_count]``; None for those of the problem.
+            scale: Factors on these outlines, shape ``[body_count]``; None for those of the problem.
+            triangle: On a surface of one mesh, the triangles that they are on, -1 where that is not known, shape
+                ``[body_count]``; None for those that are nearest.
+            barycentric: Weights of these triangles' corners, shape ``[body_count, 3]``.
 
         Raises:
-            ProblemError: Another number of bodies, a place that is no finite number, identities that are none, or a surface.
+            ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
         """
         self._cut()
         self._smooth = False
         model, body = self.model, self.model.body
-        if not isinstance(self.descent, Descent):
-            raise ProblemError("`domain` must be a rectangle for bodies to start at positions; it is a surface")
-        size = np.array(model.problem.rectangle.size)
+        on_surface = isinstance(self.descent, SurfaceDescent)
+        axes = "x, y and z" if on_surface else "x and y"
         position = np.asarray(position, np.float64)
-        if position.shape != (model.body_count, 2) or not np.isfinite(position).all():
+        if position.shape != (model.body_count, 2 + on_surface) or not np.isfinite(position).all():
             raise ProblemError(
-                f"`position` must hold x and y of {model.body_count} bodies, all finite; got shape {list(position.shape)}"
+                f"`position` must hold {axes} of {model.body_count} bodies, all finite; got shape {list(position.shape)}"
             )
-        start = np.full((model.body_count, 4), np.nan)
-        start[:, :2] = np.clip(position, 0.0, size) / model.unit
-        start[model.fixed, :2] = model.problem.fixed.position / model.unit
-        is_line = body.kind >= 0
-        if angle is not None:
-            start[is_line, 2] = angle[is_line]
-            start[is_line, 3] = self.descent.state.pose.numpy()[is_line, 3]
-            if length is not None:
-                given = is_line & (length > 0.0)
-                start[given, 3] = length[given] / model.unit
         if identity is not None:
             identity = np.where(model.fixed, body.identity, identity)
             if len(np.unique(identity)) != len(identity) or (identity < 0).any():
@@ -374,16 +373,62 @@ class Solver:
                 )
             model.body = replace(body, identity=identity.astype(np.int32))
             self._next_identity = int(identity.max()) + 1
+        self._take_outlines(variant, scale)
         self.launcher.release(self.descent.step)
-        self.descent = Descent(model, self.launcher, pose=start)
+        if isinstance(self.descent, Descent):
+            self._start_in_rectangle(self.descent, position, angle, length)
+            return
+        n = model.body_count
+        known = PlacesOnSurface(
+            position,
+            np.zeros(n, np.int64),
+            np.full(n, -1) if triangle is None or barycentric is None else triangle,
+            np.zeros((n, 3)) if barycentric is None else barycentric,
+        )
+
+        def start(new: SurfaceDescent) -> None:
+            new.put_at(spots_of_places(self.launcher, new.facets, known, "`position`"), angle, length)
+
+        self.descent = SurfaceDescent(model, self.launcher, start)
+
+    def _take_outlines(self, variant: np.ndarray | None, scale: np.ndarray | None) -> None:
+        """Give bodies that are not fixed other variants of their outlines, as far as there are so many, and other scales."""
+        outlines, fixed = self.model.footprints, self.model.fixed
+        if variant is not None:
+            first = outlines.shape - outlines.variant
+            # Sizes have their shapes one after the other.
+            most = np.zeros(len(outlines.shapes) + 1, np.int64)
+            np.maximum.at(most, first, outlines.variant)
+            variant = np.where(fixed | (variant > most[first]), outlines.variant, variant).astype(np.int32)
+        else:
+            variant = outlines.variant
+        scale = outlines.factor if scale is None else np.where(fixed, outlines.factor, scale)
+        self.model.footprints = outlines.with_outlines(variant, scale)
+
+    def _start_in_rectangle(
+        self, before: Descent, position: np.ndarray, angle: np.ndarray | None, length: np.ndarray | None
+    ) -> None:
+        """See :meth:`start_at`."""
+        model, body = self.model, self.model.body
+        start = np.full((model.body_count, 4), np.nan)
+        start[:, :2] = np.clip(position, 0.0, np.array(model.problem.rectangle.size)) / model.unit
+        start[model.fixed, :2] = model.problem.fixed.position / model.unit
+        is_line = body.kind >= 0
+        if angle is not None:
+            start[is_line, 2] = angle[is_line]
+            start[is_line, 3] = before.state.pose.numpy()[is_line, 3]
+            if length is not None:
+                given = is_line & (length > 0.0)
+                start[given, 3] = length[given] / model.unit
+        self.descent = descent = Descent(model, self.launcher, pose=start)
         if angle is not None:
             given = model.footprints.is_outline & ~is_line & ~model.fixed
-            turn = self.descent.state.turn.numpy().copy()
+            turn = descent.state.turn.numpy().copy()
             turn[given] = angle[given]
             # A line's angle says how its outline lies.
             turn[is_line & ~model.fixed] = 0.0
-            self.descent.state.turn.assign(turn)
-        self.descent.place_charges()
+            descent.state.turn.assign(turn)
+        descent.place_charges()
 
     def step(self, count: int = 1) -> float:
         """Take steps; return the residual, see :class:`Progress`.

@@ -29,7 +29,7 @@ from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
-from .surface_line_rules import SurfaceLineRules
+from .surface_line_rules import SurfaceLineRules, tangent_frame
 from .surface_own_forces import own_forces
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_separation import SurfaceSeparation
@@ -290,6 +290,26 @@ class SurfaceDescent:
             heading = self.state.heading.numpy().copy()
             heading[outlined] = before.heading.numpy()[source[outlined]]
             self.state.heading.assign(heading)
+
+    def put_at(self, spots: tuple[np.ndarray, np.ndarray], angle: np.ndarray | None, length: np.ndarray | None) -> None:
+        """Put all bodies somewhere, as :meth:`~.solver.Solver.start_at` takes their angles and lengths."""
+        self._put(np.arange(self.model.body_count), spots)
+        if angle is None:
+            return
+        is_line = self.model.body.kind >= 0
+        lines = np.flatnonzero(is_line)
+        if len(lines):
+            half = np.linalg.norm(self.state.axis.numpy()[lines], axis=1)
+            if length is not None:
+                half = np.where(length[lines] > 0.0, 0.5 / self.model.unit * length[lines], half)
+            one, other = tangent_frame(self.facets.normal[spots[0][lines]])
+            turn = angle[lines, None]
+            self._lay(lines, half[:, None] * (np.cos(turn) * one + np.sin(turn) * other))
+        # A line's angle says how its outline lies.
+        outlined = self.model.footprints.is_outline & ~self.model.fixed
+        heading = self.state.heading.numpy().copy()
+        heading[outlined] = np.where(is_line, 0.0, angle)[outlined]
+        self.state.heading.assign(heading)
 
     def _lay(self, rows: np.ndarray, axis: np.ndarray) -> None:
         """Give some bodies an axis."""

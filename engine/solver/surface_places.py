@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -17,6 +18,7 @@ from ..surface.facets import Facets
 from .model import Model
 
 __all__ = [
+    "PlacesOnSurface",
     "TilePlaces",
     "balls_of",
     "cells_of",
@@ -24,6 +26,7 @@ __all__ = [
     "clearances",
     "left_by_fixed",
     "spots_of_fixed",
+    "spots_of_places",
     "spots_of_points",
     "tiles_of",
 ]
@@ -62,14 +65,41 @@ def spots_of_fixed(launcher: Launcher, model: Model, facets: Facets) -> Spots:
         ProblemError: One of them is not on the surface.
     """
     table = model.problem.fixed
-    facet, weight = np.zeros(len(table.id), np.int32), np.zeros((len(table.id), 2), np.float32)
-    known = np.flatnonzero(table.triangle >= 0)
+    at = PlacesOnSurface(table.position, table.mesh, table.triangle, table.barycentric)
+    return spots_of_places(launcher, facets, at, "`fixed.position`")
+
+
+class PlacesOnSurface(NamedTuple):
+    """Places on or near a surface, as whoever kept them knows them.
+
+    Attributes:
+        position: [m], shape ``[n, 3]``.
+        mesh: Of which mesh of the surface a triangle is, shape ``[n]``.
+        triangle: Triangle of that mesh, -1 where only the position is known, shape ``[n]``.
+        barycentric: Weights of that triangle's corners, shape ``[n, 3]``.
+    """
+
+    position: np.ndarray
+    mesh: np.ndarray
+    triangle: np.ndarray
+    barycentric: np.ndarray
+
+
+def spots_of_places(launcher: Launcher, facets: Facets, places: PlacesOnSurface, key: str) -> Spots:
+    """Return where places are by facets; ``key`` is how a sentence names their positions.
+
+    Raises:
+        ProblemError: One of them is not on the surface.
+    """
+    count = len(places.position)
+    facet, weight = np.zeros(count, np.int32), np.zeros((count, 2), np.float32)
+    known = np.flatnonzero(places.triangle >= 0)
     if len(known):
-        points = facets.surface.locate(table.mesh[known], table.triangle[known], table.barycentric[known])
+        points = facets.surface.locate(places.mesh[known], places.triangle[known], places.barycentric[known])
         facet[known], weight[known] = spots_of_points(facets, points)
-    found = np.flatnonzero(table.triangle < 0)
+    found = np.flatnonzero(places.triangle < 0)
     if len(found):
-        place = (table.position[found] - facets.middle) / facets.unit
+        place = (places.position[found] - facets.middle) / facets.unit
         near = launcher.empty(len(found), wp.int32)
         on_device = wp.array(place.astype(np.float32), dtype=wp.vec3, device=launcher.device)
         launcher.launch(kernels_facets.find_faces, len(found), [facets.mesh.id, on_device, NEAR], [near])
@@ -77,7 +107,7 @@ def spots_of_fixed(launcher: Launcher, model: Model, facets: Facets) -> Spots:
         missed = np.flatnonzero(facet[found] < 0)
         if len(missed):
             raise ProblemError(
-                f"`fixed.position` must lie on the surface; {show(table.position[found[missed[0]]].tolist())} is more than "
+                f"{key} must lie on the surface; {show(places.position[found[missed[0]]].tolist())} is more than "
                 f"{NEAR * facets.unit:.3g} m away from it"
             )
         corner = facets.corner[facet[found]]

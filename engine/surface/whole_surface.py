@@ -23,6 +23,8 @@ READ_AT = 400_000
 MOST_CUTS = 1024
 # Triangles are as near as others within this share of the distance to the nearest middle of one.
 AS_NEAR = 1e-6
+# Points that were put somewhere are still there within this share of the extent, which rounding may take.
+AS_THERE = 1e-5
 
 
 class WholeSurface:
@@ -121,6 +123,29 @@ class WholeSurface:
             alike = np.flatnonzero(away <= away.min() + AS_NEAR * near)
             best = alike[np.argmax(face[chosen[alike]] @ normal[row])]
             triangle[row], weight[row] = chosen[best], weights[best]
+        return triangle, weight
+
+    def found_again(
+        self, vertex: np.ndarray, weight: np.ndarray, position: np.ndarray, normal: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return where points are that know the triangles they were put on, as :meth:`nearest` does.
+
+        Args:
+            vertex: The vertices of these triangles, in their order, shape ``[n, 3]``.
+            weight: Weights of these vertices, shape ``[n, 3]``.
+            position: Where the points are [m], shape ``[n, 3]``: those that are elsewhere by now come to where that is nearest.
+            normal: For these, see :meth:`nearest`.
+        """
+        triangles = self.mesh.triangle
+        _, number = np.unique(np.concatenate([triangles, vertex]), axis=0, return_inverse=True)
+        number = number.ravel()
+        triangle_of = np.full(int(number.max(initial=0)) + 1, -1)
+        triangle_of[number[: len(triangles)]] = np.arange(len(triangles))
+        triangle, weight = triangle_of[number[len(triangles) :]], weight.astype(np.float64)
+        there = np.einsum("nk,nkd->nd", weight, self.mesh.position[triangles[triangle]].astype(np.float64))
+        moved = np.linalg.norm(there - position, axis=1) > AS_THERE * float((self.high - self.low).max())
+        lost = np.flatnonzero(moved | (triangle < 0))
+        triangle[lost], weight[lost] = self.nearest(position[lost], normal[lost])
         return triangle, weight
 
     def normals(self, triangle: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -10,7 +10,18 @@ import numpy as np
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ..classes.standing import Ground, stand, turns_towards
-from .node_group import ALIGN, HIDE_RENDER, HIDE_VIEWPORT, ROTATION, SCALE
+from .node_group import (
+    ALIGN,
+    CORNERS,
+    HIDE_RENDER,
+    HIDE_VIEWPORT,
+    INSTANCE_INDEX,
+    ROTATION,
+    SCALE,
+    TARGET,
+    WEIGHTS,
+    placed_objects,
+)
 
 __all__ = [
     "BODY_ANGLE",
@@ -29,6 +40,7 @@ __all__ = [
     "kept_places",
     "paint_points",
     "read_attribute",
+    "sources_by_number",
     "stand_anew",
     "write_attribute",
 ]
@@ -195,6 +207,13 @@ class KeptPlaces(NamedTuple):
         identity: Numbers of the points, shape ``[n]``.
         class_index: Which class, shape ``[n]``.
         size_index: Which of its sizes, shape ``[n]``.
+        scale: Of what stands there, with that of its class, shape ``[n]``.
+        source: Number of the object that stands there, -1 where it is gone, shape ``[n]``.
+        normal: Of the surface, shape ``[n, 3]``.
+        corners: Which vertices of its target's mesh the triangle has that a point was put on, shape ``[n, 3]``; None where that is not
+            known.
+        weight: Weights of these corners, shape ``[n, 3]``.
+        target: Which of the targets it is, shape ``[n]``.
     """
 
     position: np.ndarray
@@ -203,6 +222,12 @@ class KeptPlaces(NamedTuple):
     identity: np.ndarray
     class_index: np.ndarray
     size_index: np.ndarray
+    scale: np.ndarray
+    source: np.ndarray
+    normal: np.ndarray
+    corners: np.ndarray | None
+    weight: np.ndarray
+    target: np.ndarray
 
 
 def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
@@ -212,12 +237,32 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
     mesh = result.data
     world = np.array(result.matrix_world)
     position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)) @ world[:3, :3].T + world[:3, 3]
+    count = len(position)
+    known = all(name in mesh.attributes for name in (*CORNERS, WEIGHTS))
     return KeptPlaces(
         position,
         read_attribute(mesh, BODY_ANGLE) if BODY_ANGLE in mesh.attributes else None,
         read_attribute(mesh, BODY_LENGTH) if BODY_LENGTH in mesh.attributes else None,
-        *(read_attribute(mesh, name) for name in ("id", "class_index", "size_index")),
+        read_attribute(mesh, "id"),
+        read_attribute(mesh, "class_index"),
+        read_attribute(mesh, "size_index"),
+        read_attribute(mesh, SCALE)[:, 0],
+        sources_by_number(result)[read_attribute(mesh, INSTANCE_INDEX)],
+        read_attribute(mesh, NORMAL),
+        np.stack([read_attribute(mesh, name) for name in CORNERS], axis=1) if known else None,
+        read_attribute(mesh, WEIGHTS) if known else np.zeros((count, 3), np.float32),
+        read_attribute(mesh, TARGET) if TARGET in mesh.attributes else np.zeros(count, np.int32),
     )
+
+
+def sources_by_number(result: bpy.types.Object) -> np.ndarray:
+    """Return the session's numbers of the objects that a result shows, by ``instance_index``; -1 for those that are gone."""
+    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
+    shown = placed_objects(groups[0]) if groups else []
+    found = np.full(int(read_attribute(result.data, INSTANCE_INDEX).max(initial=-1)) + 1, -1, np.int64)
+    for number, item in enumerate(shown[: len(found)]):
+        found[number] = -1 if item is None else item.session_uid
+    return found
 
 
 def _points_of(mesh: bpy.types.Mesh, class_number: int) -> np.ndarray:

@@ -21,6 +21,7 @@ from .kept_ground import (
     PLACED_AT,
     TO_ORIGIN,
     read_attribute,
+    sources_by_number,
     write_attribute,
 )
 from .node_group import INSTANCE_INDEX, SCALE, placed_objects
@@ -192,20 +193,10 @@ def read_pins(
         of(BODY_LENGTH).astype(np.float64),
         of(SCALE)[:, 0].astype(np.float64),
         of(FIT).astype(np.float64) if FIT in mesh.attributes else np.ones(len(stays)),
-        _sources(result)[of(INSTANCE_INDEX).astype(np.int64)],
+        sources_by_number(result)[of(INSTANCE_INDEX).astype(np.int64)],
         of("id").astype(np.int64),
         read_attribute(mesh, NORMAL)[stays].astype(np.float64),
     )
-
-
-def _sources(result: bpy.types.Object) -> np.ndarray:
-    """Return the numbers of the objects that a result shows, and one more for none."""
-    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = placed_objects(groups[0]) if groups else []
-    found = np.full(int(read_attribute(result.data, INSTANCE_INDEX).max(initial=-1)) + 1, -1, np.int64)
-    for number, item in enumerate(shown[: len(found)]):
-        found[number] = -1 if item is None else item.session_uid
-    return found
 
 
 def checksum_of(result: bpy.types.Object) -> list[int]:

@@ -38,7 +38,7 @@ from ..classes.survey import Survey
 from ..densities.density_source import Density, DensityReader, Known, attribute_names
 from ..densities.image_density import stored_density
 from ..result.following import followed
-from ..result.kept_ground import SEED
+from ..result.kept_ground import SEED, KeptPlaces
 from ..result.pins import Pins, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, point_attributes, result_points
@@ -190,14 +190,8 @@ class ScatterJob:
         if pins is None:
             return None
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
-        uids = [source.uid for source in self._sources]
         objects = [source.objects for of_class in sources for source in of_class]
-        variant = np.zeros(len(pins.identity), np.int64)
-        for row, (group, uid) in enumerate(
-            zip((first[pins.class_index] + pins.size_index).tolist(), pins.source.tolist(), strict=True)
-        ):
-            of_size = [uids[number] for number in objects[group]]
-            variant[row] = of_size.index(uid) if uid in of_size else 0
+        variant = _variants(objects, self._sources, first[pins.class_index] + pins.size_index, pins.source)
         return pins, variant
 
     def prepare(self) -> None:
@@ -309,6 +303,31 @@ class ScatterJob:
         self._points = points
         self.placement = placement
 
+    def start_of(self, places: KeptPlaces) -> dict[str, Any]:
+        """Return where the bodies of a result are, as :meth:`~esh.engine.solver.solver.Solver.start_at` takes them; in any thread.
+
+        They have the outlines that they have, whatever would be drawn for them in a run that begins anew.
+        """
+        chart = self.chart
+        first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
+        group = first[places.class_index] + places.size_index
+        scale = np.array([standing_of(c, self.settings).scale for c in self.classes])[places.class_index]
+        start = {
+            "angle": places.angle,
+            "length": places.length,
+            "identity": places.identity,
+            "variant": _variants([shape.objects for shape in self._shapes], self._sources, group, places.source),
+            "scale": places.scale / scale,
+        }
+        if isinstance(chart, Chart):
+            return {"position": places.position[:, :2] - chart.origin, **start}
+        if places.corners is None:
+            triangle, weight = chart.nearest(places.position, places.normal)
+        else:
+            vertex = places.corners + chart.mesh.first_vertex[places.target][:, None]
+            triangle, weight = chart.found_again(vertex, places.weight, places.position, places.normal)
+        return {"position": places.position, "triangle": triangle, "barycentric": weight, **start}
+
     def instances(self) -> Instances:
         """Return where the objects stand in the world, once the job is solved; touches nothing of Blender."""
         if self.placement is None:
@@ -377,6 +396,25 @@ class ScatterJob:
         seed = self.settings.seed
         item.data[SEED] = seed if seed < 2**31 else str(seed)
         return item, sources
+
+
+def _variants(
+    objects: Sequence[Sequence[int]], sources: Sequence[Reference], group: np.ndarray, source: np.ndarray
+) -> np.ndarray:
+    """Return which of their sizes' objects points show, 0 for those that show another one; shape ``[n]``.
+
+    Args:
+        objects: Of every size, its objects by their numbers among ``sources``.
+        sources: All objects.
+        group: Number of every point's size, shape ``[n]``.
+        source: The session's number of what it shows, shape ``[n]``.
+    """
+    uids = np.array([one.uid for one in sources], np.int64)
+    variant = np.zeros(len(group), np.int64)
+    for number, own in enumerate(objects):
+        for place, which in enumerate(own):
+            variant[(group == number) & (source == uids[which])] = place
+    return variant
 
 
 def _is_rounded(placement: Placement, position: np.ndarray) -> bool:

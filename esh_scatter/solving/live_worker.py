@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...engine.errors import EshError
-from ...engine.problem.domain import Domain
 from ...engine.problem.placement import Placement
 from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
 from ...engine.solver.solver import Progress, Solver
-from ...engine.surface.chart import Chart
 from ..classes.survey import Survey
 
 if TYPE_CHECKING:
@@ -187,16 +185,13 @@ class LiveWorker:
         problem = request.job.problem
         self._solver = Solver(problem, device=request.job.settings.device)
         places = request.start
-        if places is None or not isinstance(problem.domain, Domain):
+        if places is None:
             return False
         asked = problem.body_indices()
         there = places.class_index, places.size_index
         if not all(np.array_equal(one, two) for one, two in zip(asked, there, strict=True)):
             return False
-        chart = request.job.chart
-        assert isinstance(chart, Chart)
-        position = places.position[:, :2] - chart.origin
-        self._solver.start_at(position, angle=places.angle, length=places.length, identity=places.identity)
+        self._solver.start_at(**request.job.start_of(places))
         return True
 
     def _keep(self, progress: Progress) -> bool:

@@ -328,6 +328,51 @@ def test_live_goes_on_from_where_objects_are_on_a_whole_surface(on_ball):
     assert not active().outdated
 
 
+def stands(mesh):
+    """Places, scales and objects by the numbers of the points."""
+    values = (read_attribute(mesh, name) for name in ("position", "scale", "instance_index"))
+    numbers = read_attribute(mesh, "id").tolist()
+    return {number: (*row,) for number, *row in zip(numbers, *values, strict=True)}
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_live_goes_on_from_an_edited_result_when_it_is_switched_on_again(on_ball, whole):
+    """After edits bodies have numbers, outlines and scales that no run would give them that begins anew."""
+    moss, fern = on_ball.classes
+    if not whole:
+        on_ball.surface = "ABOVE"
+    kinds = bpy.data.collections.new("Kinds")
+    for radius in (0.08, 0.1, 0.12):
+        kinds.objects.link(cone(f"Tuft {radius}", radius))
+    fern.sizes[0].source_kind, fern.sizes[0].source_collection = "COLLECTION", kinds
+    moss.scale_jitter = fern.scale_jitter = 0.3
+    bpy.ops.esh.scatter()
+    on_ball.live = True
+    follow()
+    moss.sizes[0].count, fern.sizes[0].count = 45, 22
+    follow()
+    active().live = False
+    follow()
+    before = stands(active().result.data)
+    assert len(before) == 67 and not live._followed
+    active().live = True
+    follow()
+    on = stands(active().result.data)
+    assert before.keys() == on.keys() and not active().outdated
+    assert all((a == b).all() for n in before for a, b in zip(before[n], on[n], strict=True)), (
+        "that alone moves nothing"
+    )
+    active().classes[1].sizes[0].count = 24
+    follow()
+    after = stands(active().result.data)
+    both = before.keys() & after.keys()
+    assert len(after) == 69 and len(both) == 67 and not active().outdated
+    assert np.median([np.linalg.norm(after[n][0] - before[n][0]) for n in both]) < 0.2
+    for n in both:
+        np.testing.assert_allclose(after[n][1], before[n][1], rtol=1e-5)
+        assert after[n][2] == before[n][2], "nothing becomes another object"
+
+
 def test_the_nearest_point_of_a_surface_is_that_of_all_triangles():
     from esh.engine.surface.whole_surface import _nearest_in
 

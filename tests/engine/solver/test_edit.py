@@ -6,7 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Problem, ProblemError, Size, Solver
+from esh import (
+    BodyClass,
+    Domain,
+    FixedBodies,
+    Footprint,
+    Footprints,
+    Line,
+    Obstacle,
+    Problem,
+    ProblemError,
+    Size,
+    Solver,
+)
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solver.carried_over import CarriedOver
 from esh.engine.solver.edit import carry_over
@@ -354,6 +366,25 @@ def test_a_solver_starts_where_a_placement_was():
     assert len(i) == 180
     way = np.linalg.norm(moved.position[j] - kept.position[i], axis=1)
     assert np.median(way) < 0.4
+
+
+def test_a_solver_starts_with_the_outlines_that_bodies_had():
+    """After edits these are not those that a problem draws for the rows that bodies are in."""
+    triangle = Footprint.polygon([(-0.5, -0.3), (0.6, -0.3), (0.0, 0.7)])
+    several = Footprints([triangle, triangle.scaled(0.5)], variant=np.arange(30) % 2, scale=1.0)
+    problem = Problem(
+        Domain((30.0, 20.0)), [BodyClass("a", [Size("s", None, 30, footprint=several)])], avoid_overlap=True
+    )
+    variant, scale = np.repeat([1, 0], 15), np.linspace(0.5, 1.5, 30)
+    with Solver(problem, device="cpu") as solver:
+        position = solver.placement().position
+        solver.start_at(position, variant=variant, scale=scale)
+        again = solver.placement()
+        np.testing.assert_array_equal(again.variant, variant)
+        np.testing.assert_allclose(again.scale, scale)
+        # There is no seventh variant.
+        solver.start_at(position, variant=np.full(30, 7))
+        np.testing.assert_array_equal(solver.placement().variant, variant)
 
 
 @pytest.mark.parametrize(

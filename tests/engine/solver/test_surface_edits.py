@@ -123,6 +123,71 @@ def test_equal_edits_give_equal_bytes():
     assert run() == run()
 
 
+def kinds(count):
+    """Dots, outlines of two variants in three scales, and rods with outlines."""
+    wedge = esh.Footprint.polygon([(-0.03, -0.02), (0.06, -0.02), (0.0, 0.05)])
+    n = np.arange(count)
+    several = esh.Footprints([wedge, wedge.scaled(0.7)], variant=n % 2, scale=1.0 + 0.1 * (n % 3))
+    sizes = [
+        esh.Size("dot", 0.003, count),
+        esh.Size("wedge", None, count, footprint=several),
+        esh.Size("rod", 0.004, count, line=esh.Line(0.15, "none", width=0.03)),
+    ]
+    return esh.Problem(SURFACE, [esh.BodyClass("a", sizes)], seed=3, avoid_overlap=True)
+
+
+@pytest.mark.parametrize("with_triangles", [True, False])
+def test_a_solver_starts_where_a_placement_was(with_triangles):
+    asked = kinds(40)
+    with esh.Solver(asked, device="cpu") as solver:
+        solver.run(15)
+        solver.separate()
+        kept = solver.placement()
+    identity = kept.id[::-1] + 1000
+    # As edits leave them: not those outlines that are drawn for bodies of these rows.
+    wedges = kept.size_index == 1
+    variant, scale = np.where(wedges, 1 - kept.variant, 0), np.where(wedges, 1.3, 1.0)
+    where = {"triangle": kept.triangle, "barycentric": kept.barycentric} if with_triangles else {}
+    with esh.Solver(asked, device="cpu") as solver:
+        solver.start_at(
+            kept.position,
+            angle=kept.angle,
+            length=kept.length,
+            identity=identity,
+            variant=variant,
+            scale=scale,
+            **where,
+        )
+        again = solver.placement()
+        np.testing.assert_allclose(again.position, kept.position, atol=1e-5)
+        same = np.abs((again.tangent * kept.tangent).sum(axis=1)) if with_triangles else np.ones(1)
+        assert same.min() > 1.0 - 1e-5
+        np.testing.assert_allclose(again.length, kept.length, rtol=1e-5)
+        np.testing.assert_array_equal(again.id, identity)
+        np.testing.assert_array_equal(again.variant, variant)
+        np.testing.assert_allclose(again.scale[wedges], 1.3)
+        edit = solver.edit(kinds(44))
+        moved = solver.placement()
+        assert len(edit.added) == 12 and len(edit.removed) == 0 and edit.added.min() > identity.max()
+    _, i, j = np.intersect1d(identity, moved.id, return_indices=True)
+    assert len(i) == 120
+    way = np.linalg.norm(moved.position[j] - kept.position[i], axis=1)
+    assert np.median(way) < 0.25 * np.sqrt(4.0 * np.pi / 120)
+    np.testing.assert_array_equal(moved.variant[j], variant[i])
+
+
+@pytest.mark.parametrize(
+    ("position", "named"),
+    [
+        (np.zeros((20, 2)), "x, y and z of 20 bodies"),
+        (np.full((20, 3), 3.0), r"`position` must lie on the surface; \[3.0, 3.0, 3.0\] is more than"),
+    ],
+)
+def test_places_that_are_not_on_the_surface_are_refused(position, named):
+    with esh.Solver(problem(20), device="cpu") as solver, pytest.raises(EshError, match=named):
+        solver.start_at(position)
+
+
 def test_what_has_no_meaning_on_a_surface_is_said():
     other = esh.Surface(esh.SurfaceMesh(BALL.vertices, BALL.faces))
     with esh.Solver(problem(20), device="cpu") as solver, pytest.raises(EshError, match="must stay the same Surface"):
