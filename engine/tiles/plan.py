@@ -135,8 +135,8 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     problem = scene.problem
     if not isinstance(problem.domain, Domain):
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
-    if problem.domain.boundary == "periodic":
-        raise ProblemError('`domain.boundary` must be "open" or "mirror" for tiles; got "periodic"')
+    if problem.domain.boundary in ("periodic", "natural"):
+        raise ProblemError(f'`domain.boundary` must be "open" or "mirror" for tiles; got "{problem.domain.boundary}"')
     if len(problem.fixed.id):
         raise ProblemError("`fixed` bodies are not supported in tiles; give them as `obstacle` discs instead")
     for c in problem.classes:
