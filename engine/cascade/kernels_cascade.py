@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..surface.kernels_facets import Facets, interpolated
-from .kernels_points import PointGrid, Points, cell_around, cell_at, same_cell, slot_of
+from .kernels_points import PointGrid, Points, cell_around, cell_at, slot_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -21,21 +21,24 @@ RIDGE = wp.constant(1.0e-3)
 class Row:
     """How a charge is shared out, and a potential read at it.
 
-    The first row of the inverse of its moments, turned into space; the other entries of the inverse; and the charge.
+    The first row of the inverse of its moments, turned into space; and the other entries of the inverse.
     """
 
     value: wp.vec4
     slope: wp.vec3
-    charge: wp.float32
 
 
 @wp.struct
 class Weights:
-    """Nodes, the nodes near each of them (``near`` from ``start`` on), and the width of the weights by which points are shared out."""
+    """Nodes, the runs of nodes near each of them (``near`` from ``start`` on), and the width of the weights that share points out.
+
+    ``plane`` has x, y and z of all nodes, one after the other, then those of their normals.
+    """
 
     nodes: Points
+    plane: wp.array(dtype=float)
     start: wp.array(dtype=wp.int32)
-    near: wp.array(dtype=wp.int32)
+    near: wp.array(dtype=wp.vec2i)
     width: wp.float32
 
 
@@ -51,15 +54,18 @@ class Homed:
 
 @wp.struct
 class SortedCharges:
-    """Charges home after home, and how each is shared out; the label of a point is its group."""
+    """Charges home after home: their group, and their numbers, each of all charges after the one before.
 
-    points: Points
-    row: wp.array(dtype=Row)
+    These are x, y and z, those of the normal, the charge, and how it is shared out: value and slope of :class:`Row`.
+    """
+
+    group: wp.array(dtype=wp.int32)
+    plane: wp.array(dtype=float)
 
 
 @wp.struct
 class NearTable:
-    """Distance times force between two unit charges by the square of their distance, and where it ends.
+    """Distance times force of a target's unit charge by the square of the distance, and where it ends.
 
     ``scale`` is the number of entries per square of a distance.
     """
@@ -71,12 +77,28 @@ class NearTable:
 
 @wp.struct
 class NearPart:
-    """What is summed over pairs: the homes near each home (``pair`` from ``start`` on), the force, and M, flat."""
+    """What is summed over pairs: the runs of homes near each home (``near`` from ``start`` on), the force, and M, flat.
+
+    Distance times force is a polynomial of the square of the distance over that of ``cutoff``, where it ends: by ``term``.
+    """
 
     start: wp.array(dtype=wp.int32)
-    pair: wp.array(dtype=wp.int32)
-    table: NearTable
+    near: wp.array(dtype=wp.vec2i)
+    term: wp.array(dtype=float)
+    cutoff: wp.float32
     interaction: wp.array(dtype=float)
+
+
+@wp.struct
+class Sources:
+    """Points that a target is drawn to, in the order of their cells: their part, and numbers, each of all points after the one before.
+
+    These are x, y and z, those of the normal, and the charge of every image.
+    """
+
+    grid: PointGrid
+    label: wp.array(dtype=wp.int32)
+    plane: wp.array(dtype=float)
 
 
 @wp.struct
@@ -111,16 +133,28 @@ def node_weight(way: wp.vec3, one: wp.vec3, other: wp.vec3, inverse_reach: float
     return u * u * u * wp.max(side_factor(one, other), LEAST_FACTOR)
 
 
-# Native code because these loops are most of a step's time. A CPU takes eight neighbors at once, a GPU one.
+# Where the numbers of a charge begin (SortedCharges), and how many there are; and how many of a node (Weights).
+OF_POSITION = wp.constant(0)
+OF_NORMAL = wp.constant(3)
+OF_CHARGE = wp.constant(6)
+OF_VALUE = wp.constant(7)
+OF_SLOPE = wp.constant(11)
+CHARGE_PLANES = 14
+NODE_PLANES = 6
+# Native code because these loops are most of a step's time. A CPU takes so many neighbors at once, a GPU one: those of a run lie side
+# by side. What lies behind the end of a run is read, too, and does not count.
 LANES = 8
+# Terms of the polynomial in NearPart.
+NEAR_TERMS = 8
 _LANES = f"""
 #if defined(__CUDA_ARCH__)
     typedef float V;
     typedef int I;
     const int lanes = 1;
     const I lane = 0;
+    auto load = [](const float* from) -> V {{ return from[0]; }};
+    auto numbers = [](const int* from) -> I {{ return from[0]; }};
     auto get = [](const float* from, I at) -> V {{ return from[at]; }};
-    auto numbers = [](const int* from, int at, int end) -> I {{ return from[at]; }};
     auto sum = [](V v) -> float {{ return v; }};
     auto most = [](V a, V b) -> V {{ return fmaxf(a, b); }};
     auto whole = [](V v) -> I {{ return (int)v; }};
@@ -130,59 +164,71 @@ _LANES = f"""
     typedef int I __attribute__((ext_vector_type({LANES})));
     const int lanes = {LANES};
     const I lane = {{{", ".join(map(str, range(LANES)))}}};
+    auto load = [](const float* from) -> V
+    {{
+        V v;
+        __builtin_memcpy(&v, from, sizeof(V));
+        return v;
+    }};
+    auto numbers = [](const int* from) -> I
+    {{
+        I v;
+        __builtin_memcpy(&v, from, sizeof(I));
+        return v;
+    }};
     auto get = [](const float* from, I at) -> V
     {{
         V v;
         for (int l = 0; l < {LANES}; ++l) v[l] = from[at[l]];
         return v;
     }};
-    auto numbers = [](const int* from, int at, int end) -> I
-    {{
-        I v;
-        for (int l = 0; l < {LANES}; ++l) v[l] = from[at + l < end ? at + l : end - 1];
-        return v;
-    }};
     auto sum = [](V v) -> float
     {{
-        float total = 0.0f;
-        for (int l = 0; l < {LANES}; ++l) total += v[l];
-        return total;
+        const auto four = v.lo + v.hi;
+        const auto two = four.lo + four.hi;
+        return two.x + two.y;
     }};
     auto most = [](V a, V b) -> V {{ return a > b ? a : b; }};
     auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
     auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
 #endif
+    const float* x = plane.data;
+    const float* y = x + count;
+    const float* z = y + count;
+    const float* up_x = z + count;
+    const float* up_y = up_x + count;
+    const float* up_z = up_y + count;
 """
 # The weight of a node: see node_weight, which says the same for one.
 _WEIGHT = f"""
-            const V dx = get(xyz, 3 * j) - position[0];
-            const V dy = get(xyz, 3 * j + 1) - position[1];
-            const V dz = get(xyz, 3 * j + 2) - position[2];
-            const V cosine = get(nodes_up, 3 * j) * normal[0] + get(nodes_up, 3 * j + 1) * normal[1]
-                + get(nodes_up, 3 * j + 2) * normal[2];
+            const V dx = load(x + j) - position[0];
+            const V dy = load(y + j) - position[1];
+            const V dz = load(z + j) - position[2];
+            const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
             const V u = most(1.0f - (dx * dx + dy * dy + dz * dz) * inverse_reach, (V)0.0f);
             V w = u * u * u * most(0.5f + 0.5f * cosine, (V){LEAST_FACTOR}f);
-            w = k + lane < end ? w : (V)0.0f;
+            w = j + lane < end ? w : (V)0.0f;
 """
 Moments = wp.types.vector(6, wp.float32)
 
 
 @wp.func_native(f"""{_LANES}
-    const float* xyz = (const float*)node_position.data;
-    const float* nodes_up = (const float*)node_normal.data;
     V m00 = (V)0.0f, m01 = (V)0.0f, m02 = (V)0.0f, m11 = (V)0.0f, m12 = (V)0.0f, m22 = (V)0.0f;
-    for (int k = begin; k < end; k += lanes)
+    for (int k = first_run; k < last_run; ++k)
     {{
-        const I j = numbers(near.data, k, end);
-        {_WEIGHT}
-        const V a = (dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width;
-        const V b = (dx * beside[0] + dy * beside[1] + dz * beside[2]) * inverse_width;
-        m00 += w;
-        m01 += w * a;
-        m02 += w * b;
-        m11 += w * a * a;
-        m12 += w * a * b;
-        m22 += w * b * b;
+        const int end = near.data[k][1];
+        for (int j = near.data[k][0]; j < end; j += lanes)
+        {{
+            {_WEIGHT}
+            const V a = (dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width;
+            const V b = (dx * beside[0] + dy * beside[1] + dz * beside[2]) * inverse_width;
+            m00 += w;
+            m01 += w * a;
+            m02 += w * b;
+            m11 += w * a * a;
+            m12 += w * a * b;
+            m22 += w * b * b;
+        }}
     }}
     wp::vec_t<6, float> result;
     result[0] = sum(m00);
@@ -198,28 +244,29 @@ def moments_of(
     normal: wp.vec3,
     along: wp.vec3,
     beside: wp.vec3,
-    begin: int,
-    end: int,
-    near: wp.array(dtype=wp.int32),
-    node_position: wp.array(dtype=wp.vec3),
-    node_normal: wp.array(dtype=wp.vec3),
+    first_run: int,
+    last_run: int,
+    near: wp.array(dtype=wp.vec2i),
+    plane: wp.array(dtype=float),
+    count: int,
     inverse_reach: float,
     inverse_width: float,
 ) -> Moments: ...
 
 
 @wp.func_native(f"""{_LANES}
-    const float* xyz = (const float*)node_position.data;
-    const float* nodes_up = (const float*)node_normal.data;
     V s0 = (V)0.0f, s1 = (V)0.0f, s2 = (V)0.0f;
-    for (int k = begin; k < end; k += lanes)
+    for (int k = first_run; k < last_run; ++k)
     {{
-        const I j = numbers(near.data, k, end);
-        {_WEIGHT}
-        const V f = w * get(potential.data, j * group_count + group);
-        s0 += f;
-        s1 += f * ((dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width);
-        s2 += f * ((dx * beside[0] + dy * beside[1] + dz * beside[2]) * inverse_width);
+        const int end = near.data[k][1];
+        for (int j = near.data[k][0]; j < end; j += lanes)
+        {{
+            {_WEIGHT}
+            const V f = w * (group_count == 1 ? load(potential.data + j) : get(potential.data, (j + lane) * group_count + group));
+            s0 += f;
+            s1 += f * ((dx * along[0] + dy * along[1] + dz * along[2]) * inverse_width);
+            s2 += f * ((dx * beside[0] + dy * beside[1] + dz * beside[2]) * inverse_width);
+        }}
     }}
     return wp::vec3(sum(s0), sum(s1), sum(s2));
 """)
@@ -228,11 +275,11 @@ def potential_of(
     normal: wp.vec3,
     along: wp.vec3,
     beside: wp.vec3,
-    begin: int,
-    end: int,
-    near: wp.array(dtype=wp.int32),
-    node_position: wp.array(dtype=wp.vec3),
-    node_normal: wp.array(dtype=wp.vec3),
+    first_run: int,
+    last_run: int,
+    near: wp.array(dtype=wp.vec2i),
+    plane: wp.array(dtype=float),
+    count: int,
     potential: wp.array(dtype=float),
     group_count: int,
     group: int,
@@ -241,136 +288,166 @@ def potential_of(
 ) -> wp.vec3: ...
 
 
-# Goes through the charges whose homes are in a list: a CPU collects them first, since a home has about one.
-_EACH_CHARGE = """
-#if defined(__CUDA_ARCH__)
-    for (int k = begin; k < end; ++k)
-        for (int t = charge_start.data[homes.data[k]]; t < charge_start.data[homes.data[k] + 1]; ++t) look(t, t, t + 1);
-#else
-    int found[128];
-    int count = 0;
-    for (int k = begin; k < end; ++k)
-    {
-        const int h = homes.data[k];
-        const int stop = charge_start.data[h + 1];
-        for (int t = charge_start.data[h]; t < stop; ++t)
-        {
-            found[count++] = t;
-            if (count == 128)
-            {
-                for (int at = 0; at < count; at += lanes) look(numbers(found, at, count), at, count);
-                count = 0;
-            }
-        }
-    }
-    for (int at = 0; at < count; at += lanes) look(numbers(found, at, count), at, count);
-#endif
-"""
-
-
 @wp.func_native(f"""{_LANES}
-    const float* xyz = (const float*)charge_position.data;
-    const float* nodes_up = (const float*)charge_normal.data;
-    const float* rows = (const float*)row.data;
+    const float* charge = up_z + count;
+    const float* value_x = charge + count;
+    const float* value_y = value_x + count;
+    const float* value_z = value_y + count;
+    const float* value = value_z + count;
     float* to = node_charge.data + node * group_count;
     V alone = (V)0.0f;
-    auto look = [&](I j, int k, int end)
+    for (int k = first_run; k < last_run; ++k)
     {{
-        {_WEIGHT}
-        // The way leads from the charge to the node.
-        const V value = get(rows, 8 * j + 3) - get(rows, 8 * j) * dx - get(rows, 8 * j + 1) * dy - get(rows, 8 * j + 2) * dz;
-        const V share = w * value * get(rows, 8 * j + 7);
-        if (group_count == 1)
+        const int end = charge_start.data[near.data[k][1]];
+        for (int j = charge_start.data[near.data[k][0]]; j < end; j += lanes)
         {{
-            alone += share;
-            return;
-        }}
+            {_WEIGHT}
+            // The way leads from the charge to the node.
+            const V of_unit = load(value + j) - load(value_x + j) * dx - load(value_y + j) * dy - load(value_z + j) * dz;
+            const V share = w * of_unit * load(charge + j);
+            if (group_count == 1)
+            {{
+                alone += share;
+                continue;
+            }}
 #if defined(__CUDA_ARCH__)
-        to[charge_group.data[j]] += share;
+            to[charge_group.data[j]] += share;
 #else
-        for (int l = 0; l < lanes && k + l < end; ++l) to[charge_group.data[j[l]]] += share[l];
+            for (int l = 0; l < lanes && j + l < end; ++l) to[charge_group.data[j + l]] += share[l];
 #endif
-    }};
-    {_EACH_CHARGE}
+        }}
+    }}
     if (group_count == 1) to[0] = sum(alone);
 """)
 def gather_at_node(
     node: int,
     position: wp.vec3,
     normal: wp.vec3,
-    begin: int,
-    end: int,
-    homes: wp.array(dtype=wp.int32),
+    first_run: int,
+    last_run: int,
+    near: wp.array(dtype=wp.vec2i),
     charge_start: wp.array(dtype=wp.int32),
-    charge_position: wp.array(dtype=wp.vec3),
-    charge_normal: wp.array(dtype=wp.vec3),
     charge_group: wp.array(dtype=wp.int32),
-    row: wp.array(dtype=Row),
+    plane: wp.array(dtype=float),
+    count: int,
     inverse_reach: float,
     group_count: int,
     node_charge: wp.array(dtype=float),
 ): ...
 
 
-@wp.func_native(
-    f"""{_LANES}
-    const float* xyz = (const float*)charge_position.data;
-    const float* up = (const float*)charge_normal.data;
-    const float* rows = (const float*)row.data;
+@wp.func_native(f"""{_LANES}
+    const float* charge = up_z + count;
     const float* factor = interaction.data + group * group_count;
-    const int last = table.shape[0] - 2;
-    V x = (V)0.0f, y = (V)0.0f, z = (V)0.0f;
-    auto look = [&](I j, int k, int end)
+    V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
+    for (int k = first_run; k < last_run; ++k)
     {{
-        const V dx = position[0] - get(xyz, 3 * j);
-        const V dy = position[1] - get(xyz, 3 * j + 1);
-        const V dz = position[2] - get(xyz, 3 * j + 2);
-        const V square = dx * dx + dy * dy + dz * dz;
-        const V cosine = get(up, 3 * j) * normal[0] + get(up, 3 * j + 1) * normal[1] + get(up, 3 * j + 2) * normal[2];
-        V amount = get(rows, 8 * j + 7) * (0.5f + 0.5f * cosine);
-        if (group_count > 1)
+        const int end = charge_start.data[near.data[k][1]];
+        for (int j = charge_start.data[near.data[k][0]]; j < end; j += lanes)
         {{
+            const V dx = position[0] - load(x + j);
+            const V dy = position[1] - load(y + j);
+            const V dz = position[2] - load(z + j);
+            const V square = dx * dx + dy * dy + dz * dz;
+            const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
+            V amount = load(charge + j) * (0.5f + 0.5f * cosine);
+            if (group_count > 1)
+            {{
 #if defined(__CUDA_ARCH__)
-            amount *= factor[charge_group.data[j]];
+                amount *= factor[charge_group.data[j]];
 #else
-            for (int l = 0; l < lanes; ++l) amount[l] *= factor[charge_group.data[j[l]]];
+                for (int l = 0; l < lanes && j + l < end; ++l) amount[l] *= factor[charge_group.data[j + l]];
 #endif
+            }}
+            else amount *= factor[0];
+            const V at = square * inverse_cutoff;
+            V force = (V)term.data[{NEAR_TERMS} - 1];
+            for (int t = {NEAR_TERMS} - 2; t >= 0; --t) force = force * at + term.data[t];
+            // A charge is at no distance from itself, and so its term vanishes.
+            V strength = amount * force / (square + 1e-12f);
+            strength = ((at < 1.0f) & (j + lane < end)) ? strength : (V)0.0f;
+            to_x += strength * dx;
+            to_y += strength * dy;
+            to_z += strength * dz;
         }}
-        else amount *= factor[0];
+    }}
+    return wp::vec3(sum(to_x), sum(to_y), sum(to_z));
+""")
+def sum_near(
+    position: wp.vec3,
+    normal: wp.vec3,
+    group: int,
+    first_run: int,
+    last_run: int,
+    near: wp.array(dtype=wp.vec2i),
+    charge_start: wp.array(dtype=wp.int32),
+    charge_group: wp.array(dtype=wp.int32),
+    plane: wp.array(dtype=float),
+    count: int,
+    inverse_cutoff: float,
+    term: wp.array(dtype=float),
+    interaction: wp.array(dtype=float),
+    group_count: int,
+) -> wp.vec3: ...
+
+
+@wp.func_native(f"""{_LANES}
+    const float* charge = up_z + (column + 1) * count;
+    const int last = table.shape[0] - 2;
+    V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
+    for (int j = begin; j < end; j += lanes)
+    {{
+        const V dx = position[0] - load(x + j);
+        const V dy = position[1] - load(y + j);
+        const V dz = position[2] - load(z + j);
+        const V square = dx * dx + dy * dy + dz * dz;
+        const V cosine = load(up_x + j) * normal[0] + load(up_y + j) * normal[1] + load(up_z + j) * normal[2];
         const V at = square * table_scale;
         I cell = whole(at);
         cell = cell > last ? (I)last : cell;
         const V low = get(table.data, cell);
         const V force = low + (at - real(cell)) * (get(table.data, cell + 1) - low);
-        // A charge is at no distance from itself, and so its term vanishes.
-        V strength = amount * force / (square + 1e-12f);
-        strength = ((square < square_cutoff) & (k + lane < end)) ? strength : (V)0.0f;
-        x += strength * dx;
-        y += strength * dy;
-        z += strength * dz;
-    }};
-    {_EACH_CHARGE}
-    return wp::vec3(sum(x), sum(y), sum(z));
-"""
-)
-def sum_near(
+        V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
+        strength = ((square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end)) ? strength : (V)0.0f;
+        to_x += strength * dx;
+        to_y += strength * dy;
+        to_z += strength * dz;
+    }}
+    return wp::vec3(sum(to_x), sum(to_y), sum(to_z));
+""")
+def pull_of_sources(
     position: wp.vec3,
     normal: wp.vec3,
-    group: int,
+    label: int,
     begin: int,
     end: int,
-    homes: wp.array(dtype=wp.int32),
-    charge_start: wp.array(dtype=wp.int32),
-    charge_position: wp.array(dtype=wp.vec3),
-    charge_normal: wp.array(dtype=wp.vec3),
-    charge_group: wp.array(dtype=wp.int32),
-    row: wp.array(dtype=Row),
+    labels: wp.array(dtype=wp.int32),
+    plane: wp.array(dtype=float),
+    count: int,
+    column: int,
     square_cutoff: float,
     table: wp.array(dtype=float),
     table_scale: float,
-    interaction: wp.array(dtype=float),
-    group_count: int,
 ) -> wp.vec3: ...
+
+
+@wp.func
+def number_of(s: int, plane: int, charges: SortedCharges):
+    """One of the numbers of a charge."""
+    return charges.plane[plane * charges.group.shape[0] + s]
+
+
+@wp.func
+def vector_of(s: int, plane: int, charges: SortedCharges):
+    """Three of the numbers of a charge, from one of them on."""
+    return wp.vec3(number_of(s, plane, charges), number_of(s, plane + 1, charges), number_of(s, plane + 2, charges))
+
+
+@wp.func
+def set_vector(s: int, plane: int, vector: wp.vec3, charges: SortedCharges):
+    count = charges.group.shape[0]
+    for k in range(3):
+        charges.plane[(plane + k) * count + s] = vector[k]
 
 
 @wp.func
@@ -388,8 +465,8 @@ def fitted_row(position: wp.vec3, normal: wp.vec3, home: int, weights: Weights):
         weights.start[home],
         weights.start[home + 1],
         weights.near,
-        weights.nodes.position,
-        weights.nodes.normal,
+        weights.plane,
+        weights.nodes.position.shape[0],
         inverse_reach,
         inverse_width,
     )
@@ -430,6 +507,21 @@ def find_homes(
 
 
 @wp.kernel
+def fill_planes(
+    first: int,
+    nodes: Points,
+    # outputs
+    plane: wp.array(dtype=float),
+):
+    """Write what :class:`Weights` has of its nodes once more."""
+    i = first + wp.tid()
+    count = nodes.position.shape[0]
+    for k in range(3):
+        plane[k * count + i] = nodes.position[i][k]
+        plane[(3 + k) * count + i] = nodes.normal[i][k]
+
+
+@wp.kernel
 def fit_rows(
     first: int,
     charges: Homed,
@@ -445,11 +537,14 @@ def fit_rows(
     position = charges.points.position[i]
     normal = charges.points.normal[i]
     own = fitted_row(position, normal, charges.home[i], weights)
-    own.charge = charge[i]
-    sorted_charges.row[s] = own
-    sorted_charges.points.position[s] = position
-    sorted_charges.points.normal[s] = normal
-    sorted_charges.points.label[s] = charge_group[i]
+    count = sorted_charges.group.shape[0]
+    sorted_charges.group[s] = charge_group[i]
+    set_vector(s, OF_POSITION, position, sorted_charges)
+    set_vector(s, OF_NORMAL, normal, sorted_charges)
+    sorted_charges.plane[OF_CHARGE * count + s] = charge[i]
+    set_vector(s, OF_VALUE, wp.vec3(own.value[0], own.value[1], own.value[2]), sorted_charges)
+    sorted_charges.plane[(OF_VALUE + 3) * count + s] = own.value[3]
+    set_vector(s, OF_SLOPE, own.slope, sorted_charges)
 
 
 @wp.kernel
@@ -474,10 +569,9 @@ def deposit(
         weights.start[j + 1],
         weights.near,
         charge_start,
-        sorted_charges.points.position,
-        sorted_charges.points.normal,
-        sorted_charges.points.label,
-        sorted_charges.row,
+        sorted_charges.group,
+        sorted_charges.plane,
+        sorted_charges.group.shape[0],
         1.0 / (REACH_SQUARED * weights.width * weights.width),
         group_count,
         node_charge,
@@ -499,12 +593,13 @@ def count_shares(
     found = int(0)
     if to_nodes == 0:
         for k in range(weights.start[fine.home[i]], weights.start[fine.home[i] + 1]):
-            way = weights.nodes.position[weights.near[k]] - fine.points.position[i]
-            if wp.dot(way, way) * inverse_reach < 1.0:
-                found += 1
+            for j in range(weights.near[k][0], weights.near[k][1]):
+                way = weights.nodes.position[j] - fine.points.position[i]
+                if wp.dot(way, way) * inverse_reach < 1.0:
+                    found += 1
     else:
         for k in range(weights.start[i], weights.start[i + 1]):
-            for s in range(fine.start[weights.near[k]], fine.start[weights.near[k] + 1]):
+            for s in range(fine.start[weights.near[k][0]], fine.start[weights.near[k][1]]):
                 way = weights.nodes.position[i] - fine.points.position[fine.order[s]]
                 if wp.dot(way, way) * inverse_reach < 1.0:
                     found += 1
@@ -530,16 +625,16 @@ def list_shares(
     at = entry_start[i]
     if to_nodes == 0:
         for k in range(weights.start[fine.home[i]], weights.start[fine.home[i] + 1]):
-            j = weights.near[k]
-            way = nodes.position[j] - fine.points.position[i]
-            if wp.dot(way, way) * inverse_reach < 1.0:
-                w = node_weight(way, fine.points.normal[i], nodes.normal[j], inverse_reach)
-                entry[at] = j
-                value[at] = share_of(row[i], way, w)
-                at += 1
+            for j in range(weights.near[k][0], weights.near[k][1]):
+                way = nodes.position[j] - fine.points.position[i]
+                if wp.dot(way, way) * inverse_reach < 1.0:
+                    w = node_weight(way, fine.points.normal[i], nodes.normal[j], inverse_reach)
+                    entry[at] = j
+                    value[at] = share_of(row[i], way, w)
+                    at += 1
     else:
         for k in range(weights.start[i], weights.start[i + 1]):
-            for s in range(fine.start[weights.near[k]], fine.start[weights.near[k] + 1]):
+            for s in range(fine.start[weights.near[k][0]], fine.start[weights.near[k][1]]):
                 j = fine.order[s]
                 way = nodes.position[i] - fine.points.position[j]
                 if wp.dot(way, way) * inverse_reach < 1.0:
@@ -637,49 +732,72 @@ def multiply(
     result[i] = total
 
 
-@wp.func
-def near_force(square: float, table: NearTable):
-    """Distance times force of the near part between two unit charges, by the square of their distance."""
-    at = square * table.scale
-    k = wp.min(int(at), table.force.shape[0] - 2)
-    return table.force[k] + (at - float(k)) * (table.force[k + 1] - table.force[k])
+Slots = wp.types.vector(27, wp.int32)
+
+
+@wp.kernel
+def sort_sources(
+    first: int,
+    points: Points,
+    charge: wp.array(dtype=float),
+    column_count: int,
+    # outputs
+    sources: Sources,
+):
+    """Bring points and their charges into the order of their cells."""
+    s = first + wp.tid()
+    count = points.position.shape[0]
+    i = sources.grid.order[s]
+    sources.label[s] = points.label[i]
+    for k in range(3):
+        sources.plane[k * count + s] = points.position[i][k]
+        sources.plane[(3 + k) * count + s] = points.normal[i][k]
+    for c in range(column_count):
+        sources.plane[(6 + c) * count + s] = charge[c * count + i]
 
 
 @wp.kernel
 def near_target(
     first: int,
     corners: Points,
-    sources: Points,
-    source_charge: wp.array(dtype=float),
+    sources: Sources,
     column_count: int,
-    grid: PointGrid,
+    source_count: int,
     table: NearTable,
     # outputs
     force: wp.array(dtype=wp.vec3),
 ):
     """The near part of the force of every image's target at the corners of tiles; cells are as large as the cut-off."""
     i = first + wp.tid()
-    own = corners.position[i]
-    normal = corners.normal[i]
-    label = corners.label[i]
-    corner_count = corners.position.shape[0]
-    for c in range(column_count):
-        force[c * corner_count + i] = wp.vec3(0.0, 0.0, 0.0)
-    cell = cell_at(own, grid.inverse_size)
+    grid = sources.grid
+    cell = cell_at(corners.position[i], grid.inverse_size)
+    slots = Slots()
     for number in range(27):
-        around = cell_around(cell, number)
-        slot = slot_of(around, grid.mask)
-        for s in range(grid.start[slot], grid.start[slot + 1]):
-            j = grid.order[s]
-            way = own - sources.position[j]
-            square = wp.dot(way, way)
-            met = square < table.cutoff * table.cutoff and sources.label[j] == label
-            if met and same_cell(cell_at(sources.position[j], grid.inverse_size), around):
-                factor = side_factor(normal, sources.normal[j])
-                f = near_force(square, table) / wp.max(square, 1.0e-12) * factor
-                for c in range(column_count):
-                    at = c * corner_count + i
-                    force[at] = force[at] + (f * source_charge[c * sources.position.shape[0] + j]) * way
+        slots[number] = slot_of(cell_around(cell, number), grid.mask)
+    for c in range(column_count):
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for number in range(27):
+            # What is not in a cell, but shares its slot, is near only where its own cell is one of the 27: slots count once.
+            slot = slots[number]
+            known = int(0)
+            for before in range(number):
+                known += int(slots[before] == slot)
+            if known == 0 and grid.start[slot] < grid.start[slot + 1]:
+                total += pull_of_sources(
+                    corners.position[i],
+                    corners.normal[i],
+                    corners.label[i],
+                    grid.start[slot],
+                    grid.start[slot + 1],
+                    sources.label,
+                    sources.plane,
+                    source_count,
+                    c,
+                    table.cutoff * table.cutoff,
+                    table.force,
+                    table.scale,
+                )
+        force[c * corners.position.shape[0] + i] = total
 
 
 @wp.func
@@ -687,34 +805,34 @@ def force_of_nodes(
     s: int, home: int, charges: SortedCharges, weights: Weights, potential: wp.array(dtype=float), group_count: int
 ):
     """What leads down the potential's slope, fitted to the nodes near a charge."""
-    normal = charges.points.normal[s]
+    normal = vector_of(s, OF_NORMAL, charges)
     along = across(normal)
     beside = wp.cross(normal, along)
     inverse_reach = 1.0 / (REACH_SQUARED * weights.width * weights.width)
     inverse_width = 1.0 / weights.width
     fitted = potential_of(
-        charges.points.position[s],
+        vector_of(s, OF_POSITION, charges),
         normal,
         along,
         beside,
         weights.start[home],
         weights.start[home + 1],
         weights.near,
-        weights.nodes.position,
-        weights.nodes.normal,
+        weights.plane,
+        weights.nodes.position.shape[0],
         potential,
         group_count,
-        charges.points.label[s],
+        charges.group[s],
         inverse_reach,
         inverse_width,
     )
     s0 = fitted[0]
     s1 = fitted[1]
     s2 = fitted[2]
-    inverse = charges.row[s]
-    to_space = wp.vec3(inverse.value[0], inverse.value[1], inverse.value[2])
-    slope_along = wp.dot(to_space, along) * s0 + (inverse.slope[0] * s1 + inverse.slope[1] * s2) * inverse_width
-    slope_beside = wp.dot(to_space, beside) * s0 + (inverse.slope[1] * s1 + inverse.slope[2] * s2) * inverse_width
+    to_space = vector_of(s, OF_VALUE, charges)
+    slope = vector_of(s, OF_SLOPE, charges)
+    slope_along = wp.dot(to_space, along) * s0 + (slope[0] * s1 + slope[1] * s2) * inverse_width
+    slope_beside = wp.dot(to_space, beside) * s0 + (slope[1] * s1 + slope[2] * s2) * inverse_width
     return -slope_along * along - slope_beside * beside
 
 
@@ -724,20 +842,18 @@ def force_of_near_charges(
 ):
     """What the charges of the homes near that of a charge do; those of a home begin at ``start``."""
     return sum_near(
-        charges.points.position[s],
-        charges.points.normal[s],
-        charges.points.label[s],
+        vector_of(s, OF_POSITION, charges),
+        vector_of(s, OF_NORMAL, charges),
+        charges.group[s],
         near.start[home],
         near.start[home + 1],
-        near.pair,
+        near.near,
         start,
-        charges.points.position,
-        charges.points.normal,
-        charges.points.label,
-        charges.row,
-        near.table.cutoff * near.table.cutoff,
-        near.table.force,
-        near.table.scale,
+        charges.group,
+        charges.plane,
+        charges.group.shape[0],
+        1.0 / (near.cutoff * near.cutoff),
+        near.term,
         near.interaction,
         group_count,
     )
@@ -764,7 +880,7 @@ def evaluate(
     i = charges.order[s]
     # Bodies move in the plane of their facet.
     normal = facets.normal[facet[i]]
-    group = sorted_charges.points.label[s]
+    group = sorted_charges.group[s]
     home = charges.home[i]
     force = force_of_nodes(s, home, sorted_charges, weights, potential, group_count)
     force += force_of_near_charges(s, home, sorted_charges, charges.start, near, group_count)

@@ -39,9 +39,11 @@ def cell_at(position: wp.vec3, inverse_size: float):
 
 @wp.func
 def slot_of(cell: wp.vec3i, mask: int):
-    mixed = (cell[0] * 73856093) ^ (cell[1] * 19349663) ^ (cell[2] * 83492791)
+    """Slot of a cell: four times four times four cells have slots side by side, wherever these are."""
+    mixed = ((cell[0] >> 2) * 73856093) ^ ((cell[1] >> 2) * 19349663) ^ ((cell[2] >> 2) * 83492791)
     mixed = mixed ^ (mixed >> 15)
-    return mixed & mask
+    within = (cell[0] & 3) + 4 * (cell[1] & 3) + 16 * (cell[2] & 3)
+    return (64 * mixed + within) & mask
 
 
 @wp.func
@@ -71,17 +73,25 @@ def cell_around(cell: wp.vec3i, number: int):
 
 
 @wp.func
-def is_crowded(i: int, points: Points, grid: PointGrid, radius: float, kept: wp.array(dtype=wp.int32)):
+def is_crowded(
+    i: int,
+    points: Points,
+    grid: PointGrid,
+    radius: float,
+    kept: wp.array(dtype=wp.int32),
+    kept_count: wp.array(dtype=wp.int32),
+):
     """Whether a point that is kept lies nearer than ``radius`` to point ``i``, on its sheet."""
     own = points.position[i]
     cell = cell_at(own, grid.inverse_size)
     for number in range(27):
         slot = slot_of(cell_around(cell, number), grid.mask)
-        for k in range(grid.start[slot], grid.start[slot + 1]):
-            j = grid.order[k]
-            near = j != i and wp.length_sq(points.position[j] - own) < radius * radius
-            if near and points.label[j] == points.label[i] and wp.dot(points.normal[i], points.normal[j]) > 0.0:
-                if kept[j] != 0:
+        begin = grid.start[slot]
+        for k in range(begin, begin + kept_count[slot]):
+            # Another thread may be about to write what a far cell of the slot keeps.
+            j = kept[k]
+            if j >= 0 and wp.length_sq(points.position[j] - own) < radius * radius:
+                if points.label[j] == points.label[i] and wp.dot(points.normal[i], points.normal[j]) > 0.0:
                     return True
     return False
 
@@ -95,11 +105,12 @@ def thin_out(
     radius: float,
     # outputs
     kept: wp.array(dtype=wp.int32),
+    kept_count: wp.array(dtype=wp.int32),
 ):
     """Keep points of which no two of one sheet are nearer than ``radius``, and of which no others could be kept too.
 
-    An element is a slot. Cells are as large as the radius; those of a phase, one in eight, do not touch, so that none of their points
-    is near one of another cell.
+    An element is a slot, whose points that are kept are listed from its start on. Cells are as large as the radius; those of a phase,
+    one in eight, do not touch, so that none of their points is near one of another cell.
     """
     slot = first + wp.tid()
     begin = grid.start[slot]
@@ -111,7 +122,9 @@ def thin_out(
         i = grid.order[begin + (k + shift) % length]
         cell = cell_at(points.position[i], grid.inverse_size)
         if (cell[0] & 1) + 2 * (cell[1] & 1) + 4 * (cell[2] & 1) == phase:
-            kept[i] = wp.where(is_crowded(i, points, grid, radius, kept), 0, 1)
+            if not is_crowded(i, points, grid, radius, kept, kept_count):
+                kept[begin + kept_count[slot]] = i
+                kept_count[slot] = kept_count[slot] + 1
 
 
 @wp.kernel
@@ -157,30 +170,21 @@ def sees(i: int, j: int, points: Points, others: Points, square_reach: float, le
     )
 
 
-@wp.kernel
-def count_near(
-    first: int,
+@wp.func
+def sees_in_cell(
+    i: int,
+    j: int,
     points: Points,
     others: Points,
-    grid: PointGrid,
-    reach: float,
+    square_reach: float,
     least_cosine: float,
-    # outputs
-    count: wp.array(dtype=wp.int32),
+    cell: wp.vec3i,
+    grid: PointGrid,
 ):
-    """Count the other points within ``reach`` of each, on the same part and looking into like directions; cells are as large."""
-    i = first + wp.tid()
-    cell = cell_at(points.position[i], grid.inverse_size)
-    found = int(0)
-    for number in range(27):
-        around = cell_around(cell, number)
-        slot = slot_of(around, grid.mask)
-        for s in range(grid.start[slot], grid.start[slot + 1]):
-            j = grid.order[s]
-            if sees(i, j, points, others, reach * reach, least_cosine):
-                if same_cell(cell_at(others.position[j], grid.inverse_size), around):
-                    found += 1
-    count[i] = found
+    """The same, of another point that lies in a cell: others may share its slot."""
+    if sees(i, j, points, others, square_reach, least_cosine):
+        return same_cell(cell_at(others.position[j], grid.inverse_size), cell)
+    return False
 
 
 @wp.kernel
@@ -194,20 +198,99 @@ def list_near(
     start: wp.array(dtype=wp.int32),
     # outputs
     near: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
 ):
-    """List what :func:`count_near` counts, for each from its ``start`` on."""
+    """List the other points within ``reach`` of each, on the same part and looking into like directions; cells are as large.
+
+    Those of a point are listed from its ``start`` on, as far as there is room, and all are counted.
+    """
     i = first + wp.tid()
     cell = cell_at(points.position[i], grid.inverse_size)
     at = start[i]
+    end = start[i + 1]
     for number in range(27):
         around = cell_around(cell, number)
         slot = slot_of(around, grid.mask)
         for s in range(grid.start[slot], grid.start[slot + 1]):
             j = grid.order[s]
-            if sees(i, j, points, others, reach * reach, least_cosine):
-                if same_cell(cell_at(others.position[j], grid.inverse_size), around):
+            if sees_in_cell(i, j, points, others, reach * reach, least_cosine, around, grid):
+                if at < end:
                     near[at] = j
-                    at += 1
+                at += 1
+    count[i] = at - start[i]
+
+
+@wp.kernel
+def close_up(
+    first: int,
+    room: int,
+    entry: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    # outputs
+    packed: wp.array(dtype=wp.int32),
+):
+    """Copy lists that have ``room`` each to where they start."""
+    i = first + wp.tid()
+    for k in range(start[i + 1] - start[i]):
+        packed[start[i] + k] = entry[i * room + k]
+
+
+@wp.func_native("""
+    // Nearly in order already.
+    int* list = entry.data;
+    for (int k = begin + 1; k < end; ++k)
+    {
+        const int number = list[k];
+        int at = k;
+        for (; at > begin && list[at - 1] > number; --at) list[at] = list[at - 1];
+        list[at] = number;
+    }
+""")
+def put_in_order(begin: int, end: int, entry: wp.array(dtype=wp.int32)): ...
+
+
+@wp.kernel
+def count_runs(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    most_between: int,
+    # outputs
+    entry: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+):
+    """Put the numbers of every list in order, and count the runs in it: so many that lie between two do not end a run."""
+    i = first + wp.tid()
+    put_in_order(start[i], start[i + 1], entry)
+    found = int(0)
+    for k in range(start[i], start[i + 1]):
+        if k == start[i]:
+            found = 1
+        elif entry[k] - entry[k - 1] - 1 > most_between:
+            found += 1
+    count[i] = found
+
+
+@wp.kernel
+def list_runs(
+    first: int,
+    start: wp.array(dtype=wp.int32),
+    most_between: int,
+    entry: wp.array(dtype=wp.int32),
+    run_start: wp.array(dtype=wp.int32),
+    # outputs
+    run: wp.array(dtype=wp.vec2i),
+):
+    """Write what :func:`count_runs` counts: the first number of every run, and the one behind its last."""
+    i = first + wp.tid()
+    at = run_start[i]
+    for k in range(start[i], start[i + 1]):
+        if k == start[i]:
+            run[at] = wp.vec2i(entry[k], entry[k] + 1)
+        elif entry[k] - entry[k - 1] - 1 > most_between:
+            at += 1
+            run[at] = wp.vec2i(entry[k], entry[k] + 1)
+        else:
+            run[at] = wp.vec2i(run[at][0], entry[k] + 1)
 
 
 @wp.kernel

@@ -11,18 +11,25 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_points
 
-__all__ = ["Lists", "chosen", "empty_points", "grid_of", "lists_of", "nearest_of", "running_sum", "thinned"]
+__all__ = ["Lists", "chosen", "empty_points", "grid_of", "lists_of", "nearest_of", "running_sum", "runs_of", "thinned"]
 
 # Slots of a table for every point in it.
 SLOTS_PER_POINT = 2
 # Points that are far denser than they are to be kept are first made as few as there are cells of this share of the distance.
 CELLS_OF_RADIUS = 4.0
 CROWDED = 0.5
+# Entries that most lists of neighbors have room for; those of other surfaces are made once more.
+ROOM = 64
+# Numbers that a run takes in rather than end.
+MOST_BETWEEN = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Lists:
-    """Lists of numbers, one after the other: where each starts, shape ``[n + 1]``, and all numbers, both ``wp.int32``."""
+    """Lists one after the other: where each starts, ``wp.int32``, shape ``[n + 1]``, and what is in them.
+
+    Numbers, ``wp.int32``; or runs of them, ``wp.vec2i``: the first, and the one behind the last.
+    """
 
     start: wp.array
     entry: wp.array
@@ -66,16 +73,18 @@ def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) ->
         return few[thinned(launcher, chosen(launcher, points, few), radius)]
     count = len(points.position)
     grid = grid_of(launcher, points.position, radius)
-    kept = launcher.zeros(count, wp.int32)
+    kept = wp.array(np.full(count, -1, np.int32), dtype=wp.int32, device=launcher.device)
+    kept_count = launcher.zeros(grid.mask + 1, wp.int32)
     for phase in range(8):
         launcher.launch(
             kernels_points.thin_out,
             grid.mask + 1,
             [phase, points, grid, radius],
-            [kept],
+            [kept, kept_count],
             grain=GRAIN_OF_NEIGHBORS,
         )
-    return np.flatnonzero(kept.numpy())
+    numbers = kept.numpy()
+    return np.sort(numbers[numbers >= 0])
 
 
 def _one_of_each_cell(points: kernels_points.Points, cell: float) -> np.ndarray | None:
@@ -115,14 +124,37 @@ def lists_of(
     least_cosine: float = -2.0,
 ) -> Lists:
     """The ``others`` within ``reach`` of every point."""
-    count = launcher.empty(len(points.position), wp.int32)
-    inputs = [points, others, grid_of(launcher, others.position, reach), reach, least_cosine]
     n = len(points.position)
-    launcher.launch(kernels_points.count_near, n, inputs, [count], grain=GRAIN_OF_NEIGHBORS)
+    inputs = [points, others, grid_of(launcher, others.position, reach), reach, least_cosine]
+    count = launcher.empty(n, wp.int32)
+
+    def fill(start: wp.array, entry: wp.array) -> None:
+        launcher.launch(kernels_points.list_near, n, [*inputs, start], [entry, count], grain=GRAIN_OF_NEIGHBORS)
+
+    roomy = launcher.empty(ROOM * n, wp.int32)
+    fill(launcher.array(np.arange(0, ROOM * n + 1, ROOM, dtype=np.int32), wp.int32), roomy)
     start, total = running_sum(launcher, count)
     entry = launcher.empty(max(total, 1), wp.int32)
-    launcher.launch(kernels_points.list_near, n, [*inputs, start], [entry], grain=GRAIN_OF_NEIGHBORS)
+    if n and int(count.numpy().max()) <= ROOM:
+        launcher.launch(kernels_points.close_up, n, [ROOM, roomy, start], [entry])
+    else:
+        fill(start, entry)
     return Lists(start, entry)
+
+
+def runs_of(launcher: Launcher, lists: Lists) -> Lists:
+    """Lists of numbers as runs of them; with a few more numbers, so that the CPU, which takes several at once, has fewer runs."""
+    between = 0 if launcher.device.is_cuda else MOST_BETWEEN
+    n = len(lists.start) - 1
+    count = launcher.empty(n, wp.int32)
+    launcher.launch(
+        kernels_points.count_runs, n, [lists.start, between], [lists.entry, count], grain=GRAIN_OF_NEIGHBORS
+    )
+    start, total = running_sum(launcher, count)
+    run = launcher.empty(max(total, 1), wp.vec2i)
+    inputs = [lists.start, between, lists.entry, start]
+    launcher.launch(kernels_points.list_runs, n, inputs, [run], grain=GRAIN_OF_NEIGHBORS)
+    return Lists(start, run)
 
 
 def running_sum(launcher: Launcher, count: wp.array) -> tuple[wp.array, int]:

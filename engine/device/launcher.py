@@ -26,7 +26,16 @@ from .profile import Profile
 from .quiet_start import start_warp
 from .threads import Operation, Program, ThreadTeam
 
-__all__ = ["GRAIN", "GRAIN_OF_NEIGHBORS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
+__all__ = [
+    "GRAIN",
+    "GRAIN_OF_NEIGHBORS",
+    "Launcher",
+    "Recording",
+    "Until",
+    "core_count",
+    "gpu_environments",
+    "resolve_device",
+]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
@@ -69,6 +78,20 @@ def resolve_device(name: str = "auto") -> wp.Device:
         why = "this machine has no such NVIDIA GPU, or no driver for it"
         raise DeviceError(f"`device` {name!r} is not available: {why}; use one of {accepted}")
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
+
+
+def gpu_environments(name: str) -> list[dict[str, str]]:
+    """Environments of processes that are each to see one of the GPUs that ``name`` stands for, as "cuda:0" of its own.
+
+    None where that is one GPU, or no GPU: such processes need nothing special.
+    """
+    start_warp()
+    count = len(wp.get_cuda_devices())
+    if name not in ("auto", "cuda") or count < 2:
+        return []
+    given = [entry.strip() for entry in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if entry.strip()]
+    seen = given if len(given) == count else [str(number) for number in range(count)]
+    return [{"CUDA_VISIBLE_DEVICES": entry} for entry in seen]
 
 
 def core_count() -> int:
@@ -180,8 +203,26 @@ class Launcher:
         return self._array(shape, dtype, np.empty, wp.empty)
 
     def array(self, values: np.ndarray, dtype: type) -> wp.array:
-        """An array for kernels to read: on the CPU ``values`` themselves where they are of that type, which nobody may change then."""
+        """An array for kernels to read: on the CPU ``values`` themselves where they are of that type, which nobody may change then.
+
+        A GPU fills one that NumPy made of a single value by ``broadcast_to`` itself.
+        """
+        if self.device.is_cuda and _is_single(values):
+            return wp.full(len(values), values[0].item(), dtype=dtype, device=self.device)
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=self.device.is_cuda)
+
+    def alike(self, values: np.ndarray, dtype: type) -> wp.array:
+        """What :meth:`array` returns, for kernels that ask for elements by their index and never for an address.
+
+        What NumPy made of a single value by ``broadcast_to`` is there once only, and all elements are that one.
+        """
+        if not _is_single(values):
+            return self.array(values, dtype)
+        one = wp.array(values[:1].copy(), dtype=dtype, device=self.device)
+        result = wp.array(ptr=one.ptr, shape=values.shape, strides=(0,), dtype=dtype, device=self.device)
+        # The memory must not go before the view does.
+        result.one = one
+        return result
 
     def zeros(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
         """An array of zeros for kernels."""
@@ -261,6 +302,10 @@ class Launcher:
         wp.launch(
             kernel, dim=count, inputs=list(inputs), outputs=list(outputs), device=self.device, block_dim=BLOCK_DIM
         )
+
+
+def _is_single(values: np.ndarray) -> bool:
+    return values.ndim == 1 and len(values) > 1 and values.strides == (0,)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from ..problem.placement_footprints import footprints_of_placement
 if TYPE_CHECKING:
     from ..problem.placement import Placement
 
-__all__ = ["Copies", "copies_of_bodies", "copies_within"]
+__all__ = ["Copies", "boxes_of_bodies", "copies_of_bodies", "copies_within"]
 
 # Copies on either side along an axis: of lines that are longer than so many domains, the rest is not drawn.
 MOST_COPIES = 32
@@ -44,8 +44,14 @@ def copies_within(low: np.ndarray, high: np.ndarray, size: tuple[float, float]) 
 
 def copies_of_bodies(placement: Placement) -> Copies:
     """As :func:`copies_within`, for the bodies of a placement; in an open domain, every body once."""
-    if not placement.problem.rectangle.periodic:
+    domain = placement.problem.rectangle
+    if not domain.periodic:
         return [(np.zeros(2), np.ones(len(placement.position), dtype=bool))]
+    return copies_within(*boxes_of_bodies(placement), domain.size)
+
+
+def boxes_of_bodies(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corners of boxes around bodies [m], shape ``[n, 2]`` each."""
     half = 0.5 * placement.length[:, None] * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)
     low = placement.position - np.abs(half)
     high = placement.position + np.abs(half)
@@ -58,4 +64,4 @@ def copies_of_bodies(placement: Placement) -> Copies:
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     radius = np.where(footprints.is_outline, np.maximum(circle * footprints.factor, placement.radius), placement.radius)
     radius = np.minimum(radius, math.hypot(*placement.problem.rectangle.size))[:, None]
-    return copies_within(low - radius, high + radius, placement.problem.rectangle.size)
+    return low - radius, high + radius

@@ -18,8 +18,9 @@ from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem.body_kind import disc_radius
 from ..problem.placement_footprints import footprints_of_placement
+from ..problem.slopes import foreshortened
 from .halftone import line_axis
-from .periodic_copies import copies_of_bodies
+from .periodic_copies import boxes_of_bodies, copies_of_bodies
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -54,6 +55,11 @@ PLAN_PIXELS = 1600
 # Points of the arc around a corner of a rounded outline.
 ARC_POINTS = 12
 MARGIN = 56
+# What is left free around bodies that reach over the border, and that distance at most, as a share of the plan.
+CLEARANCE = 8
+MOST_REACH = 0.5
+# From the plan, or what reaches over it, to the title's baseline.
+TITLE_GAP = 22
 OVERSAMPLING = 3
 LINE_HEIGHT = 40
 # Where the sizes begin beside the name of their class, and what one takes besides its text.
@@ -99,20 +105,33 @@ def draw_plan(
     width, height = problem.rectangle.size
     scale = PLAN_PIXELS / max(width, height)
     plan_width, plan_height = max(1, round(width * scale)), max(1, round(height * scale))
-    plan = _draw_bodies(placement, scale, (plan_width, plan_height), size_color, background)
+    reach = _reach_over_border(placement, scale)
+    margin = max(MARGIN, reach + CLEARANCE)
+    plan = _draw_bodies(placement, scale, margin, (plan_width, plan_height), size_color, background)
 
-    canvas_width = max(plan_width + 2 * MARGIN, 900)
-    lines = _legend_lines(placement, scale, class_color, size_color, canvas_width - 2 * MARGIN)
-    sheet = _compose(plan, (plan_width, plan_height), canvas_width, lines, placement)
+    canvas_width = max(plan_width + 2 * margin, 900)
+    lines = _legend_lines(placement, scale, class_color, size_color, canvas_width - 2 * margin)
+    sheet = _compose(plan, (plan_width, plan_height), canvas_width, lines, placement, reach)
     if isinstance(path, (str, Path)):
         write_files({Path(path): lambda file: sheet.save(file, format="PNG")})
     else:
         sheet.save(path, format="PNG")
 
 
+def _reach_over_border(placement: Placement, scale: float) -> int:
+    """How far bodies of an open domain reach over its border, in pixels of the plan."""
+    domain = placement.problem.rectangle
+    if domain.periodic or not len(placement.position):
+        return 0
+    low, high = boxes_of_bodies(placement)
+    reach = max(-float(low.min()), float((high - domain.size).max()), 0.0)
+    return math.ceil(min(reach, MOST_REACH * max(domain.size)) * scale)
+
+
 def _draw_bodies(
     placement: Placement,
     scale: float,
+    margin: int,
     plan_size: tuple[int, int],
     size_color: list[list[Color]],
     background: np.ndarray | None,
@@ -122,7 +141,7 @@ def _draw_bodies(
 
     domain = placement.problem.rectangle
     plan_width, plan_height = plan_size
-    margin, fine = MARGIN * OVERSAMPLING, scale * OVERSAMPLING
+    margin, fine = margin * OVERSAMPLING, scale * OVERSAMPLING
     fine_width, fine_height = plan_width * OVERSAMPLING, plan_height * OVERSAMPLING
     image = Image.new("RGB", (fine_width + 2 * margin, fine_height + 2 * margin), PAPER)
     ground = Image.new("RGB", (1, 1), GROUND) if background is None else _faint(background)
@@ -135,6 +154,8 @@ def _draw_bodies(
     # A disc larger than the picture fills it; Pillow need not know by how much.
     most = 4.0 * math.hypot(*image.size)
     footprints = footprints_of_placement(placement)
+    tilt = footprints.tilts(placement.id, placement.problem.seed)
+    slopes = footprints.slopes_at(placement.position, domain.size, tilt)
     copies = copies_of_bodies(placement)
     body = np.concatenate([np.flatnonzero(seen) for _, seen in copies])
     position = np.concatenate([placement.position[seen] + shift for shift, seen in copies])
@@ -158,7 +179,8 @@ def _draw_bodies(
             _draw_outline(
                 draw,
                 center[index],
-                _outline(placement, footprints, int(body[index])) * fine,
+                _outline(placement, footprints, int(body[index]), None if slopes is None else slopes[body[index]])
+                * fine,
                 rims[index],
                 (size_color[c][s], rim_color[c][s]),
             )
@@ -177,11 +199,12 @@ def _draw_bodies(
     return image.reduce(OVERSAMPLING)
 
 
-def _outline(placement: Placement, footprints: BodyFootprints, body: int) -> np.ndarray:
-    """Corners of a body's outline as it is turned, from its position [m]; y up."""
+def _outline(placement: Placement, footprints: BodyFootprints, body: int, slope: np.ndarray | None) -> np.ndarray:
+    """Corners of a body's outline as it is turned, and leans in a plane of a ``slope``, from its position [m]; y up."""
     c, s = math.cos(placement.angle[body]), math.sin(placement.angle[body])
     points = footprints.shapes[footprints.shape[body]].outline(ARC_POINTS) * footprints.factor[body]
-    return points @ np.array([[c, s], [-s, c]])
+    turned = points @ np.array([[c, s], [-s, c]])
+    return turned if slope is None else foreshortened(turned, slope)
 
 
 def _draw_outline(draw: Any, center: np.ndarray, outline: np.ndarray, rim: int, colors: tuple[Color, Color]) -> None:
@@ -247,26 +270,30 @@ def _compose(
     canvas_width: int,
     lines: list[tuple[str, Color, _Line]],
     placement: Placement,
+    reach: int,
 ) -> Image.Image:
-    """Put title, plan and legend on one sheet."""
+    """Put title, plan and legend on one sheet; bodies ``reach`` over the plan's border by so many pixels."""
     from PIL import Image, ImageDraw
 
     plan_width, plan_height = plan_size
-    top = 40
-    legend_top = top + plan_height + 2 * MARGIN - 8
+    margin = (plan.height - plan_height) // 2
+    above = max(TITLE_GAP, reach + CLEARANCE)
+    top = 40 + above - TITLE_GAP
+    legend_top = top + plan_height + 2 * margin - 8
     canvas = Image.new("RGB", (canvas_width, legend_top + LINE_HEIGHT * len(lines) + 36), PAPER)
     left = (canvas_width - plan.width) // 2
     canvas.paste(plan, (left, top))
     draw = ImageDraw.Draw(canvas)
     domain = placement.problem.rectangle
-    title = f"{len(placement.position):,} bodies on {domain.size[0]:g} m by {domain.size[1]:g} m"
+    title = f"{len(placement.position):,} bodies on {_length(domain.size[0])} by {_length(domain.size[1])}"
     if domain.periodic:
         title += ", periodic"
-    _write(draw, (left + MARGIN, top + MARGIN - 22), title, INK, 24, "ls")
-    _draw_scale_bar(draw, left + MARGIN + plan_width, top + MARGIN - 22, plan_width / domain.size[0], domain.size[0])
+    line = top + margin - above
+    _write(draw, (left + margin, line), title, INK, 24, "ls")
+    _draw_scale_bar(draw, left + margin + plan_width, line, plan_width / domain.size[0], domain.size[0])
 
     for number, (name, color, entries) in enumerate(lines):
-        x, y = left + MARGIN, legend_top + LINE_HEIGHT * number + LINE_HEIGHT // 2
+        x, y = left + margin, legend_top + LINE_HEIGHT * number + LINE_HEIGHT // 2
         if name:
             _write(draw, (x, y), name, _mix(color, (0, 0, 0), 0.25), 24, "lm")
         x += LEGEND_INDENT
@@ -275,6 +302,11 @@ def _compose(
             _write(draw, (x + 26, y), text, INK, 22, "lm")
             x += int(ENTRY_GAP + _font(22, text).getlength(text))
     return canvas
+
+
+def _length(meters: float) -> str:
+    """A length in words, to four digits."""
+    return f"{float(f'{meters:.4g}'):,g} m"
 
 
 def _draw_scale_bar(draw: Any, right: int, y: int, scale: float, width: float) -> None:

@@ -128,10 +128,11 @@ class Blur:
         self._launcher = launcher
         self._layout = layout
         usual = 0.5 * min(width, widest) ** 2
-        self.variance = wp.full(layout.node_count, usual, dtype=float, device=launcher.device)
+        self.variance = launcher.alike(np.broadcast_to(np.float32(usual), layout.node_count), float)
         self.levels = [usual]
         low = high = usual
         if not uniform:
+            self.variance = launcher.empty(layout.node_count, float)
             bounds = (LOWEST * usual, min(WIDEST * usual, 0.5 * widest**2))
             self._follow_density(deposited, number, spacing, usual, bounds)
             values = self.variance.numpy()
@@ -141,7 +142,7 @@ class Blur:
         self._of_target = float((charge * share).sum() / charge.sum())
         low *= float(share.min())
         if high < NEGLIGIBLE * low:
-            self.variance.fill_(usual)
+            self.variance = launcher.alike(np.broadcast_to(np.float32(usual), layout.node_count), float)
             return
         count = math.ceil(math.log(high / low) / math.log(LEVEL_RATIO)) + 1
         self.levels = [low * (high / low) ** (level / (count - 1)) for level in range(count)]
@@ -152,9 +153,9 @@ class Blur:
         return len(self.levels) == 1
 
     def take_level(self, level: int, images: wp.array) -> wp.array:
-        """What of each of the ``images``, on the mesh, flat, one after the other, is blurred at a level."""
+        """What of each of the ``images``, on the mesh, flat, one after the other, is blurred at a level: all of it, of one level."""
         if self.constant:
-            return wp.clone(images)
+            return images
         levels = wp.array(self.levels, dtype=float, device=self._launcher.device)
         result = self._launcher.empty(len(images), float)
         node_count = self._layout.node_count

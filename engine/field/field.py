@@ -288,6 +288,8 @@ class Field:
 def _followers(charge_of_image: np.ndarray, charge_group: np.ndarray) -> list[float]:
     """Number of charges that follow each image: those of a group by what it has of its charge."""
     share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
+    if len(share) == 1:
+        return (len(charge_group) * share[0]).tolist()
     number = np.bincount(charge_group, minlength=len(share)) @ share
     return number.tolist()
 

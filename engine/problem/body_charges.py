@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .of_bodies import of_all, one_by_one
 from .problem import Problem
 
 __all__ = ["BodyCharges", "charges_of"]
@@ -34,10 +35,11 @@ class BodyCharges:
 def charges_of(problem: Problem) -> BodyCharges:
     """Return the charges of all bodies of ``problem``."""
     if all(size.kind.charges == 1 for body_class in problem.classes for size in body_class.sizes):
-        charge = problem.body_areas()
-        n = len(charge)
+        area = problem.shared_areas()
+        n = len(area)
         number = np.arange(n + 1, dtype=np.int32)
-        return BodyCharges(number[:n], number, np.zeros(n), charge * (n / charge.sum()))
+        factor = n / area.sum()
+        return BodyCharges(number[:n], number, of_all(0.0, n), one_by_one(lambda values: values * factor, area))
     counts, axials, shares = [], [], []
     for body_class in problem.classes:
         for size in body_class.sizes:
@@ -48,7 +50,7 @@ def charges_of(problem: Problem) -> BodyCharges:
             shares.append(np.tile(share, n))
     count = np.concatenate(counts)
     body = np.repeat(np.arange(len(count)), count)
-    charge = problem.body_areas()[body] * np.concatenate(shares)
+    charge = problem.shared_areas()[body] * np.concatenate(shares)
     return BodyCharges(
         body.astype(np.int32),
         np.concatenate([[0], np.cumsum(count)]).astype(np.int32),

@@ -11,11 +11,12 @@ import numpy as np
 from .body_kind import disc_radius
 from .footprint import Footprint
 from .footprints import Footprints
+from .of_bodies import of_all, of_bodies, one_by_one
 from .packing import CELLS, in_cells
 from .problem import Problem
 from .settings import settle
 from .size import with_count
-from .slopes import level_share, slope_at, tilted, tilts
+from .slopes import level_share, mean_cosine, slope_at, tilted, tilts
 
 __all__ = ["CAPSULE", "BodyFootprints", "footprints_of"]
 
@@ -62,6 +63,12 @@ class BodyFootprints:
             n = len(self.shape)
             settle(self, slope=np.full(n, -1, np.int32), most_tilt=np.zeros(n), seen=np.ones(n))
 
+    @property
+    def has_outlines(self) -> bool:
+        """Whether any body was given an outline."""
+        # The first shape is the disc of all others.
+        return len(self.shapes) > 1
+
     def tilts(self, identity: np.ndarray, seed: int) -> np.ndarray | None:
         """How far every outline leans over beside the ground, see :func:`.slopes.tilts`; None where none does.
 
@@ -95,7 +102,7 @@ class BodyFootprints:
     @property
     def scale(self) -> np.ndarray:
         """Factor on the outline that a body was given, shape ``[n]``, float64; 1 where it was given none."""
-        if not self.is_outline.any():
+        if not self.has_outlines:
             return np.ones(len(self.factor))
         return np.where(self.is_outline, self.factor, 1.0)
 
@@ -145,6 +152,8 @@ def _footprints(problem: Problem) -> BodyFootprints:
     sizes = [(c, s, size) for c, k in enumerate(problem.classes) for s, size in enumerate(k.sizes)]
     counts = [size.count or 0 for _, _, size in sizes]
     n = sum(counts)
+    if all(size.footprint is None for _, _, size in sizes):
+        return _discs_and_capsules(problem, counts)
     shapes: list[Footprint] = [Footprint.disc(1.0)]
     first, variant = np.zeros(n, np.int32), np.zeros(n, np.int32)
     factor, room, gap = np.ones(n), np.ones(n), np.zeros(n)
@@ -193,6 +202,7 @@ def _footprints(problem: Problem) -> BodyFootprints:
             slopes += [] if known else [given.slope]
             seen[own] = _seen(given.slope, body_class.density_image)
         most_tilt[own] = given.tilt
+        seen[own] *= mean_cosine(given.tilt)
     return BodyFootprints(
         tuple(shapes),
         first + variant,
@@ -207,6 +217,32 @@ def _footprints(problem: Problem) -> BodyFootprints:
         slope,
         most_tilt,
         seen,
+    )
+
+
+def _discs_and_capsules(problem: Problem, counts: list[int]) -> BodyFootprints:
+    """Outlines where none is given."""
+    n = sum(counts)
+    sizes = [(c, size) for c in problem.classes for size in c.sizes]
+    factor = one_by_one(disc_radius, problem.shared_areas())
+    has_axis = [size.kind.has_axis for _, size in sizes]
+    if any(has_axis):
+        factor = np.where(np.repeat(has_axis, counts), 1.0, factor)
+    no, nothing, once = of_all(False, n), of_all(np.int32(0), n), of_all(1.0, n)
+    return BodyFootprints(
+        (Footprint.disc(1.0),),
+        of_bodies([CAPSULE if axis else 0 for axis in has_axis], counts, np.int32),
+        factor,
+        of_all(0.0, n),
+        no,
+        no,
+        nothing,
+        of_bodies([size.room * c.room for c, size in sizes], counts, np.float64),
+        of_bodies([size.gap + c.gap for c, size in sizes], counts, np.float64),
+        (),
+        of_all(np.int32(-1), n),
+        of_all(0.0, n),
+        once,
     )
 
 

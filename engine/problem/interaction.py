@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -52,6 +53,24 @@ class Groups:
         """Number of groups."""
         return len(self.class_index)
 
+    @cached_property
+    def first_body(self) -> np.ndarray | None:
+        """Where the bodies of every group begin and, at the end, their number, shape ``[group_count + 1]``.
+
+        None where they do not come group after group, as those of a range of areas.
+        """
+        group = self.body_group
+        if self.count > 1 and not (group[1:] >= group[:-1]).all():
+            return None
+        return np.searchsorted(group, np.arange(self.count + 1))
+
+    @property
+    def body_count(self) -> np.ndarray:
+        """Bodies of every group, shape ``[group_count]``."""
+        if self.first_body is None:
+            return np.bincount(self.body_group, minlength=self.count)
+        return np.diff(self.first_body)
+
 
 def group_bodies(problem: Problem, levels: int = LEVELS, counts: Sequence[int] | None = None) -> Groups:
     """Sort the bodies of ``problem`` into groups.
@@ -61,7 +80,7 @@ def group_bodies(problem: Problem, levels: int = LEVELS, counts: Sequence[int] |
         levels: Groups that a range of areas is cut into, at most.
         counts: Bodies of every class; None for those of the problem, which may have samples only.
     """
-    area = problem.body_areas()
+    area = problem.shared_areas()
     first_body = 0
     body_group = np.empty(len(area), dtype=np.int32)
     class_index: list[int] = []
@@ -71,7 +90,7 @@ def group_bodies(problem: Problem, levels: int = LEVELS, counts: Sequence[int] |
         for size, size_emphasis in zip(body_class.sizes, of_size, strict=True):
             bodies = slice(first_body, first_body + (size.count or 0))
             first_body = bodies.stop
-            level, level_emphasis = np.zeros(size.count or 0, np.int32), np.array([size_emphasis])
+            level, level_emphasis = np.zeros(1, np.int32), np.array([size_emphasis])
             if size.is_range:
                 level, level_emphasis = _levels(area[bodies] / _unit_of_area(problem), _exponent(problem), levels)
             body_group[bodies] = len(emphasis) + level

@@ -14,4 +14,4 @@ def footprints_of_placement(placement: Placement) -> BodyFootprints:
     if len(placement.position) != len(asked.shape):
         # Ghosts are no part of it.
         raise ValueError("a placement without its ghosts has no outlines of its problem")
-    return asked.with_outlines(placement.variant, placement.scale) if asked.is_outline.any() else asked
+    return asked.with_outlines(placement.variant, placement.scale) if asked.has_outlines else asked

@@ -25,6 +25,7 @@ from .domain import Domain
 from .feasibility import check_feasible, check_known_in_rectangles, check_known_on_surfaces
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
+from .of_bodies import of_bodies
 from .prepared_class import PreparedClass, cut_out, cut_out_on_surface, prepare_all
 from .settings import Settings, described, setting, settle, takes, values_of
 from .size import with_count
@@ -193,10 +194,17 @@ class Problem(ProblemSettings):
         """Class and size index of every body, shapes ``[body_count]``, int32, in class, then size order."""
         groups = [(c, s, size.count) for c, k in enumerate(self.classes) for s, size in enumerate(k.sizes)]
         class_index, size_index, count = np.array(groups, dtype=np.int64).T
-        return np.repeat(class_index, count).astype(np.int32), np.repeat(size_index, count).astype(np.int32)
+        return np.repeat(class_index.astype(np.int32), count), np.repeat(size_index.astype(np.int32), count)
 
     def body_areas(self) -> np.ndarray:
         """Footprint of every body [m²], shape ``[body_count]``, float64, in the same order."""
+        return np.array(self.shared_areas())
+
+    def shared_areas(self) -> np.ndarray:
+        """What :meth:`body_areas` returns, for reading only: one number where all bodies have the same, see :mod:`.of_bodies`."""
+        sizes = [size for k in self.classes for size in k.sizes]
+        if not len(self.fixed.id) and all(size.has_one_area for size in sizes):
+            return of_bodies([size.area for size in sizes], [size.count or 0 for size in sizes], np.float64)
         areas = []
         for c, k in enumerate(self.classes):
             for s, size in enumerate(k.sizes):
@@ -222,6 +230,8 @@ class Problem(ProblemSettings):
     def body_ids(self) -> np.ndarray:
         """Identity of every body, shape ``[body_count]``, int64: fixed ones have their own, all others free ones in their order."""
         taken = self.fixed.id
+        if not len(taken):
+            return np.arange(self.body_count)
         first = int(taken.max(initial=-1)) + 1
         unnamed = np.flatnonzero(taken < 0)
         named = taken.copy()

@@ -130,6 +130,11 @@ class Size(Settings):
         return isinstance(self.area, tuple)
 
     @property
+    def has_one_area(self) -> bool:
+        """Whether all bodies have the area that was asked for."""
+        return self.area is not None and not isinstance(self.area, tuple)
+
+    @property
     def area_span(self) -> tuple[float, float]:
         """Smallest and largest area that a body may have [m²]."""
         if self.area is None:

@@ -6,6 +6,8 @@ lies in it is shorter by the cosine of that along s, and as long as it is across
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 __all__ = [
@@ -14,6 +16,7 @@ __all__ = [
     "foreshortened",
     "lengthened",
     "level_share",
+    "mean_cosine",
     "normal_of_slope",
     "slope_at",
     "slope_of_normal",
@@ -91,6 +94,11 @@ def tilts(most: float | np.ndarray, identity: np.ndarray, seed: int) -> np.ndarr
     """
     drawn = np.random.default_rng([seed, 6]).random((int(identity.max(initial=-1)) + 1, 2))[identity]
     return np.stack([most * np.sqrt(drawn[:, 0]), 2.0 * np.pi * drawn[:, 1]], axis=1)
+
+
+def mean_cosine(most: float) -> float:
+    """Mean of the cosines of what :func:`tilts` draws for this largest angle [rad]: how much of areas is seen from above."""
+    return 2.0 * (math.cos(most) - 1.0 + most * math.sin(most)) / most**2 if most > 1e-3 else 1.0
 
 
 def tilted(slope: np.ndarray, tilt: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import warp as wp
 from ..device.launcher import Launcher, resolve_device
 from ..field.influence import product_influence
 from ..problem.domain import Domain
+from ..problem.of_bodies import one_by_one
 from ..space.comparison_grid import comparison_cells
 from ..space.target_deposit import integrate_boxes
 from ..transforms.convolution import Convolution, good_length
@@ -66,8 +67,9 @@ class Coverage:
     def __init__(self, bodies: MeasuredBodies, charge: np.ndarray, class_index: np.ndarray) -> None:
         self.launcher, self.domain = bodies.launcher, bodies.domain
         self._bodies = bodies
-        self._total = np.bincount(class_index, weights=charge)
-        self._count = np.bincount(class_index)
+        several = bool(class_index.any())
+        self._total = np.bincount(class_index, weights=charge) if several else np.array([charge.sum()])
+        self._count = np.bincount(class_index) if several else np.array([len(class_index)])
         longer = max(self.domain.size)
         cell = longer / comparison_cells(self.domain, bodies.count)
         columns, rows = (max(1, round(length / cell)) for length in self.domain.size)
@@ -77,7 +79,8 @@ class Coverage:
         self.shape = (rows, columns)
         mean = float(charge.mean())
         self._unit = mean / kernels_coverage.CLOUD_SCALE
-        self._charge = self.launcher.array((charge / mean).astype(np.float32), float)
+        in_units = one_by_one(lambda values: (values / mean).astype(np.float32), charge)
+        self._charge = self.launcher.alike(in_units, float)
         self._class = self.launcher.array(class_index, wp.int32)
         self._shared: tuple[np.ndarray, wp.array] | None = None
         # One grid for all classes in turn: there may be many of them.

@@ -13,8 +13,9 @@ import math
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.surface import PointsOnSurface, Surface
+from ..space.cell_sort import CellSort
 from . import kernels_heat
 
 __all__ = ["HeatMesh"]
@@ -63,30 +64,34 @@ class HeatMesh:
         self._pattern = np.array(pattern)
         vertex = np.einsum("ck,tkd->tcd", self._weights, corner).reshape(-1, 3)
         self._index = self._joined(vertex, corner).reshape(triangles, -1)
-        self._area = np.repeat(surface.triangle_area / cuts**2, cuts**2)
-        face = self._index[:, self._pattern].reshape(-1, 3)
-        self._face = face
+        self._face = face = self._index[:, self._pattern].reshape(-1, 3)
         n = int(face.max()) + 1
-        mass = np.bincount(face.ravel(), np.repeat(self._area / 3.0, 3), n)
-        rows, columns, weights = _cotangents(corner, self._pattern, face)
-        diagonal = np.bincount(rows, weights, n)
-        bound = diagonal + np.bincount(rows, np.abs(weights), n)
+        stiffness = self._stiffness(corner, n)
+        mass, diagonal, bound = (launcher.empty(n, wp.float64) for _ in range(3))
+        launcher.launch(kernels_heat.sum_at_vertices, n, [stiffness], [mass, diagonal, bound], grain=GRAIN_OF_NEIGHBORS)
         # A vertex that slivers tie fast to its neighbors is as slow as the finest detail that matters.
         fastest = 4.0 / (FINEST * self.spacing) ** 2
-        mass = np.maximum(mass, bound / fastest)
-        self._root, self._mass = np.sqrt(mass), mass
-        values = -weights / (self._root[rows] * self._root[columns])
-        self._largest = float((bound / mass).max())
-        rows, columns = np.concatenate([rows, np.arange(n)]), np.concatenate([columns, np.arange(n)])
-        values = np.concatenate([values, diagonal / mass])
-        order = np.argsort(rows, kind="stable")
-        start = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
-        device = launcher.device
-        self._operator = [
-            wp.array(start.astype(np.int32), dtype=wp.int32, device=device),
-            wp.array(columns[order].astype(np.int32), dtype=wp.int32, device=device),
-            wp.array(values[order].astype(np.float32), dtype=float, device=device),
-        ]
+        self._mass = np.maximum(mass.numpy(), bound.numpy() / fastest)
+        self._root = np.sqrt(self._mass)
+        self._largest = float((bound.numpy() / self._mass).max())
+        root = launcher.array(self._root, wp.float64)
+        column, value = launcher.empty(2 * face.size, wp.int32), launcher.empty(2 * face.size, float)
+        launcher.launch(kernels_heat.fill_operator, n, [stiffness, root], [column, value], grain=GRAIN_OF_NEIGHBORS)
+        own = launcher.array((diagonal.numpy() / self._mass).astype(np.float32), float)
+        self._operator = [stiffness.start, column, value, own]
+
+    def _stiffness(self, corner: np.ndarray, vertex_count: int) -> kernels_heat.Stiffness:
+        """The Laplacian as kernels take it."""
+        launcher = self._launcher
+        stiffness = kernels_heat.Stiffness()
+        stiffness.face = launcher.array(self._face.ravel(), wp.int32)
+        stiffness.cotangent = launcher.array(_half_cotangents(corner), wp.vec3d)
+        stiffness.area = launcher.array(self._surface.triangle_area / (3.0 * self._cuts**2), wp.float64)
+        stiffness.small = len(self._pattern)
+        sort = CellSort(launcher, self._face.size, vertex_count)
+        sort.sort(kernels_heat.find_vertices, [stiffness.face])
+        stiffness.order, stiffness.start = sort.order, sort.cell_start
+        return stiffness
 
     def charges(self, triangle: np.ndarray, barycentric: np.ndarray, charge: np.ndarray) -> np.ndarray:
         """Charges at points of the surface, shared out among the corners of the small triangles that they lie in."""
@@ -113,7 +118,8 @@ class HeatMesh:
 
     def target(self, density: np.ndarray) -> np.ndarray:
         """Share of a density, given at :meth:`points`, at every vertex."""
-        values = density.reshape(-1, 3) * (self._area / 3.0)[:, None]
+        area = np.repeat(self._surface.triangle_area / self._cuts**2, self._cuts**2)
+        values = density.reshape(-1, 3) * (area / 3.0)[:, None]
         inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
         share = np.bincount(self._face.ravel(), (values @ inner).ravel(), len(self._mass))
         return share / share.sum()
@@ -150,10 +156,11 @@ class HeatMesh:
         return result.numpy().astype(np.float64) / self._root
 
     def _joined(self, vertex: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        """Numbers of vertices that are one where they lie in one place."""
+        """Numbers of vertices that are one where they lie in one place, int32."""
         extent = float(corner.max()) or 1.0
         cell = np.round(vertex / extent * (1 << 20)).astype(np.int64)
-        return np.unique((cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2], return_inverse=True)[1].ravel()
+        number = np.unique((cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2], return_inverse=True)[1]
+        return number.ravel().astype(np.int32)
 
 
 def _chebyshev(half: float) -> np.ndarray:
@@ -166,17 +173,11 @@ def _chebyshev(half: float) -> np.ndarray:
     return coefficient[: max(2, int(np.flatnonzero(np.abs(coefficient) > PRECISION)[-1]) + 1)]
 
 
-def _cotangents(corner: np.ndarray, pattern: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows, columns and weights between different vertices; the small triangles are all of their triangle's shape."""
-    small = len(pattern)
-    rows, columns, values = [], [], []
+def _half_cotangents(corner: np.ndarray) -> np.ndarray:
+    """Half the cotangents of the angles at the corners of triangles, shape ``[t, 3]``."""
+    result = []
     for k in range(3):
         to_next, to_last = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
         double_area = np.linalg.norm(np.cross(to_next, to_last), axis=1)
-        weight = 0.5 * (to_next * to_last).sum(axis=1) / double_area
-        weight = np.repeat(weight, small)
-        i, j = face[:, (k + 1) % 3], face[:, (k + 2) % 3]
-        rows += [i, j]
-        columns += [j, i]
-        values += [weight, weight]
-    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+        result.append(0.5 * (to_next * to_last).sum(axis=1) / double_area)
+    return np.stack(result, axis=1)

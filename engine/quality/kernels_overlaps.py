@@ -173,6 +173,16 @@ def find_levels(
     level[i] = own
 
 
+@wp.func
+def cell_of(position: wp.vec2d, m: int, lattice: Lattice):
+    """The cell of level ``m`` that a position lies in."""
+    columns = lattice.columns[m]
+    rows = lattice.rows[m]
+    column = wp.clamp(int(position[0] / lattice.size[0] * wp.float64(columns)), 0, columns - 1)
+    row = wp.clamp(int(position[1] / lattice.size[1] * wp.float64(rows)), 0, rows - 1)
+    return lattice.first_cell[m] + row * columns + column
+
+
 @wp.kernel
 def find_cells(
     first: int,
@@ -184,12 +194,44 @@ def find_cells(
 ):
     """In which cell of its level every body lies."""
     i = first + wp.tid()
-    m = level[i]
-    columns = lattice.columns[m]
-    rows = lattice.rows[m]
-    column = wp.clamp(int(position[i][0] / lattice.size[0] * wp.float64(columns)), 0, columns - 1)
-    row = wp.clamp(int(position[i][1] / lattice.size[1] * wp.float64(rows)), 0, rows - 1)
-    cell[i] = lattice.first_cell[m] + row * columns + column
+    cell[i] = cell_of(position[i], level[i], lattice)
+
+
+@wp.kernel
+def number_in_cells(
+    first: int,
+    position: wp.array(dtype=wp.vec2d),
+    level: wp.array(dtype=wp.int32),
+    lattice: Lattice,
+    # outputs
+    cell: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+):
+    """In which cell of its level every body lies, and the body, both to be sorted."""
+    i = first + wp.tid()
+    cell[i] = cell_of(position[i], level[i], lattice)
+    member[i] = i
+
+
+@wp.kernel
+def find_starts(
+    first: int,
+    cell: wp.array(dtype=wp.int32),
+    count: int,
+    # outputs
+    start: wp.array(dtype=wp.int32),
+):
+    """Place of the first body of every cell among ``count`` sorted ones, by halving; behind the last cell, their number."""
+    c = first + wp.tid()
+    low = int(0)
+    high = int(count)
+    while low < high:
+        middle = (low + high) / 2
+        if cell[middle] < c:
+            low = middle + 1
+        else:
+            high = middle
+    start[c] = low
 
 
 @wp.kernel

@@ -11,6 +11,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.domain import Domain
 from ..space.space import Space
+from . import kernels_summaries
 
 __all__ = ["MeasuredBodies", "measured_bodies"]
 
@@ -24,12 +25,14 @@ class MeasuredBodies:
         domain: The domain.
         unit: Meters per unit.
         pose: Position, angle [rad] and length of every body, ``wp.vec4``, shape ``[n]``.
+        position: Positions [m], in meters and not in units, ``wp.vec2d``, shape ``[n]``.
     """
 
     launcher: Launcher
     domain: Domain
     unit: float
     pose: wp.array
+    position: wp.array
 
     @property
     def count(self) -> int:
@@ -50,10 +53,15 @@ def measured_bodies(
     length: np.ndarray | None = None,
 ) -> MeasuredBodies:
     """Put bodies on a device: positions [m], shape ``[n, 2]``; angles [rad] and lengths [m], shape ``[n]``, None for dots."""
-    unit = math.sqrt(domain.area / max(len(position), 1))
-    pose = np.zeros((len(position), 4), dtype=np.float32)
+    n = len(position)
+    unit = math.sqrt(domain.area / max(n, 1))
+    place = launcher.array(position, wp.vec2d)
+    if angle is None or length is None:
+        at = launcher.empty(n, wp.vec4)
+        launcher.launch(kernels_summaries.place_bodies, n, [place, 1.0 / unit], [at])
+        return MeasuredBodies(launcher, domain, unit, at, place)
+    pose = np.zeros((n, 4), dtype=np.float32)
     np.multiply(position, 1.0 / unit, out=pose[:, :2], casting="same_kind")
-    if angle is not None and length is not None:
-        pose[:, 2] = angle
-        pose[:, 3] = length / unit
-    return MeasuredBodies(launcher, domain, unit, launcher.array(pose, wp.vec4))
+    pose[:, 2] = angle
+    pose[:, 3] = length / unit
+    return MeasuredBodies(launcher, domain, unit, launcher.array(pose, wp.vec4), place)

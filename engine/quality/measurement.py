@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
 from ..problem.cover import cover_of
+from ..problem.of_bodies import one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.prepared_class import PreparedClass
@@ -38,10 +40,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         The report of a run without steps; whoever ran them adds steps, seconds and whether they converged.
     """
     problem, domain = placement.problem, placement.problem.domain
-    class_index, area = placement.class_index, placement.area
+    class_index, area = placement.class_index, placement.problem.shared_areas()
     if isinstance(domain, Surface):
         return _report_on_surface(placement, launcher)
-    has_lines = bool((placement.width > 0.0).any())
+    has_lines = bool(placement.width.any())
     axes = (placement.angle, placement.length) if has_lines else ()
     bodies = measured_bodies(launcher, domain, placement.position, *axes)
     coverage = Coverage(bodies, area, class_index)
@@ -51,11 +53,13 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     whole = coverage.error(targets) if len(errors) > 1 else errors[0]
     # Of what leans with the ground, as it is seen from above; outlines may be scaled and have another area than their bodies.
     footprints = footprints_of_placement(placement)
-    outlined = footprints.areas(placement.length, placement.width, apart=False)
-    seen = np.where(footprints.is_outline, outlined, area * footprints.seen)
+    seen = one_by_one(np.multiply, area, footprints.seen)
+    if footprints.has_outlines:
+        outlined = footprints.areas(placement.length, placement.width, apart=False)
+        seen = np.where(footprints.is_outline, outlined, seen)
     covered = float(seen.sum() / (domain.area * np.mean(counts_in_cells(problem) > 0.0)))
     notes = [note for c in problem.classes for note in c.notes]
-    overlaps = overlaps_of(placement, launcher, footprints)
+    overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes += _notes_on_overlaps(problem, overlaps, covered)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     apart = [spacing and spacing.smallest]
@@ -114,7 +118,12 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
     notes = []
     warning = None
     if problem.avoid_overlap:
-        notes.append(f"{overlaps.count} pairs of footprints still overlap, the deepest by {overlaps.deepest:.3g} m")
+        pairs = (
+            "1 pair of footprints still overlaps"
+            if overlaps.count == 1
+            else f"{overlaps.count} pairs of footprints still overlap"
+        )
+        notes.append(f"{pairs}, the deepest by {overlaps.deepest:.3g} m")
         warning = cover_of(problem).warning
     if warning is not None:
         notes.append(warning)
@@ -137,19 +146,32 @@ def _class_reports(
             errors[i],
             tuple(
                 SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
-                for number, (s, placed) in enumerate(
-                    zip(c.sizes, np.bincount(size_index[class_index == i]).tolist(), strict=True)
-                )
+                for number, (s, placed) in enumerate(zip(c.sizes, _placed(size_index[of_class]), strict=True))
             ),
             apart[i] if apart else None,
         )
-        for i, c in enumerate(problem.classes)
+        for i, (c, of_class) in enumerate(
+            zip(problem.classes, _bodies_by_class(class_index, len(problem.classes)), strict=True)
+        )
     )
+
+
+def _bodies_by_class(class_index: np.ndarray, classes: int) -> list[slice]:
+    """Bodies of every class, which come one class after the other."""
+    first = np.searchsorted(class_index, np.arange(classes + 1)).tolist()
+    return [slice(begin, end) for begin, end in pairwise(first)]
+
+
+def _placed(size_index: np.ndarray) -> list[int]:
+    """How many bodies there are of every size, which come one size after the other."""
+    last = int(size_index[-1]) if len(size_index) else -1
+    return np.diff(np.searchsorted(size_index, np.arange(last + 2))).tolist()
 
 
 def _smallest_of_class(placement: Placement, index: int, launcher: Launcher) -> float | None:
     """Smallest distance between two bodies of a class, over the hexagonal spacing of the class alone."""
-    bodies = measured_bodies(launcher, placement.problem.rectangle, placement.position[placement.class_index == index])
+    own = _bodies_by_class(placement.class_index, index + 1)[index]
+    bodies = measured_bodies(launcher, placement.problem.rectangle, placement.position[own])
     spacing = measure_spacing(bodies, _number_density(bodies, placement.problem.classes[index : index + 1]))
     return spacing and spacing.smallest
 

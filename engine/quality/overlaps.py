@@ -12,12 +12,14 @@ import warp as wp
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import CAPSULE, BodyFootprints
 from ..problem.domain import Domain
+from ..problem.of_bodies import is_same, of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.surface import Surface
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
 from .sheets import sheets_of
+from .summaries import largest_by_kind, sum_of_whole
 
 __all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_from", "overlaps_of"]
 
@@ -29,8 +31,6 @@ MOST_OVERLAPS_PER_BODY = 200
 MOST_NAMED = 10_000
 # Levels of size, each of bodies within a factor of two; whatever is smaller still goes into the last.
 MOST_LEVELS = 12
-# Parts in which bodies are sorted into cells on a GPU; threads of a processor have one each.
-PARTS_ON_GPU = 4096
 # Cells along every axis of the table in which bodies on a surface are looked up.
 HASHED_CELLS = 128
 # Periods to either side in which images of a body are looked for; of one that spans more of them, not all overlaps are found.
@@ -57,14 +57,19 @@ class Overlaps:
     bodies: tuple[int, ...] = ()
 
 
-def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootprints | None = None) -> Overlaps:
+def overlaps_of(
+    placement: Placement,
+    launcher: Launcher,
+    footprints: BodyFootprints | None = None,
+    on_device: wp.array | None = None,
+) -> Overlaps:
     """Return what overlaps in a placement: the outlines themselves, without the room that they keep from others.
 
-    Where that room is below 1 they may overlap as far as it lets them, which does not count. ``footprints`` are the placement's, where
-    somebody has them already.
+    Where that room is below 1 they may overlap as far as it lets them, which does not count. ``footprints`` are the placement's, and
+    ``on_device`` its positions, ``wp.vec2d``, where somebody has them already.
     """
     footprints = footprints or footprints_of_placement(placement)
-    smaller = np.minimum(footprints.room, 1.0)
+    smaller = one_by_one(lambda room: np.minimum(room, 1.0), footprints.room)
     return find_overlaps(
         footprints,
         placement.position,
@@ -77,6 +82,7 @@ def overlaps_of(placement: Placement, launcher: Launcher, footprints: BodyFootpr
         fixed=placement.fixed,
         bends=placement.bends,
         tilt=footprints.tilts(placement.id, placement.problem.seed),
+        on_device=on_device,
     )
 
 
@@ -93,6 +99,7 @@ def find_overlaps(
     fixed: np.ndarray | None = None,
     bends: np.ndarray | None = None,
     tilt: np.ndarray | None = None,
+    on_device: wp.array | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -108,19 +115,19 @@ def find_overlaps(
         fixed: Whether a body is fixed, shape ``[n]``; pairs of such do not count, which no run can part.
         bends: Points along lines that bend [m], see :class:`~esh.engine.problem.placement.Placement`; capsules are bent as they are.
         tilt: How far outlines lean over, see :meth:`.body_footprints.BodyFootprints.tilts`.
+        on_device: ``position`` on the device, ``wp.vec2d``, where it is there already.
     """
     n = len(position)
     if n == 0:
         return Overlaps(0)
-    device = launcher.device
     slope = footprints.slopes_at(position, domain.size, tilt)
-    factor = np.ones(n) if smaller is None else smaller
+    factor = of_all(1.0, n) if smaller is None else smaller
     bent = _bent_lines(footprints, position, bends)
-    shapes = _laid_out(footprints, position, angle, length, width, factor, slope, bent, launcher)
-    stays = np.zeros(n, np.int32) if fixed is None else fixed.astype(np.int32)
-    shapes.fixed = wp.array(stays, dtype=wp.int32, device=device)
-    reach = shapes.reach.numpy()
-    lattice = _lattice(shapes, reach, domain, launcher)
+    place = launcher.array(position, wp.vec2d) if on_device is None else on_device
+    shapes = _laid_out(footprints, place, angle, length, width, factor, slope, bent, launcher)
+    stays = of_all(np.int32(0), n) if fixed is None or not fixed.any() else fixed.astype(np.int32)
+    shapes.fixed = launcher.alike(stays, wp.int32)
+    largest, lattice = _lattice(shapes, domain, launcher)
     space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
     launcher.launch(
@@ -129,13 +136,15 @@ def find_overlaps(
         [
             shapes,
             lattice,
-            wp.vec2i(*space.images_within(2.0 * float(reach.max()), MOST_IMAGES)),
+            wp.vec2i(*space.images_within(2.0 * largest, MOST_IMAGES)),
             TOLERANCE,
             MOST_OVERLAPS_PER_BODY,
         ],
         [found, deepest, partner],
         grain=GRAIN_OF_NEIGHBORS,
     )
+    if not sum_of_whole(launcher, found):
+        return Overlaps(0)
     depth = deepest.numpy()
     one = int(np.argmax(depth))
     other = int(partner.numpy()[one])
@@ -180,8 +189,8 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     most_corners = max([2, *(len(outline.corners) for outline in footprints.shapes)])
     shapes = _laid_out(
         footprints,
-        np.zeros((n, 2)),
-        np.zeros(n),
+        launcher.zeros(n, wp.vec2d),
+        of_all(0.0, n),
         placement.length,
         placement.width,
         np.minimum(footprints.room, 1.0),
@@ -262,7 +271,7 @@ def _bent_lines(footprints: BodyFootprints, position: np.ndarray, bends: np.ndar
 
 def _laid_out(
     footprints: BodyFootprints,
-    position: np.ndarray,
+    position: wp.array,
     angle: np.ndarray,
     length: np.ndarray,
     width: np.ndarray,
@@ -276,14 +285,17 @@ def _laid_out(
     device, n = launcher.device, len(position)
 
     def numbers(values: np.ndarray) -> wp.array:
-        return launcher.array(values, wp.float64)
+        # Dots have neither angle nor length; what is 0 of all is there once.
+        return launcher.alike(values if values.any() else of_all(0.0, len(values)), wp.float64)
 
     outlines = footprints.shapes
     cores = [*(outline.corners for outline in outlines), np.array([[-1.0, 0.0], [1.0, 0.0]])]
     start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    shape = np.where(footprints.shape == CAPSULE, len(outlines), footprints.shape).astype(np.int32)
+    shape = one_by_one(
+        lambda number: np.where(number == CAPSULE, len(outlines), number).astype(np.int32), footprints.shape
+    )
     given = kernels_overlaps.Given()
-    given.shape = launcher.array(shape, wp.int32)
+    given.shape = launcher.alike(shape, wp.int32)
     given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)
     given.width, given.smaller = numbers(width), numbers(smaller)
     given.start = wp.array(start, dtype=wp.int32, device=device)
@@ -295,16 +307,20 @@ def _laid_out(
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
     given.capsule = len(outlines)
     given.slope = launcher.array(np.zeros((0, 2)) if slope is None else slope, wp.vec2d)
-    pieces = np.zeros(n, np.int32)
-    pieces[bent.body] = np.diff(bent.start) - 1
-    first = np.zeros(n + 1, np.int32)
-    np.cumsum(np.where(pieces > 0, 2 * pieces, np.diff(start)[shape]), out=first[1:])
+    pieces = of_all(np.int32(0), n)
+    if is_same(shape) and not len(bent.body):
+        first = np.diff(start)[shape[0]] * np.arange(n + 1, dtype=np.int32)
+    else:
+        pieces = np.zeros(n, np.int32)
+        pieces[bent.body] = np.diff(bent.start) - 1
+        first = np.zeros(n + 1, np.int32)
+        np.cumsum(np.where(pieces > 0, 2 * pieces, np.diff(start)[shape]), out=first[1:])
     shapes = kernels_overlaps.Shapes()
-    shapes.position = launcher.array(position, wp.vec2d)
+    shapes.position = position
     shapes.first_corner = launcher.array(first, wp.int32)
     shapes.corner = launcher.empty(int(first[-1]) + spare_corners, wp.vec4d)
     shapes.rounding, shapes.reach, shapes.width = (launcher.empty(n, wp.float64) for _ in range(3))
-    shapes.pieces = launcher.array(pieces, wp.int32)
+    shapes.pieces = launcher.alike(pieces, wp.int32)
     launcher.launch(kernels_overlaps.lay_out, n, [given], [shapes])
     if len(bent.body):
         lines = [launcher.array(values, wp.int32) for values in (bent.body, bent.start)]
@@ -314,16 +330,16 @@ def _laid_out(
 
 
 def _lattice(
-    shapes: kernels_overlaps.Shapes, reach: np.ndarray, domain: Domain, launcher: Launcher
-) -> kernels_overlaps.Lattice:
-    """The cells that bodies lie in, by levels of size."""
-    device, n = launcher.device, len(reach)
+    shapes: kernels_overlaps.Shapes, domain: Domain, launcher: Launcher
+) -> tuple[float, kernels_overlaps.Lattice]:
+    """The largest reach, and the cells that bodies lie in, by levels of size."""
+    device, n = launcher.device, len(shapes.reach)
     level = launcher.empty(n, wp.int32)
-    largest = float(reach.max())
+    largest = float(largest_by_kind(launcher, shapes.reach, launcher.alike(of_all(np.int32(0), n), wp.int32), 1)[0])
     launcher.launch(kernels_overlaps.find_levels, n, [shapes.reach, largest, MOST_LEVELS - 1], [level])
-    levels = level.numpy()
-    # Between two levels there may be one without bodies: it has a single cell.
-    most = np.array([reach.max(where=levels == m, initial=0.0) for m in range(int(levels.max()) + 1)])
+    # Behind the last level that has bodies there is none; between two there may be one without: it has a single cell.
+    most = largest_by_kind(launcher, shapes.reach, level, MOST_LEVELS)
+    most = most[: int(np.flatnonzero(most).max(initial=0)) + 1]
     smallest = math.sqrt(domain.area / (2 * n + 64))
     cells = np.array([[max(1, int(side / max(2.0 * r, smallest))) for side in domain.size] for r in most])
     cells[most == 0.0] = 1
@@ -336,8 +352,15 @@ def _lattice(
     lattice.periodic = int(domain.periodic)
     cell, cell_count = launcher.empty(n, wp.int32), int(first[-1])
     lattice.start, lattice.member = launcher.empty(cell_count + 1, wp.int32), launcher.empty(n, wp.int32)
+    if device.is_cuda:
+        # Warp's radix sort, which keeps the order of those of one cell, wants room for a copy.
+        cell, lattice.member = launcher.empty(2 * n, wp.int32), launcher.empty(2 * n, wp.int32)
+        launcher.launch(kernels_overlaps.number_in_cells, n, [shapes.position, level, lattice], [cell, lattice.member])
+        wp.utils.radix_sort_pairs(cell, lattice.member, n)
+        launcher.launch(kernels_overlaps.find_starts, cell_count + 1, [cell, n], [lattice.start])
+        return largest, lattice
     launcher.launch(kernels_overlaps.find_cells, n, [shapes.position, level, lattice], [cell])
-    parts = min(cell_count, PARTS_ON_GPU if device.is_cuda else launcher.thread_count)
+    parts = min(cell_count, launcher.thread_count)
     launcher.launch(
         kernels_overlaps.sort_into_cells,
         parts,
@@ -345,4 +368,4 @@ def _lattice(
         [lattice.start, lattice.member],
         grain=1,
     )
-    return lattice
+    return largest, lattice

@@ -12,8 +12,9 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.domain import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort, position_of
-from . import kernels_spacing
+from . import kernels_spacing, kernels_summaries
 from .measured_bodies import MeasuredBodies, measured_bodies
+from .summaries import least_and_number, median_of_least
 
 __all__ = ["Spacing", "measure_spacing", "smallest_spacing"]
 
@@ -70,7 +71,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
     n = bodies.count
     launcher, space = bodies.launcher, bodies.space
     # A typical density; some thousand bodies tell it well enough. Where nothing is asked for, that of all bodies: 1.
-    some = number_density.numpy()[:: max(1, n // 10_000)]
+    some = number_density[:: max(1, n // 10_000)].numpy()
     asked = some[some > 0.0]
     reach = 1.5 / math.sqrt(float(np.median(asked)) if len(asked) else 1.0)
     # Cells no smaller than the reach, and not many more than bodies; a neighbor beyond the reach may be missed. In a long and narrow
@@ -92,18 +93,18 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
             [nearest, share],
             grain=GRAIN_OF_NEIGHBORS,
         )
-        distance, own = nearest.numpy(), share.numpy()
-        # Of bodies that ask for no spacing the mean one of all counts.
-        found = (own < MOST_SPACINGS * HEXAGONAL_SPACING) | (
-            (own >= kernels_spacing.NOBODY) & (distance < MOST_SPACINGS * HEXAGONAL_SPACING)
+        nobody = float(kernels_spacing.NOBODY)
+        launcher.launch(
+            kernels_summaries.forget_unseen, n, [share, nobody, MOST_SPACINGS * HEXAGONAL_SPACING], [nearest]
         )
-        if found.any():
+        closest, found = least_and_number(launcher, nearest, nobody)
+        if found:
             break
         if max(counts) == 1:
             return None
         side *= WIDER
-    smallest = float(own.min())
-    closest, usual = float(distance[found].min()), float(np.median(distance[found]))
+    smallest, _ = least_and_number(launcher, share, nobody)
+    usual = median_of_least(launcher, nearest, found)
     return Spacing(
         smallest / HEXAGONAL_SPACING if smallest < kernels_spacing.NOBODY else None,
         closest * bodies.unit,

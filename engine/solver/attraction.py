@@ -35,7 +35,7 @@ def group_targets(model: Model) -> list[FieldTarget]:
     result = []
     for g, c in enumerate(class_index):
         image = classes[c].density_image
-        own = fixed & (model.body.group == g)
+        own = fixed & (model.body.group == g) if model.has_fixed else fixed
         if not own.any():
             result.append(FieldTarget(image, charge[g], class_index=c))
             continue
@@ -51,6 +51,8 @@ def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
 
     None where none of the class is fixed.
     """
+    if not model.has_fixed:
+        return None
     of_class = model.body.class_index == class_index
     own = model.fixed & of_class
     if not own.any():

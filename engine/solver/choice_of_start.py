@@ -26,6 +26,9 @@ STARTS, STARTS_PER_CLASS, STEPS_OF_STARTS = 10, 5, 100
 # Starts times groups at most: a step takes longer with every group. All starts of 6, 10 and 20 classes of five then took 0.4 to 0.7
 # seconds of one processor, and the best was within 0.0007, 0.0023 and 0.0028 a body of the best of 20.
 MOST_STARTS_OF_GROUPS = 60
+# Starts times nodes of the field's mesh at most: narrow periodic strips have long meshes, where steps take longer the more nodes they
+# have. Of squares and domains ten times longer than wide, which have some thousand nodes, it leaves all starts.
+MOST_STARTS_OF_NODES = 2**19
 # Energies a body that differ by no more than this are equal; and those of several classes that are near enough to choose the one of
 # which no class has two bodies close to each other.
 EQUAL, NEARLY_EQUAL = 1e-5, 2e-3
@@ -44,7 +47,7 @@ def choose_start(descent: Descent, max_steps: int, tolerance: float, go_on: Call
         Which of several starts it is, from 0.
     """
     model = descent.model
-    number = number_of_starts(model)
+    number = min(number_of_starts(model), MOST_STARTS_OF_NODES // descent.field.node_count)
     if number < 2:
         return 0
     energy = Energy(model)
@@ -66,8 +69,9 @@ def number_of_starts(model: Model) -> int:
     """From how many starts to solve: 1 unless there are so few bodies that several cost little, and some of them can move."""
     classes = model.problem.classes
     most = max((c.body_count for c in classes), default=0)
-    free = int(((model.body.flags & BodyFlags.PINNED) == 0).sum())
-    if most > FEW or model.charge_count > FEW_CHARGES or free < 2:
+    if most > FEW or model.charge_count > FEW_CHARGES:
+        return 1
+    if int(((model.body.flags & BodyFlags.PINNED) == 0).sum()) < 2:
         return 1
     return min(STARTS + STARTS_PER_CLASS * (len(classes) - 1), MOST_STARTS_OF_GROUPS // model.groups.count)
 

@@ -5,25 +5,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import warp as wp
 
+from ..device.launcher import Launcher
 from ..problem.look_at import facing
 from ..problem.placement import Placement
 from ..space.density import move_into_support
-from ..space.space import Space
+from . import kernels_end
 from .body_flags import BodyFlags
 from .model import Model
 from .state import State
 
-__all__ = ["angle_within", "facing_turns", "looks_at_point", "placement_of", "position_in_meters"]
+__all__ = ["angle_within", "facing_turns", "looks_at_point", "placement_of", "position_in_meters", "somebody_looks"]
 
 
-def placement_of(model: Model, state: State) -> Placement:
+def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
     """The bodies of a state, less the ghosts; the report is still to be measured."""
     body = model.body
-    position = _settled(model, position_in_meters(model, state))
+    position = _settled(model, position_in_meters(model, state, launcher))
     angle, length, width = (np.zeros(len(position)) for _ in range(3))
     given = model.footprints.is_outline
-    if given.any():
+    if model.footprints.has_outlines:
         angle[given] = angle_within(state.turn.numpy()[given].astype(np.float64), 2.0 * math.pi)
     if model.kinds:
         pose = state.pose.numpy().astype(np.float64)
@@ -34,17 +36,17 @@ def placement_of(model: Model, state: State) -> Placement:
         angle[turned] = angle_within(pose[turned, 2] + angle[turned], 2.0 * math.pi)
         length = pose[:, 3] * model.unit
         width = model.widths(length)
-    looking = looks_at_point(model) & ~given
-    if looking.any():
+    if somebody_looks(model):
+        looking = looks_at_point(model) & ~given
         angle[looking] = facing_turns(model, position)[looking]
-    fixed = model.problem.fixed
-    # As they were given, not as float32 holds them.
-    position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
-    length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
+    if model.has_fixed:
+        fixed = model.problem.fixed
+        # As they were given, not as float32 holds them.
+        position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
+        length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
     bends = _bends(model, state, position)
-    ghosts = (body.flags & BodyFlags.GHOST) != 0
-
-    has_ghosts = bool(ghosts.any())
+    has_ghosts = bool(body.flags.any()) and bool((body.flags & BodyFlags.GHOST).any())
+    ghosts = (body.flags & BodyFlags.GHOST) != 0 if has_ghosts else body.flags
 
     def made(values: np.ndarray) -> np.ndarray:
         return values[~ghosts] if has_ghosts else values
@@ -83,6 +85,11 @@ def facing_turns(model: Model, position: np.ndarray) -> np.ndarray:
     return turn
 
 
+def somebody_looks(model: Model) -> bool:
+    """Whether bodies of any class look at a point."""
+    return any(c.look_at is not None for c in model.problem.classes)
+
+
 def looks_at_point(model: Model) -> np.ndarray:
     """Which bodies look at a point, shape ``[n]``: those of its class that are no lines, and that nobody has put there."""
     classes = np.array([c.look_at is not None for c in model.problem.classes])
@@ -94,10 +101,13 @@ def angle_within(angle: np.ndarray, period: float) -> np.ndarray:
     return np.mod(angle + 0.5 * period, period) - 0.5 * period
 
 
-def position_in_meters(model: Model, state: State) -> np.ndarray:
+def position_in_meters(model: Model, state: State, launcher: Launcher) -> np.ndarray:
     """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
-    position = np.multiply(state.pose.numpy()[:, :2], model.unit, dtype=np.float64)
-    return Space.of(model.problem.rectangle).inside(position)
+    n, domain = model.body_count, model.problem.rectangle
+    position = launcher.empty(n, wp.vec2d)
+    where = [state.pose, model.unit, wp.vec2d(*domain.size), int(domain.periodic)]
+    launcher.launch(kernels_end.place_in_meters, n, where, [position])
+    return position.numpy()
 
 
 def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:

@@ -63,7 +63,7 @@ class Forces:
             "targets": group_targets(model) if targets is None else targets,
             "spacing": typical_spacing(problem) / model.unit,
             "charge": model.charge.charge,
-            "charge_group": model.body.group[model.charge.body],
+            "charge_group": model.charge_group,
             "fewest_nodes": fewest_nodes,
             "family": model.groups.class_index,
             "regularity": problem.regularity,

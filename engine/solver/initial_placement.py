@@ -53,7 +53,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0)
         most = int(count[model.groups.class_index == k].max())
         order = min(max(math.ceil(math.log2(math.sqrt(CELLS_PER_BODY * most) + 1.0)), 3), LARGEST_ORDER)
         # What fixed bodies leave of a density is its class's own.
-        shared = k if model.fixed.any() else id(body_class.density_image), order
+        shared = k if model.has_fixed else id(body_class.density_image), order
         if shared not in pyramids:
             pyramids[shared] = _pyramid(launcher, model, k, order)
         launcher.launch(
@@ -65,7 +65,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0)
             grain=GRAIN_OF_NEIGHBORS,
         )
         first += body_class.body_count
-    if model.fixed.any():
+    if model.has_fixed:
         values = pose.numpy()
         values[model.fixed, :2] = problem.fixed.position / model.unit
         pose = wp.array(values, dtype=wp.vec4, device=device)
@@ -81,14 +81,16 @@ def body_starts(model: Model, launcher: Launcher, start: int = 0) -> tuple[np.nd
     """
     group = model.body.group
     # Fixed bodies take no part in it.
-    count = np.bincount(group[~model.fixed], minlength=model.groups.count)
+    count = model.groups.body_count
+    if model.has_fixed:
+        count = np.bincount(group[~model.fixed], minlength=model.groups.count)
     rng = np.random.default_rng([model.problem.seed, 10, start] if start else model.problem.seed)
     seed = int(rng.integers(1 << 31))
     shift = (rng.random() + GOLDEN * np.arange(model.groups.count)) % 1.0
     of_bodies = [
         launcher.array(model.body.support, wp.int32),
         launcher.array(group, wp.int32),
-        launcher.array(_ranks(group, count, ~model.fixed), wp.int32),
+        launcher.array(_ranks(model, count), wp.int32),
         launcher.array(model.body.identity, wp.int32),
         launcher.array(np.maximum(count, 1), wp.int32),
         launcher.array(shift, wp.float64),
@@ -107,9 +109,13 @@ def initial_placement(problem: Problem) -> np.ndarray:
         launcher.close()
 
 
-def _ranks(body_group: np.ndarray, count: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """Number of every body among those of its group that are ``counted``; 0 for all others."""
-    bodies = np.flatnonzero(counted)
+def _ranks(model: Model, count: np.ndarray) -> np.ndarray:
+    """Number of every body among those of its group that are not fixed, of which there are so many; 0 for all others."""
+    body_group = model.body.group
+    if not model.has_fixed and model.groups.first_body is not None:
+        begin = model.groups.first_body[:-1].astype(np.int32)
+        return np.arange(len(body_group), dtype=np.int32) - (np.repeat(begin, count) if len(begin) > 1 else begin)
+    bodies = np.flatnonzero(~model.fixed)
     first = np.concatenate([[0], np.cumsum(count)])
     # NumPy sorts short integers by radix: of 1,000,000 bodies in a few milliseconds.
     group = body_group[bodies].astype(np.int16 if len(count) < 1 << 15 else np.int32)

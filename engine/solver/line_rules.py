@@ -73,8 +73,10 @@ class LineRules:
         lines.length_start, lines.length_height, lines.length_width = shape
         self.lines = lines
         # Those that are pinned keep their lengths.
-        moving = model.body.kind[(model.body.flags & BodyFlags.PINNED) == 0]
-        count = np.bincount(moving + 1, minlength=self.kind_count + 1)[1:]
+        count = np.zeros(0, np.int64)
+        if rules:
+            moving = model.body.kind[(model.body.flags & BodyFlags.PINNED) == 0]
+            count = np.bincount(moving + 1, minlength=self.kind_count + 1)[1:]
         self.line_count = numbers_of(count.astype(float).tolist())
         # A line whose length the forces do not change reaches it by itself.
         self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
@@ -115,7 +117,9 @@ class LineRules:
 
 def length_blocks(model: Model) -> list[tuple[int, int]]:
     """Rows and columns of blocks in which kinds of lines get their lengths; none for a number, and where no force changes them."""
-    result = []
+    result: list[tuple[int, int]] = []
+    if not model.kinds:
+        return result
     domain = model.problem.rectangle
     count = np.bincount(model.body.kind + 1, minlength=len(model.kinds) + 1)[1:]
     for kind, many in zip(model.kinds, count.tolist(), strict=True):

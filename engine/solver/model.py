@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
 from ..problem.line import Line
+from ..problem.of_bodies import of_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
@@ -111,23 +113,24 @@ class Model:
         self.groups: Groups = groups or group_bodies(problem)
         class_index, size_index = problem.body_indices()
         n = len(class_index)
-        area = problem.body_areas()
+        area = problem.shared_areas()
         self.fixed = problem.body_is_fixed()
         flags = np.zeros(n, np.int32) if flags is None else np.asarray(flags).astype(np.int32)
-        flags = np.where(self.fixed, flags | BodyFlags.PINNED, flags)
+        if self.has_fixed:
+            flags[self.fixed] |= BodyFlags.PINNED
         self.footprints: BodyFootprints = footprints_of(problem)
         supports = supports_of(problem, class_index, size_index, area, self.footprints)
         self.supports = supports.images
         self.body = BodyTable(
-            class_index=class_index.astype(np.int32),
-            size_index=size_index.astype(np.int32),
+            class_index=class_index,
+            size_index=size_index,
             group=self.groups.body_group,
-            kind=np.repeat(kind, counts).astype(np.int32),
+            kind=of_bodies(kind, counts, np.int32),
             area=area,
-            longest=np.repeat(longest, counts),
-            flags=flags.astype(np.int32),
+            longest=of_bodies(longest, counts, np.float64),
+            flags=flags,
             identity=problem.body_ids().astype(np.int32),
-            support=supports.of_body.astype(np.int32),
+            support=supports.of_body.astype(np.int32, copy=False),
         )
         self.charge: BodyCharges = charges_of(problem)
         self.interaction = _within_range(self.groups.matrix, self.charge.charge)
@@ -168,6 +171,18 @@ class Model:
         return len(self.charge.charge)
 
     @property
+    def has_fixed(self) -> bool:
+        """Whether any body is a fixed one of the problem."""
+        return len(self.problem.fixed.id) > 0
+
+    @property
+    def charge_group(self) -> np.ndarray:
+        """Group of every charge, shape ``[charge_count]``, int32."""
+        if self.charge_count == self.body_count:
+            return self.body.group
+        return self.body.group[self.charge.body]
+
+    @property
     def may_bend(self) -> np.ndarray:
         """Whether a body may bend, shape ``[n]``."""
         bends = np.array([kind.line.straightness is not None for kind in self.kinds] + [False])
@@ -181,7 +196,10 @@ class Model:
     @property
     def group_charge(self) -> np.ndarray:
         """Sum of the charges of every group, shape ``[group_count]``."""
-        return np.bincount(self.body.group[self.charge.body], weights=self.charge.charge, minlength=self.groups.count)
+        first, charge = self.groups.first_body, self.charge.charge
+        if first is not None:
+            return np.array([charge[a:b].sum() for a, b in pairwise(self.charge.first[first].tolist())])
+        return np.bincount(self.charge_group, weights=charge, minlength=self.groups.count)
 
     def widths(self, length: np.ndarray) -> np.ndarray:
         """Thickness of every body [m], shape ``[n]``, 0 for dots; see :meth:`.line.Line.thickness`.

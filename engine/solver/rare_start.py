@@ -66,7 +66,7 @@ def rare_starts(launcher: Launcher, problem: Problem) -> np.ndarray | None:
             descent.state.pose.assign(pose)
             descent.place_charges()
         descent.step.play(STEPS)
-        result[own] = position_in_meters(model, descent.state)
+        result[own] = position_in_meters(model, descent.state, launcher)
         launcher.release(descent.step)
     return result
 

@@ -47,7 +47,7 @@ def spread(
     descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
     if model.body_count > 1:
         descent.step.play(STEPS)
-    position = position_in_meters(model, descent.state)
+    position = position_in_meters(model, descent.state, launcher)
     launcher.release(descent.step)
     for number, i in enumerate(asked):
         result[i] = position[model.body.class_index == number]

@@ -253,9 +253,10 @@ def locate_tiles(
 
 
 @wp.kernel
-def locate_quarters(
+def locate_parts(
     first: int,
     tile: wp.array(dtype=wp.int32),
+    part: wp.array(dtype=wp.int32),
     facet_count: int,
     facets: Facets,
     # outputs
@@ -263,16 +264,16 @@ def locate_quarters(
     normal: wp.array(dtype=wp.vec3),
     label: wp.array(dtype=wp.int32),
 ):
-    """Middles of the four even triangles that each of some tiles would be cut into."""
+    """Middles of parts of tiles: of the four even triangles that each would be cut into. That of the first is its tile's."""
     i = first + wp.tid()
-    own = tile[i / 4]
+    own = tile[i]
     facet = facet_of_tile(own, facet_count, facets.first_tile)
     within = wp.vec2(1.0 / 3.0, 1.0 / 3.0)
-    if i % 4 == 1:
+    if part[i] == 1:
         within = wp.vec2(1.0 / 6.0, 1.0 / 6.0)
-    elif i % 4 == 2:
+    elif part[i] == 2:
         within = wp.vec2(2.0 / 3.0, 1.0 / 6.0)
-    elif i % 4 == 3:
+    elif part[i] == 3:
         within = wp.vec2(1.0 / 6.0, 2.0 / 3.0)
     weight = weights_in_tile(own - facets.first_tile[facet], facets.cuts[facet], within)
     spot = spot_at(facet, weight, facets)

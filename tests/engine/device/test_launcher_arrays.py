@@ -46,3 +46,25 @@ def test_what_it_was_made_of_stays_as_long_as_it_does(launcher):
     gc.collect()
     other = np.full(1 << 20, 3.0, np.float32)
     assert (array.numpy() == 7.0).all() and (other == 3.0).all()
+
+
+@wp.kernel
+def add_up(first: int, values: wp.array(dtype=float), result: wp.array(dtype=float)):
+    i = first + wp.tid()
+    result[i] = values[i] + float(i)
+
+
+@pytest.mark.parametrize("values", [np.broadcast_to(2.5, 5000), np.full(5000, 2.5), np.arange(5000.0)])
+def test_what_is_the_same_of_all_is_there_once(launcher, values):
+    array, result = launcher.alike(values, float), launcher.empty(5000, float)
+    assert array.shape == (5000,) and (array.strides == (0,)) == (values.strides == (0,))
+    gc.collect()
+    launcher.launch(add_up, 5000, [array], [result])
+    np.testing.assert_array_equal(result.numpy(), values.astype(np.float32) + np.arange(5000, dtype=np.float32))
+
+
+def test_an_array_for_all_kernels_is_filled(launcher):
+    """Some kernels ask for addresses, so that every element must be there."""
+    array = launcher.array(np.broadcast_to(np.int32(7), 5000), wp.int32)
+    assert array.strides == (4,)
+    np.testing.assert_array_equal(array.numpy(), np.full(5000, 7))

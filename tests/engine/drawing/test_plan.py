@@ -14,6 +14,7 @@ from esh import BodyClass, Domain, EshError, Placement, Problem, Report, Size
 from esh.engine.drawing import plan as plan_module
 from esh.engine.drawing.plan import GROUND, MARGIN, PLAN_PIXELS, draw_plan
 from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
 from PIL import Image
 
@@ -251,3 +252,29 @@ def test_outlines_are_drawn_as_they_lie(tmp_path):
 
     for along, across, seen in [(0, 0, 1), (3.9, 0.4, 1), (-3.9, -0.4, 1), (4.1, 0, 0), (0, 0.6, 0), (0, 1.4, 0)]:
         assert red(along, across) == bool(seen), (along, across)
+
+
+def test_outlines_that_lean_are_drawn_as_they_are_seen_from_above():
+    """A plank along x on ground that rises by 45 degrees along x is shorter by the cosine of that."""
+    slope = np.zeros((4, 4, 2))
+    slope[..., 0] = 1.0
+    flat, leaning = (Footprints([Footprint.rectangle(4.0, 1.0)], turn=0.0, slope=s) for s in (None, slope))
+    ends = []
+    for footprint in (flat, leaning):
+        problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", count=1, footprint=footprint)])])
+        zero = np.zeros(1)
+        placement = Placement(problem, np.array([[5.0, 5.0]]), *problem.body_indices(), zero, zero, zero)
+        row, column = np.nonzero(is_color(plan_of(placement, colors=["red"]), RED))
+        ends.append((np.ptp(column) / 160.0, np.ptp(row) / 160.0))
+    np.testing.assert_allclose(ends, [(4.0, 1.0), (4.0 * math.sqrt(0.5), 1.0)], atol=0.02)
+
+
+def test_what_reaches_far_over_the_border_is_not_cut():
+    zero, size = np.zeros(1), Size("s", count=1, footprint=Footprint.rectangle(8.0, 1.0))
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [size])])
+    placement = Placement(problem, np.array([[9.0, 5.0]]), *problem.body_indices(), zero, zero, zero)
+    file = io.BytesIO()
+    draw_plan(placement, file, colors=["red"])
+    picture = np.asarray(Image.open(file)).astype(int)
+    _, column = np.nonzero(is_color(picture[:-200], RED))
+    assert np.ptp(column) / 160.0 == pytest.approx(8.0, abs=0.02)

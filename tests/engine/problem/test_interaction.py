@@ -1,6 +1,9 @@
 """The matrix against the paper's figures 5, 6 and 8, and its definiteness."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
@@ -87,3 +90,15 @@ def test_a_range_of_areas_has_nearly_the_papers_continuous_matrix():
     assert np.sqrt(np.mean((got / wanted - 1.0) ** 2)) < 0.06
     assert groups.count <= 24
     assert np.linalg.eigvalsh(groups.matrix).min() > 0.0
+
+
+@pytest.mark.parametrize("area", [1.0, (0.2, 3.0)], ids=["one area", "a range"])
+def test_bodies_of_groups_are_counted(area):
+    """Groups of single areas come one after the other, levels of a range mixed."""
+    sizes = [Size("a", area, count=30), Size("b", 2.0, count=7)]
+    shuffled = [replace(sizes[0], distribution="uniform"), sizes[1]]
+    groups = group_bodies(Problem(Domain((10.0, 10.0)), [BodyClass("one", shuffled), BodyClass("two", sizes[1:])]))
+    np.testing.assert_array_equal(groups.body_count, np.bincount(groups.body_group))
+    assert (groups.first_body is None) == isinstance(area, tuple)
+    if groups.first_body is not None:
+        assert groups.first_body.tolist() == [0, 30, 37, 44]

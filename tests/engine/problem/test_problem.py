@@ -106,7 +106,7 @@ def _check_meaning(made):
     """What was accepted is of the type, and in the range, that the solver counts on."""
     if isinstance(made, Domain):
         assert all(type(length) is float and 0 < length < math.inf for length in made.size)
-        assert 0 < made.area < math.inf and made.boundary in ("open", "mirror", "periodic")
+        assert 0 < made.area < math.inf and made.boundary in ("open", "mirror", "natural", "periodic")
     elif isinstance(made, Balance):
         assert type(made.class_separation) is float and 0 <= made.class_separation <= 1
         emphasis = made.size_emphasis if isinstance(made.size_emphasis, tuple) else (made.size_emphasis,)
@@ -562,3 +562,16 @@ def test_classes_of_equal_densities_share_one_image():
     np.testing.assert_array_equal(third, classes[2].density)
     # What was given is as it was.
     assert classes[0].density is not classes[1].density
+
+
+def test_areas_are_the_callers_own():
+    """Those that the engine shares are one number for all, to read only; those that are handed out may be written to."""
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", area=0.5, count=40)])])
+    shared, own = problem.shared_areas(), problem.body_areas()
+    np.testing.assert_array_equal(shared, own)
+    assert not shared.flags.writeable and own.flags.writeable
+    own[:] = 0.0
+    assert problem.body_areas().min() == 0.5 and shared.min() == 0.5
+    several = [Size("s", area=0.5, count=40), Size("l", area=2.0, count=3)]
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", several)])
+    assert problem.shared_areas().tolist() == [0.5] * 40 + [2.0] * 3

@@ -17,6 +17,7 @@ from esh.engine.problem.slopes import (
     foreshortened,
     lengthened,
     level_share,
+    mean_cosine,
     normal_of_slope,
     slope_at,
     slope_of_normal,
@@ -77,6 +78,22 @@ def test_bodies_lean_by_at_most_the_tilt_in_all_directions():
     assert (tilt[:, 0] < 0.15).mean() == pytest.approx(0.25, abs=0.02), "as many as the area of the cone says"
     assert np.hypot(np.cos(tilt[:, 1]).mean(), np.sin(tilt[:, 1]).mean()) < 0.03
     np.testing.assert_array_equal(tilts(0.3, np.array([7, 3]), 1), tilt[[7, 3]])
+
+
+@pytest.mark.parametrize("most", [0.0, 0.5, 1.4])
+def test_the_mean_of_what_leans_is_seen(most):
+    seen = np.cos(tilts(most, np.arange(100_000), 2)[:, 0]).mean()
+    assert mean_cosine(most) == pytest.approx(seen, abs=2e-3)
+
+
+def test_cover_is_that_of_leaning_outlines():
+    """Leaning planks that all fitted were said not to fit."""
+    footprints = [Footprints([Footprint.rectangle(2.0, 0.5)], turn="random", tilt=tilt) for tilt in (0.0, 1.2)]
+    covers = [
+        cover_of(Problem(Domain((10.0, 10.0)), [BodyClass("a", [Size("s", count=80, footprint=f)])])).covered
+        for f in footprints
+    ]
+    assert covers[1] == pytest.approx(covers[0] * mean_cosine(1.2), rel=1e-3)
 
 
 def test_slopes_are_blended_between_the_middles_of_pixels():

@@ -139,6 +139,17 @@ def test_the_more_groups_there_are_the_fewer_starts(monkeypatch, classes, starts
     assert len(tried) == starts
 
 
+@pytest.mark.parametrize(("length", "starts"), [(1.0, 10), (30.0, 10), (100.0, 5), (1000.0, 0)])
+def test_the_longer_a_periodic_strip_is_the_fewer_starts(monkeypatch, length, starts):
+    """Its mesh is as fine as it is narrow: from ten starts, a strip of 1 by 3,000 took half a minute."""
+    tried = []
+    monkeypatch.setattr(Energy, "of", lambda energy, position: float(tried.append(0) is None))
+    problem = Problem(Domain((1.0, length), "periodic"), [BodyClass("a", [Size("s", 0.001, 40)])])
+    with Solver(problem, device="cpu") as solver:
+        solver.choose_start(1)
+    assert len(tried) == starts
+
+
 def test_whoever_watches_can_stop_while_a_start_is_chosen(monkeypatch):
     """Nobody was asked before the first step, which could be minutes away."""
     monkeypatch.setattr("esh.engine.solve.MOMENT", 0.0)

@@ -208,11 +208,11 @@ def test_outlines_that_look_at_a_point_do_so_where_they_have_been_parted():
     assert placement.report.overlaps == 0
     way = np.array([0.0, 0.0, 3.0]) - placement.position
     way -= (way * placement.normal).sum(axis=1, keepdims=True) * placement.normal
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    past = np.arccos(np.clip((placement.tangent * way).sum(axis=1), -1.0, 1.0))
-    # Below the point a small move is a large turn.
+    beside = np.linalg.norm(way, axis=1)
+    past = np.arccos(np.clip((placement.tangent * way).sum(axis=1) / beside, -1.0, 1.0))
     assert np.quantile(past, 0.9) < 0.036
-    assert past.max() < 0.3
+    # Below the point a small move is a large turn.
+    assert (past * beside).max() < 0.25
 
 
 def test_edits_leave_outlines_as_they_lay_and_fixed_ones_as_they_are():
@@ -225,6 +225,7 @@ def test_edits_leave_outlines_as_they_lay_and_fixed_ones_as_they_are():
         solver.edit(dataclasses.replace(before.problem, fixed=[pinned], include_fixed=True))
         after = solver.placement()
         assert overlapping(after) == []
+        turns = []
         for row, identity in enumerate(before.id):
             now = int(np.flatnonzero(after.id == identity)[0])
             turned = np.arccos(np.clip(before.tangent[row] @ after.tangent[now], -1.0, 1.0))
@@ -233,8 +234,9 @@ def test_edits_leave_outlines_as_they_lay_and_fixed_ones_as_they_are():
                 np.testing.assert_allclose(after.position[now], before.position[row], atol=1e-6)
                 assert turned < 1e-3
             else:
-                # A little, where somebody is in the way.
-                assert turned < 0.6
+                turns.append(turned)
+        # A little, where somebody is in the way.
+        assert np.quantile(turns, 0.9) < 0.2 and max(turns) < 1.0
         kept = np.isin(after.id, before.id)
         assert kept.all()
 

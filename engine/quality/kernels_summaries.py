@@ -1,0 +1,149 @@
+"""Kernels that put bodies where they are measured, and that sum numbers of many bodies up, block by block.
+
+A block is a stretch of the table, which one element goes through in its order. So results depend on no number of threads, and the host
+gets a number for every block instead of every body.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+# Digits that an order is looked for by: four bits at once.
+DIGITS = wp.constant(16)
+
+
+@wp.kernel
+def place_bodies(
+    first: int,
+    position: wp.array(dtype=wp.vec2d),
+    scale: wp.float64,
+    # outputs
+    pose: wp.array(dtype=wp.vec4),
+):
+    """Positions, scaled, as poses of dots."""
+    i = first + wp.tid()
+    at = position[i] * scale
+    pose[i] = wp.vec4(float(at[0]), float(at[1]), 0.0, 0.0)
+
+
+@wp.kernel
+def forget_unseen(
+    first: int,
+    share: wp.array(dtype=float),
+    nobody: float,
+    limit: float,
+    # outputs
+    nearest: wp.array(dtype=float),
+):
+    """Take distances to be those of ``nobody`` where no neighbor is within ``limit`` of the spacings that are asked for.
+
+    Bodies that ask for no spacing, whose share is that of nobody, have the mean one of all, which is the unit.
+    """
+    i = first + wp.tid()
+    seen = share[i] < limit or (share[i] >= nobody and nearest[i] < limit)
+    if not seen:
+        nearest[i] = nobody
+
+
+@wp.kernel
+def find_least(
+    first: int,
+    values: wp.array(dtype=float),
+    limit: float,
+    block: int,
+    # outputs
+    least: wp.array(dtype=float),
+    below: wp.array(dtype=wp.int32),
+):
+    """Least value of every block, and how many of them are below a limit."""
+    b = first + wp.tid()
+    found = float(wp.inf)
+    number = int(0)
+    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+        value = values[i]
+        found = wp.min(found, value)
+        if value < limit:
+            number += 1
+    least[b] = found
+    below[b] = number
+
+
+@wp.kernel
+def find_next(
+    first: int,
+    values: wp.array(dtype=float),
+    value: float,
+    block: int,
+    # outputs
+    least: wp.array(dtype=float),
+    below: wp.array(dtype=wp.int32),
+):
+    """Least number above ``value`` in every block, and how many are not above it."""
+    b = first + wp.tid()
+    found = float(wp.inf)
+    number = int(0)
+    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+        if values[i] > value:
+            found = wp.min(found, values[i])
+        else:
+            number += 1
+    least[b] = found
+    below[b] = number
+
+
+@wp.kernel
+def count_digits(
+    first: int,
+    bits: wp.array(dtype=wp.int32),
+    begins: int,
+    shift: int,
+    block: int,
+    # outputs
+    counted: wp.array2d(dtype=wp.int32),
+):
+    """How often each digit, the four bits from ``shift`` on, is among the numbers of a block whose higher bits are ``begins``."""
+    b = first + wp.tid()
+    own = counted[b]
+    for digit in range(DIGITS):
+        own[digit] = 0
+    for i in range(b * block, wp.min((b + 1) * block, bits.shape[0])):
+        high = bits[i] >> shift
+        if (high >> 4) == begins:
+            digit = high & 15
+            own[digit] = own[digit] + 1
+
+
+@wp.kernel
+def find_most(
+    first: int,
+    values: wp.array(dtype=wp.float64),
+    kind: wp.array(dtype=wp.int32),
+    block: int,
+    # outputs
+    most: wp.array2d(dtype=wp.float64),
+):
+    """Largest number of every kind in every block, 0 where there is none."""
+    b = first + wp.tid()
+    own = most[b]
+    for k in range(own.shape[0]):
+        own[k] = wp.float64(0.0)
+    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+        own[kind[i]] = wp.max(own[kind[i]], values[i])
+
+
+@wp.kernel
+def add_whole(
+    first: int,
+    values: wp.array(dtype=wp.int32),
+    block: int,
+    # outputs
+    total: wp.array(dtype=wp.int64),
+):
+    """Sum of the whole numbers of every block."""
+    b = first + wp.tid()
+    found = wp.int64(0)
+    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+        found += wp.int64(values[i])
+    total[b] = found

@@ -1,0 +1,75 @@
+"""A few numbers of many: least, median, largest and sum of tables on a device."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import Launcher
+from . import kernels_summaries
+
+__all__ = ["largest_by_kind", "least_and_number", "median_of_least", "sum_of_whole"]
+
+# Numbers that one element goes through: enough for a thread of the CPU; a GPU has many more elements at once.
+BLOCK_ON_CPU, BLOCK_ON_GPU = 4096, 128
+
+
+def least_and_number(launcher: Launcher, values: wp.array, limit: float) -> tuple[float, int]:
+    """Return the least of some floats, and how many of them are below a limit."""
+    return _both(launcher, kernels_summaries.find_least, values, limit)
+
+
+def median_of_least(launcher: Launcher, values: wp.array, number: int) -> float:
+    """Return the median of the ``number`` least of some floats, none of which is negative."""
+    # The bits of such floats have the same order as they.
+    bits = wp.array(ptr=values.ptr, shape=values.shape, dtype=wp.int32, device=values.device)
+    low = (number - 1) // 2
+    value = _ordered(launcher, bits, low)
+    if number % 2:
+        return float(value)
+    above, not_above = _both(launcher, kernels_summaries.find_next, values, float(value))
+    # As NumPy's median: in float32.
+    return float(np.mean(np.array([value, value if not_above > low + 1 else above], np.float32)))
+
+
+def largest_by_kind(launcher: Launcher, values: wp.array, kind: wp.array, kinds: int) -> np.ndarray:
+    """Return the largest of the doubles of every kind, shape ``[kinds]``; 0 where there are none, or none above."""
+    blocks, block = _blocks(launcher, len(values))
+    most = launcher.empty((blocks, kinds), wp.float64)
+    launcher.launch(kernels_summaries.find_most, blocks, [values, kind, block], [most], grain=1)
+    return most.numpy().max(axis=0)
+
+
+def sum_of_whole(launcher: Launcher, values: wp.array) -> int:
+    """Return the sum of some integers."""
+    blocks, block = _blocks(launcher, len(values))
+    total = launcher.empty(blocks, wp.int64)
+    launcher.launch(kernels_summaries.add_whole, blocks, [values, block], [total], grain=1)
+    return int(total.numpy().sum())
+
+
+def _blocks(launcher: Launcher, count: int) -> tuple[int, int]:
+    """How many blocks there are, and how long they are."""
+    block = BLOCK_ON_GPU if launcher.device.is_cuda else BLOCK_ON_CPU
+    return -(-count // block), block
+
+
+def _both(launcher: Launcher, kernel: wp.Kernel, values: wp.array, limit: float) -> tuple[float, int]:
+    blocks, block = _blocks(launcher, len(values))
+    least, number = launcher.empty(blocks, float), launcher.empty(blocks, wp.int32)
+    launcher.launch(kernel, blocks, [values, limit, block], [least, number], grain=1)
+    return float(least.numpy().min()), int(number.numpy().sum())
+
+
+def _ordered(launcher: Launcher, bits: wp.array, place: int) -> np.float32:
+    """The float whose bits are at a place, from 0, of the order of some: digit after digit, from the highest."""
+    blocks, block = _blocks(launcher, len(bits))
+    counted = launcher.empty((blocks, kernels_summaries.DIGITS), wp.int32)
+    begins = 0
+    for shift in range(28, -1, -4):
+        launcher.launch(kernels_summaries.count_digits, blocks, [bits, begins, shift, block], [counted], grain=1)
+        before = np.cumsum(counted.numpy().sum(axis=0, dtype=np.int64))
+        digit = int(np.searchsorted(before, place, side="right"))
+        place -= int(before[digit - 1]) if digit else 0
+        begins = begins << 4 | digit
+    return np.array([begins], np.int32).view(np.float32)[0]
