@@ -32,6 +32,7 @@ __all__ = [
     "build_node_group",
     "made_of",
     "placed_objects",
+    "placing_inputs",
     "show_input",
 ]
 
@@ -79,12 +80,23 @@ def show_input(class_name: str) -> str:
 
 def placed_objects(group: bpy.types.NodeTree) -> list[bpy.types.Object | bpy.types.Collection | None]:
     """Return the objects that a group places, and collections as one, in the order that ``instance_index`` counts."""
+    return [socket.default_value for socket in _placing(group)]
+
+
+def placing_inputs(result: bpy.types.Object) -> list[bpy.types.NodeSocket]:
+    """Return the inputs that name what a result places, in that order; none where its group is not its own alone."""
+    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
+    groups = [group for group in groups if group.get(RESULT_TAG)]
+    return _placing(groups[0]) if len(groups) == 1 and groups[0].users == 1 else []
+
+
+def _placing(group: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     found = []
     for node in group.nodes:
         if node.bl_idname == "GeometryNodeCollectionInfo":
-            found.append(node.inputs["Collection"].default_value)
+            found.append(node.inputs["Collection"])
         elif node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["As Instance"].default_value:
-            found.append(node.inputs["Object"].default_value)
+            found.append(node.inputs["Object"])
     return found
 
 
