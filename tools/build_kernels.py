@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import os
 import platform
 import shutil
 import sys
@@ -21,6 +22,10 @@ from esh.engine.device.prebuilt_kernels import INDEX, TIERS, stem_of
 
 # Modules that hold kernels of GPUs only.
 GPU_ONLY = ("_gpu",)
+# An object, and what Warp knows of it.
+ENDINGS = (".o", ".meta")
+# Where they stay for the next time.
+KEPT = Path(__file__).resolve().parent.parent / "build" / "kernels"
 
 
 def tiers_of_this_machine() -> list[str]:
@@ -41,8 +46,13 @@ def kernel_modules() -> list[str]:
     ]
 
 
-def build(folder: Path) -> int:
-    """Write objects and their index into a folder, which is emptied first; return how many there are."""
+def build(folder: Path, kept: Path = KEPT) -> int:
+    """Write objects and their index into a folder, which is emptied first; return how many there are.
+
+    Args:
+        folder: Where to put them.
+        kept: Where all of them stay for the next time, which then compiles only what has changed.
+    """
     wp.config.log_level = wp.LOG_WARNING
     wp.init()
     shutil.rmtree(folder, ignore_errors=True)
@@ -50,7 +60,9 @@ def build(folder: Path) -> int:
     # Warp's own flags, but for another processor than this one.
     own = (wp.config.cpu_compiler_flags or "").replace("-march=native", "").strip()
     flags = {tier: f"-target-cpu {tier} {own}".strip() for tier in tiers_of_this_machine()}
-    count = 0
+    kept = kept / f"warp-{wp.__version__}"
+    kept.mkdir(parents=True, exist_ok=True)
+    used: set[str] = set()
     for name in kernel_modules():
         importlib.import_module(name)
         module = wp.get_module(name)
@@ -60,16 +72,34 @@ def build(folder: Path) -> int:
             # The CPU's block has one thread.
             wp.set_module_options({"cpu_compiler_flags": tier_flags, "block_dim": 1}, module)
             module.mark_modified()
-            with tempfile.TemporaryDirectory() as temporary:
-                wp.compile_aot_module(module, device="cpu", module_dir=temporary)
-                (binary,) = Path(temporary).glob("*.o")
-                (meta,) = Path(temporary).glob("*.meta")
-                stem = folder / stem_of(module, "esh")
-                shutil.copyfile(binary, f"{stem}.o")
-                shutil.copyfile(meta, f"{stem}.meta")
-            count += 1
+            stem = stem_of(module, "esh")
+            if not all((kept / f"{stem}{ending}").is_file() for ending in ENDINGS):
+                _compile(module, kept / stem)
+            for ending in ENDINGS:
+                shutil.copyfile(kept / f"{stem}{ending}", folder / f"{stem}{ending}")
+            used.add(stem)
+    # Of a module that was edited, what it was before.
+    modules = {_module_of(stem) for stem in used}
+    for file in kept.iterdir():
+        if file.suffix in ENDINGS and file.stem not in used and _module_of(file.stem) in modules:
+            file.unlink(missing_ok=True)
     (folder / INDEX).write_text(json.dumps({"warp": wp.__version__, "flags": flags}, indent=1) + "\n", encoding="utf-8")
-    return count
+    return len(used)
+
+
+def _module_of(stem: str) -> str:
+    """The module whose files have this name, which ends in a hash of its kernels and options."""
+    return stem.rpartition("_")[0]
+
+
+def _compile(module: wp.Module, stem: Path) -> None:
+    """Compile a module with the options that it has, into files of this name."""
+    # Beside, then renamed: one that was cut off is never taken for the whole, not even by somebody who builds at the same time.
+    with tempfile.TemporaryDirectory(dir=stem.parent) as temporary:
+        wp.compile_aot_module(module, device="cpu", module_dir=temporary)
+        for ending in ENDINGS:
+            (made,) = Path(temporary).glob(f"*{ending}")
+            os.replace(made, f"{stem}{ending}")
 
 
 def main() -> int:

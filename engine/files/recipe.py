@@ -6,7 +6,7 @@
     regularity = 0.6               # default; 1: nearly a lattice, 0: organic
     [domain]
     size = [40.0, 30.0]            # meters, x and y
-    boundary = "open"              # default; or "mirror", or "periodic"
+    boundary = "open"              # default; or "natural", "mirror", "periodic"
     inset = false                  # default; true: footprints lie inside as a whole
     [balance]
     class_separation = 0.5         # default

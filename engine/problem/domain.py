@@ -33,6 +33,12 @@ class Domain(Settings):
                 Choice(
                     "mirror", "Mirror", "the edges are mirrors: bodies neither crowd along them nor keep away", "MIRROR"
                 ),
+                Choice(
+                    "natural",
+                    "Natural",
+                    "as if more bodies stood beyond, and were cut off: no rows along the edges, nor where densities end",
+                    "NATURAL",
+                ),
                 Choice("periodic", "Periodic", "opposite edges are joined, so the result can be tiled", "PERIODIC"),
             ),
             check=validation.check_boundary,
@@ -64,6 +70,11 @@ class Domain(Settings):
     def periodic(self) -> bool:
         """Whether opposite edges are joined."""
         return self.boundary == "periodic"
+
+    @property
+    def natural(self) -> bool:
+        """Whether bodies are placed as if there were more of them beyond the edges."""
+        return self.boundary == "natural"
 
     @property
     def mirrored(self) -> bool:

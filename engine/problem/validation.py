@@ -18,11 +18,11 @@ import numpy as np
 
 from ..errors import ProblemError
 
-Boundary = Literal["open", "mirror", "periodic"]
+Boundary = Literal["open", "mirror", "natural", "periodic"]
 # What the `__array__`, `__iter__` or `__repr__` of somebody else's object may raise.
 FOREIGN_ERRORS = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 Kind = TypeVar("Kind")
-BOUNDARIES: tuple[Boundary, ...] = ("open", "mirror", "periodic")
+BOUNDARIES: tuple[Boundary, ...] = ("open", "mirror", "natural", "periodic")
 DISTRIBUTIONS: tuple[str, ...] = ("linear", "uniform")
 
 # Beyond these, squares and ratios of lengths leave the range of float32.

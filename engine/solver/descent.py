@@ -43,6 +43,8 @@ class Descent:
         fewest_nodes: Of the mesh that shows details of the targets; None for as many as it takes to show all.
         targets: What attracts every group; None for the densities of the problem.
         whole_charge: What charges were before they faded, shape ``[charge_count]``; None where none did.
+        smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart, as
+            :mod:`.natural_border` wants it; None for the blur that places bodies.
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
@@ -63,6 +65,7 @@ class Descent:
         fewest_nodes: int | None = None,
         targets: list[FieldTarget] | None = None,
         whole_charge: np.ndarray | None = None,
+        smooth: float | None = None,
     ) -> None:
         self.model = model
         self.launcher = launcher
@@ -72,7 +75,15 @@ class Descent:
         self.bodies = bodies_for_kernels(model, launcher)
         self.has_dots = bool((model.body.kind < 0).any())
         self.at_once = 1 if device.is_cuda else kernels_dots.DOTS_AT_ONCE
-        self._forces = Forces(model, launcher, targets=targets, fewest_nodes=fewest_nodes, whole_charge=whole_charge)
+        self._forces = Forces(
+            model,
+            launcher,
+            targets=targets,
+            fewest_nodes=fewest_nodes,
+            whole_charge=whole_charge,
+            blur_over_spacing=smooth,
+            smooth=smooth is not None,
+        )
         self.field, self.step_length = self._forces.field, self._forces.step_length
         self._prepare_step_limits()
         # Dots look for the way back into the support only where they start.

@@ -13,6 +13,7 @@ import numpy as np
 from ..device.launcher import Launcher, resolve_device
 from ..device.profile import Profile
 from ..errors import ProblemError
+from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
@@ -33,6 +34,7 @@ from .final_placement import (
 from .ink import with_widths
 from .memory import check_memory
 from .model import Model
+from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, NaturalBorder
 from .rare_start import rare_starts
 from .spread import spread
 from .state import State
@@ -146,14 +148,22 @@ class Solver:
         try:
             check_memory(problem)
             with self.launcher.phase("set-up"):
-                self.model = Model(problem, flags)
+                self.model = placed = Model(problem, flags)
                 on_surface = isinstance(problem.domain, Surface)
+                afresh = state is None and flags is None
+                self._border: NaturalBorder | None = None
+                if afresh and isinstance(problem.domain, Domain) and problem.domain.natural:
+                    self._border = NaturalBorder(self.launcher, problem)
+                    problem = self._border.problem
+                    check_memory(problem)
+                    placed = Model(problem)
+                self._smooth = False
                 # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
                 rare = None
-                if state is None and flags is None and not on_surface and number_of_starts(self.model) < 2:
+                if afresh and not on_surface and number_of_starts(placed) < 2:
                     rare = rare_starts(self.launcher, problem)
                 self.descent: Descent | SurfaceDescent = (SurfaceDescent if on_surface else Descent)(
-                    self.model, self.launcher
+                    placed, self.launcher
                 )
                 self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
                 if state is not None:
@@ -167,7 +177,7 @@ class Solver:
 
     def _start_some(self, descent: Descent, position: np.ndarray) -> None:
         """Let bodies start at positions [m], shape ``[body_count, 2]``, but for those whose position is NaN."""
-        model, size = self.model, self.model.problem.rectangle.size
+        model, size = descent.model, descent.model.problem.rectangle.size
         pose = descent.state.pose.numpy().copy()
         known = ~np.isnan(position[:, 0])
         for number in np.unique(model.body.support[known]):
@@ -176,6 +186,44 @@ class Solver:
             pose[own, :2] = move_into_support(model.supports[number], position[own], size) / model.unit
         descent.state.pose.assign(pose)
         descent.place_charges()
+
+    def _cut(self) -> None:
+        """Where the border is natural, let go of what was placed beyond it, and even out what that leaves along it."""
+        if self._border is None:
+            return
+        with self.launcher.phase("border"):
+            position = self._cut_position()
+            self.launcher.release(self.descent.step)
+            taken = self.descent.state.steps.copy()
+            self._border = None
+            self._go_on_from(position, SMOOTH_OVER_SPACING)
+            self.descent.step.play(SMOOTH_STEPS)
+            self.descent.state.steps[:] = taken
+            self._smooth = True
+
+    def _cut_position(self) -> np.ndarray:
+        """Positions of all bodies within a natural border [m], shape ``[body_count, 2]``."""
+        assert self._border is not None and isinstance(self.descent, Descent)
+        return self._border.cut(position_in_meters(self.descent.model, self.descent.state, self.launcher), self.model)
+
+    def _go_on_from(self, position: np.ndarray, smooth: float | None = None) -> None:
+        """Begin anew with dots at positions [m], shape ``[body_count, 2]``."""
+        pose = np.zeros((self.model.body_count, 4))
+        pose[:, :2] = position / self.model.unit
+        self.descent = Descent(self.model, self.launcher, pose=pose, smooth=smooth)
+
+    def _sharpen(self) -> None:
+        """Let steps be those of every border again, after the last ones at a natural one."""
+        if not self._smooth:
+            return
+        self._smooth = False
+        assert isinstance(self.descent, Descent)
+        before = self.descent.state
+        position = position_in_meters(self.model, before, self.launcher)
+        self.launcher.release(self.descent.step)
+        self._go_on_from(position)
+        self.descent.state.turn.assign(before.turn)
+        self.descent.state.steps[:] = before.steps
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
         """Go on with another problem in the same domain from where bodies are.
@@ -195,6 +243,8 @@ class Solver:
         Raises:
             ProblemError: Another domain, or a problem that does not fit into memory.
         """
+        self._cut()
+        self._smooth = False
         before, domain = self.model, self.model.problem.domain
         if isinstance(domain, Surface) and problem.domain is not domain:
             raise ProblemError("`domain` must stay the same Surface in an edit; got another one")
@@ -258,11 +308,16 @@ class Solver:
 
     @property
     def state(self) -> State | SurfaceState:
-        """Where the bodies are now; it changes with every step, so copy it to keep it."""
+        """Where the bodies are now; it changes with every step, so copy it to keep it.
+
+        Where the border is natural, this lets go of what is beyond, as :meth:`placement` does.
+        """
+        self._cut()
         return self.descent.state
 
     def start_from(self, state: State | SurfaceState) -> None:
         """Go on from another state of the same problem."""
+        self._cut()
         if isinstance(self.descent, SurfaceDescent):
             assert isinstance(state, SurfaceState)
             self.descent.state.assign(state)
@@ -300,6 +355,8 @@ class Solver:
         Raises:
             ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
         """
+        self._cut()
+        self._smooth = False
         model, body = self.model, self.model.body
         on_surface = isinstance(self.descent, SurfaceDescent)
         axes = "x, y and z" if on_surface else "x and y"
@@ -379,12 +436,13 @@ class Solver:
         Raises:
             ProblemError: A force is no finite number.
         """
+        self._sharpen()
         self.descent.step.play(count)
         return self._stepped(count)
 
     def _stepped(self, count: int) -> float:
         """Count steps that were taken, and return the residual."""
-        self.state.steps += count
+        self.descent.state.steps += count
         with self.launcher.phase("readback"):
             residual = self.descent.direction.residual()
         if math.isnan(residual):
@@ -397,6 +455,7 @@ class Solver:
         Returns:
             The steps taken, and whether bodies have settled.
         """
+        self._sharpen()
         residual = math.inf
         step = 0
         while step < max_steps:
@@ -446,6 +505,7 @@ class Solver:
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and what has changed since is to stir as few of them as it can.
         """
+        self._cut()
         self._face(0.0)
         if self.descent.contact is None or not self.model.problem.avoid_overlap:
             return True
@@ -493,9 +553,12 @@ class Solver:
     def placement(self) -> Placement:
         """The bodies where they are now; its report is empty.
 
+        Where the border is natural, this lets go of the bodies beyond it: steps that are taken afterwards are those of an open border.
+
         Raises:
             ProblemError: A position is no finite number.
         """
+        self._cut()
         if isinstance(self.descent, SurfaceDescent):
             charges = self.descent.charge_positions() if self.model.may_bend.any() else None
             placement = placement_on_surface(self.model, self.descent.facets, self.descent.state, charges)
@@ -545,6 +608,8 @@ class Solver:
     def _position(self) -> np.ndarray:
         if self._left_at is not None:
             return self._left_at.copy()
+        if self._border is not None:
+            return self._cut_position()
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
         return position_in_meters(self.model, self.descent.state, self.launcher)

@@ -43,18 +43,22 @@ def asked_anew():
     prebuilt_kernels._compiler_flags.cache_clear()
 
 
-@pytest.fixture(scope="module")
-def prebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The one module that every run on the CPU begins with, for all tiers."""
-    folder = tmp_path_factory.mktemp("kernels")
+def build(folder: Path, kept: Path, before: str = "pass") -> None:
+    """Build one module, the one that every run on the CPU begins with, for all tiers."""
     script = (
         "import sys; sys.path.insert(0, 'tools'); import build_kernels as b; from pathlib import Path; "
-        "b.kernel_modules = lambda: ['esh.engine.device.kernels_threads']; print(b.build(Path(sys.argv[1])))"
+        "b.kernel_modules = lambda: ['esh.engine.device.kernels_threads']; "
+        f"{before}; print(b.build(*map(Path, sys.argv[1:])))"
     )
-    outcome = subprocess.run(
-        [sys.executable, "-c", script, folder / "prebuilt"], capture_output=True, text=True, cwd=ROOT
-    )
+    outcome = subprocess.run([sys.executable, "-c", script, folder, kept], capture_output=True, text=True, cwd=ROOT)
     assert outcome.returncode == 0, outcome.stderr[-2000:]
+
+
+@pytest.fixture(scope="module")
+def prebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What :func:`build` makes."""
+    folder = tmp_path_factory.mktemp("kernels")
+    build(folder / "prebuilt", folder / "kept")
     if not json.loads((folder / "prebuilt" / INDEX).read_text())["flags"]:
         pytest.skip("nothing is built ahead of time for this kind of processor")
     return folder / "prebuilt"
@@ -71,6 +75,21 @@ def compiled_with(folder: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_what_is_prebuilt_is_not_compiled(prebuilt: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert compiled_with(prebuilt, tmp_path / "with", monkeypatch) == 0
     assert compiled_with(tmp_path / "nothing", tmp_path / "without", monkeypatch) == 1
+
+
+def test_what_was_built_is_kept_for_the_next_time(prebuilt: Path, tmp_path: Path):
+    kept = prebuilt.parent / "kept"
+    (version,) = kept.iterdir()
+    (old, *_) = [file for file in version.iterdir() if file.suffix == ".o"]
+    edited = version / f"{old.stem.rpartition('_')[0]}_0000000.o"
+    other = version / "engine.device.kernels_others_0000000.o"
+    edited.touch()
+    other.touch()
+    build(tmp_path / "again", kept, "b.wp.compile_aot_module = None")
+    assert {f.name: f.read_bytes() for f in (tmp_path / "again").iterdir()} == {
+        f.name: f.read_bytes() for f in prebuilt.iterdir()
+    }
+    assert not edited.exists() and other.exists()
 
 
 def test_an_edited_kernel_is_compiled(prebuilt: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -30,7 +30,7 @@ VECTORS = np.random.default_rng(1).normal(size=(4, 6, 2)).astype(np.float32)
 
 # Values beside the default of every setting that a recipe has. A new setting without one fails the first test.
 SAMPLES = {
-    Domain: {"size": [(7.5, 0.1 + 0.2)], "boundary": ["mirror", "periodic"], "inset": [True]},
+    Domain: {"size": [(7.5, 0.1 + 0.2)], "boundary": ["mirror", "natural", "periodic"], "inset": [True]},
     Balance: {
         "class_separation": [0.1 + 0.2],
         "size_emphasis": [1.0, [2.0, 3.5]],

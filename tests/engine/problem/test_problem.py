@@ -106,7 +106,7 @@ def _check_meaning(made):
     """What was accepted is of the type, and in the range, that the solver counts on."""
     if isinstance(made, Domain):
         assert all(type(length) is float and 0 < length < math.inf for length in made.size)
-        assert 0 < made.area < math.inf and made.boundary in ("open", "mirror", "periodic")
+        assert 0 < made.area < math.inf and made.boundary in ("open", "mirror", "natural", "periodic")
     elif isinstance(made, Balance):
         assert type(made.class_separation) is float and 0 <= made.class_separation <= 1
         emphasis = made.size_emphasis if isinstance(made.size_emphasis, tuple) else (made.size_emphasis,)

@@ -1,0 +1,190 @@
+"""A natural border: nobody stands in rows along it, counts are exact, and densities hold up to it."""
+
+from __future__ import annotations
+
+import math
+
+import esh
+import numpy as np
+import pytest
+from esh.engine.quality.coverage import coverage_error
+from esh.engine.solver.natural_border import NaturalBorder
+
+SIDE = 64.0
+ROW, COLUMN = (np.indices((256, 256)) + 0.5) / 256.0 - 0.5
+AWAY = np.hypot(COLUMN, ROW)
+DISC, LAKE = (AWAY < 0.4).astype(np.float32), (AWAY > 0.2).astype(np.float32)
+HILLS = (1.2 + np.sin(9.0 * COLUMN) * np.cos(7.0 * ROW)).astype(np.float32)
+UNIFORM = np.ones((1, 1), np.float32)
+
+
+def problem_of(boundary, image=UNIFORM, count=2048, seed=0, **more):
+    size = esh.Size("s", area=0.1, count=count)
+    return esh.Problem(
+        esh.Domain((SIDE, SIDE), boundary), [esh.BodyClass("a", [size], density=image)], seed=seed, **more
+    )
+
+
+def depth_of(name, position):
+    """Distance inwards from the edge [m], and the area within a distance of it as a function [m²]."""
+    if name in ("disc", "lake"):
+        radius, sign = (0.4 * SIDE, 1.0) if name == "disc" else (0.2 * SIDE, -1.0)
+        depth = sign * (radius - np.hypot(*(position - 0.5 * SIDE).T))
+        return depth, lambda d: math.pi * np.abs(radius**2 - (radius - sign * d) ** 2)
+    return np.minimum(position, SIDE - position).min(axis=1), lambda d: SIDE**2 - (SIDE - 2.0 * d) ** 2
+
+
+@pytest.mark.parametrize(
+    ("name", "image"), [("square", UNIFORM), ("hills", HILLS), ("disc", DISC), ("lake", LAKE)], ids=lambda v: str(v)[:6]
+)
+def test_no_row_along_the_border(name, image):
+    """Number of bodies by their distance from the edge, in tenths of a spacing, over even; and errors beside an open one's."""
+    spacing = math.sqrt(SIDE**2 * float((image > 0.0).mean()) / 2048)
+    edges = 0.1 * spacing * np.arange(21)
+    most, errors = {}, {}
+    for boundary in ("open", "natural"):
+        found, even = np.zeros(20), np.zeros(20)
+        errors[boundary] = []
+        for seed in range(3):
+            placement = esh.solve(problem_of(boundary, image, seed=seed), device="cpu")
+            depth, area_within = depth_of(name, placement.position)
+            assert depth.min() > -0.3 * spacing
+            found += np.histogram(depth, edges)[0]
+            even += np.diff(area_within(edges)) / spacing**2
+            domain = esh.Domain((SIDE, SIDE))
+            errors[boundary].append(
+                [coverage_error(placement.position, np.ones(2048), image, domain, k) for k in (1.0, 2.0)]
+            )
+        if name == "hills":
+            even *= found.sum() / even.sum()
+        most[boundary] = (found / even).max()
+    assert most["natural"] < 2.0 < most["open"]
+    (_, open_at_two), (at_one, at_two) = (np.mean(errors[boundary], axis=0) for boundary in ("open", "natural"))
+    assert at_two < open_at_two and at_one < 0.006
+
+
+def mixed(boundary):
+    """Two classes of several sizes, ranges and listed areas on different densities, with an obstacle, apart from each other."""
+    trees = [esh.Size("l", area=3.0, count=50), esh.Size("s", area=(0.2, 1.5), count=200, distribution="uniform")]
+    listed = esh.Size("listed", area=(0.1, 2.0), count=30, distribution=np.geomspace(0.1, 2.0, 30))
+    box = esh.Footprint.rectangle(1.4, 0.6)
+    stones = [listed, esh.Size("boxes", footprint=box, count=40)]
+    left = np.linspace(1.0, 0.0, 50, dtype=np.float32)[None]
+    return esh.Problem(
+        esh.Domain((50.0, 30.0), boundary),
+        [esh.BodyClass("tree", trees, density=left), esh.BodyClass("stone", stones, density=LAKE)],
+        obstacles=[esh.Obstacle(disc=(12.0, 8.0, 4.0))],
+        avoid_overlap=True,
+        seed=3,
+    )
+
+
+def test_counts_areas_and_obstacles_are_as_asked():
+    placement = esh.solve(mixed("natural"), device="cpu")
+    counts = [[size.placed for size in c.sizes] for c in placement.report.classes]
+    assert counts == [[50, 200], [30, 40]]
+    assert placement.report.overlaps == 0
+    np.testing.assert_array_equal(placement.area, mixed("open").body_areas())
+    assert (placement.position >= 0.0).all() and (placement.position <= [50.0, 30.0]).all()
+    assert np.hypot(*(placement.position - [12.0, 8.0]).T).min() > 4.0
+    assert all(c.coverage_error < 0.1 for c in placement.report.classes)
+    assert "natural" in repr(placement.problem.domain)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 40])
+@pytest.mark.parametrize("image", [UNIFORM, DISC])
+def test_a_few_bodies(count, image):
+    placement = esh.solve(problem_of("natural", image, count), device="cpu")
+    assert placement.position.shape == (count, 2) and np.isfinite(placement.position).all()
+    if image is DISC:
+        assert (np.hypot(*(placement.position - 0.5 * SIDE).T) < 0.41 * SIDE).all()
+
+
+def test_whoever_watches_sees_as_many_as_asked_and_can_stop():
+    seen = []
+
+    def watch(progress):
+        seen.append(progress.position)
+        return progress.step < 4
+
+    placement = esh.solve(problem_of("natural", count=300), device="cpu", progress=watch)
+    assert [position.shape for position in seen] == [(300, 2)] * 4 and placement.report.steps == 4
+    for position in seen:
+        assert (position >= 0.0).all() and (position <= SIDE).all()
+
+
+def test_steps_edits_and_states_go_on_from_what_was_cut():
+    problem = problem_of("natural", HILLS, 600)
+    with esh.Solver(problem, device="cpu") as solver:
+        solver.step(30)
+        before = solver.placement()
+        assert len(before.position) == 600 and solver.state.steps == 30
+        again = solver.placement()
+        np.testing.assert_array_equal(before.position, again.position)
+        solver.step(2)
+        after = solver.placement()
+        assert solver.state.steps == 32
+        moved = np.hypot(*(after.position - before.position).T)
+        assert 0.0 < moved.mean() < 0.5 * SIDE / math.sqrt(600)
+        state = solver.state.copy()
+        solver.edit(problem_of("natural", HILLS, 650))
+        edited = solver.placement()
+        assert len(edited.position) == 650 and np.isin(after.id, edited.id).all()
+    with esh.Solver(problem, device="cpu", state=state) as other:
+        np.testing.assert_array_equal(other.placement().position, after.position)
+
+
+def test_rare_classes_are_kept_even():
+    sizes = [[esh.Size("s", area=0.1, count=count)] for count in (2000, 100)]
+    classes = [esh.BodyClass(name, own) for name, own in zip("ab", sizes, strict=True)]
+    placement = esh.solve(esh.Problem(esh.Domain((SIDE, SIDE), "natural"), classes), device="cpu")
+    assert [c.sizes[0].placed for c in placement.report.classes] == [2000, 100]
+    assert placement.report.classes[1].smallest_spacing > 0.5 and placement.report.classes[1].coverage_error < 0.05
+
+
+def test_margins_are_whole_pixels_of_all_images():
+    """The density within the border is what was asked for, pixel by pixel, and beyond it that of the nearest pixel."""
+    from esh.engine.device.launcher import Launcher, resolve_device
+
+    rng = np.random.default_rng(5)
+    images = [rng.random((7, 12)).astype(np.float32) + 0.1, rng.random((21, 5)).astype(np.float32) + 0.1, UNIFORM]
+    classes = [
+        esh.BodyClass(name, [esh.Size("s", area=0.1, count=100)], density=image)
+        for name, image in zip("abc", images, strict=True)
+    ]
+    launcher = Launcher(resolve_device("cpu"))
+    problem = esh.Problem(esh.Domain((20.0, 30.0), "natural"), classes)
+    larger = NaturalBorder(launcher, problem).problem
+    launcher.close()
+    margin = 0.5 * (np.array(larger.domain.size) - [20.0, 30.0])
+    assert (margin >= 5.0 * math.sqrt(600.0 / 300)).all()
+    for asked, made in zip(problem.classes, larger.classes, strict=True):
+        height, width = made.density_image.shape
+        inner = [
+            round(float(many) * m / whole, 6)
+            for many, m, whole in zip((width, height), margin, larger.domain.size, strict=True)
+        ]
+        assert all(number == int(number) for number in inner)
+        columns, rows = (slice(int(number), -int(number)) for number in inner)
+        within = made.density_image[rows, columns]
+        times = [n // own for n, own in zip(within.shape, asked.density_image.shape, strict=True)]
+        np.testing.assert_array_equal(within, np.kron(asked.density_image, np.ones(times, np.float32)))
+        assert made.density_image[rows.start - 1, columns.start - 1] == asked.density_image[0, 0]
+        ratio = made.density_image.sum() / within.sum()
+        assert made.body_count == round(100 * float(ratio))
+
+
+@pytest.mark.parametrize(
+    ("classes", "fixed", "words"),
+    [
+        ([esh.BodyClass("a", [esh.Size("s", area=0.1, count=9, line=esh.Line(2.0))])], [], "where bodies are lines"),
+        (
+            [esh.BodyClass("a", [esh.Size("s", area=0.1, count=9)])],
+            [esh.FixedBody((3.0, 3.0), "a")],
+            "where bodies are fixed",
+        ),
+    ],
+)
+def test_lines_and_fixed_bodies_are_refused(classes, fixed, words):
+    with pytest.raises(esh.ProblemError, match=words):
+        esh.Problem(esh.Domain((SIDE, SIDE), "natural"), classes, fixed=fixed)
