@@ -3,6 +3,7 @@
     python benchmarks/huge_tiles.py                                    # 100,000,000 bodies on the first GPU
     python benchmarks/huge_tiles.py --bodies 1000000 --device cpu      # fewer, on processors
     python benchmarks/huge_tiles.py --tile 500 --workers 12            # tiles of 500 spacings, twelve processes
+    python benchmarks/huge_tiles.py --bodies 1000000000 --device cuda  # on all GPUs of the machine
 
 First a small problem of the same kind is solved, which compiles the kernels and is not counted. Then a line says how long each stage
 took by the wall, and another what the processes did meanwhile: reading what the pass before left, setting windows up, stepping,

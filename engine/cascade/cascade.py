@@ -34,6 +34,8 @@ __all__ = ["Cascade"]
 # Distance of nodes over the level's length, and how much farther a home may be.
 NODE_DISTANCE = 0.7
 HOME_REACH = 1.5
+# How far a home may be of charges where there is no density.
+FAR_HOME_REACH = 6.0
 # A turn of the surface counts as so many of the level's lengths when a home is looked for.
 HOME_TURN = 2.0
 # Width of the weights over the level's length, and where they end; a home is nearer than the second.
@@ -133,7 +135,8 @@ class Cascade:
         length: Spacing that it is to resolve, in units.
 
     Attributes:
-        home: Node that is the home of charges on a tile, ``wp.int32``, shape ``[tile_count]``; -1 where no image asks for any.
+        home: Node that is the home of charges on a tile, ``wp.int32``, shape ``[tile_count]``. Where no image asks for any, and no
+            node is near, it is the first: too far away to do anything.
         node_count: Number of nodes of the first level.
         node_share: Share of every image at every node, shape ``[column_count, node_count]``.
         node_area: Area that every node stands for, shape ``[node_count]``.
@@ -180,8 +183,13 @@ class Cascade:
         self._nodes = nodes = chosen(launcher, sources, thinned(launcher, sources, NODE_DISTANCE * length))
         self.node_count = len(nodes.position)
         home = nearest_of(launcher, sources, nodes, HOME_REACH * length, HOME_TURN * length)
-        of_tile = np.full(facets.tile_count, -1, np.int32)
+        of_tile = np.zeros(facets.tile_count, np.int32)
         of_tile[full] = home.numpy()
+        empty = np.flatnonzero(share.max(axis=0) <= 0.0)
+        if len(empty):
+            # What is fixed may lie there, and ends of lines.
+            nearest = nearest_of(launcher, chosen(launcher, tiles, empty), nodes, FAR_HOME_REACH * length, 0.0)
+            of_tile[empty] = np.maximum(nearest.numpy(), 0)
         self.home = wp.array(of_tile, dtype=wp.int32, device=device)
         self._weights = _weights_of(launcher, nodes, width, length)
         cutoff = NEAR_REACH / math.sqrt(2.0) * length
@@ -412,7 +420,7 @@ class Cascade:
             launcher.launch(kernels_cascade.weigh_octave, count, [nodes, near.start, near.entry, rest, height], [value])
             charge = launcher.empty(count * self.group_count, float)
             # Kernels read beyond its end: see LANES.
-            potential = launcher.zeros(count * self.group_count + kernels_cascade.LANES, float)
+            potential = launcher.zeros((count + kernels_cascade.LANES) * self.group_count, float)
             if octave > diagonal or count < FEWEST_NODES:
                 self._levels.append(_Level(near, value, charge, potential))
                 return

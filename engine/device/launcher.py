@@ -26,7 +26,16 @@ from .profile import Profile
 from .quiet_start import start_warp
 from .threads import Operation, Program, ThreadTeam
 
-__all__ = ["GRAIN", "GRAIN_OF_NEIGHBORS", "Launcher", "Recording", "Until", "core_count", "resolve_device"]
+__all__ = [
+    "GRAIN",
+    "GRAIN_OF_NEIGHBORS",
+    "Launcher",
+    "Recording",
+    "Until",
+    "core_count",
+    "gpu_environments",
+    "resolve_device",
+]
 
 # Threads per block on a GPU. Warp compiles a module anew for every other value, and CPU code for 1.
 BLOCK_DIM = 256
@@ -69,6 +78,20 @@ def resolve_device(name: str = "auto") -> wp.Device:
         why = "this machine has no such NVIDIA GPU, or no driver for it"
         raise DeviceError(f"`device` {name!r} is not available: {why}; use one of {accepted}")
     raise DeviceError(f"`device` must be one of {accepted}; got {name!r}")
+
+
+def gpu_environments(name: str) -> list[dict[str, str]]:
+    """Environments of processes that are each to see one of the GPUs that ``name`` stands for, as "cuda:0" of its own.
+
+    None where that is one GPU, or no GPU: such processes need nothing special.
+    """
+    start_warp()
+    count = len(wp.get_cuda_devices())
+    if name not in ("auto", "cuda") or count < 2:
+        return []
+    given = [entry.strip() for entry in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if entry.strip()]
+    seen = given if len(given) == count else [str(number) for number in range(count)]
+    return [{"CUDA_VISIBLE_DEVICES": entry} for entry in seen]
 
 
 def core_count() -> int:

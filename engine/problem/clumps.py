@@ -38,9 +38,9 @@ MOST_PIXELS = 4096
 # along a side of more pixels than this there are a few more: transforms are slow where a length has large prime factors.
 TIMES, FEWEST_TIMES = 24, 6
 # Then the density is made what it was where both are blurred by so many wavelengths, one after the other, so that what one leaves of
-# longer waves goes with the next; each time by this power of what it lacks. Measured on 4,096 bodies: errors at k = 4 are 13
-# and 23 (open, strengths .5 and 1), 59 and 94 (photograph) times those without clumps before that, and 2.3, 4.8, 1.9 and 2.8 times after
-# it; the deviation of the density from its mean falls from 1.07 to 1.06. Half a wavelength would take a tenth of it.
+# longer waves goes with the next; each time by this power of what it lacks. Measured on 4,096 bodies: errors at k = 4 were 13 and 23
+# (open, strengths .5 and 1), 59 and 94 (photograph) times those without clumps, and are 2.3, 4.8, 1.9 and 2.8 times these; the
+# deviation of the density from its mean falls from 1.07 to 1.06. Half a wavelength would take a tenth of it.
 AT_LARGE = (0.6, 0.75, 0.9)
 OVER = 1.8
 # Widths of a blur after which it has ended.

@@ -38,6 +38,10 @@ class DrawnFootprints:
     scale: np.ndarray
     turn: np.ndarray
 
+    def chosen(self, which: np.ndarray) -> DrawnFootprints:
+        """Those of some bodies: indices, or a truth value for each."""
+        return DrawnFootprints(self.variant[which], self.scale[which], self.turn[which])
+
 
 def _check_variants(value: object, key: str) -> tuple[Footprint, ...]:
     variants = validation.as_tuple((value,) if isinstance(value, Footprint) else value, Footprint, key)

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 
 __all__ = ["filter_waves", "from_cosines", "to_cosines"]
+
+# Rows that are transformed at once: threads take them one after the other, and what comes of each does not depend on the others.
+ROWS_AT_ONCE = 128
 
 
 def filter_waves(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarray:
@@ -16,14 +22,29 @@ def filter_waves(values: np.ndarray, kept: np.ndarray, wraps: bool) -> np.ndarra
     return from_cosines(spectrum)
 
 
-def to_cosines(values: np.ndarray) -> np.ndarray:
-    """Discrete cosine transform of a grid along both axes (type II)."""
-    return _cosines(_cosines(values).T).T
+def to_cosines(values: np.ndarray, threads: int = 1) -> np.ndarray:
+    """Discrete cosine transform of a grid along both axes (type II); the same for any number of threads."""
+    return _by_rows(_cosines, _by_rows(_cosines, values, threads).T, threads).T
 
 
-def from_cosines(spectrum: np.ndarray) -> np.ndarray:
+def from_cosines(spectrum: np.ndarray, threads: int = 1) -> np.ndarray:
     """What :func:`to_cosines` made a spectrum of."""
-    return _from_cosines(_from_cosines(spectrum).T).T
+    return _by_rows(_from_cosines, _by_rows(_from_cosines, spectrum, threads).T, threads).T
+
+
+def _by_rows(transform: Callable[[np.ndarray], np.ndarray], values: np.ndarray, threads: int) -> np.ndarray:
+    """Transform rows, several threads some each."""
+    if threads < 2 or len(values) <= ROWS_AT_ONCE:
+        return transform(values)
+    result = np.empty(values.shape)
+
+    def make(first: int) -> None:
+        result[first : first + ROWS_AT_ONCE] = transform(np.ascontiguousarray(values[first : first + ROWS_AT_ONCE]))
+
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in pool.map(make, range(0, len(values), ROWS_AT_ONCE)):
+            pass
+    return result
 
 
 def _cosines(values: np.ndarray) -> np.ndarray:

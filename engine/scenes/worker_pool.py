@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
 from .worker import Failure
@@ -30,12 +30,19 @@ class WorkerPool:
         workers: Number of processes.
         threads: Threads that each of them solves with.
         keep: Whether processes stay for another :meth:`map`, until :meth:`close`.
+        environments: Variables of the environment of the first process, the second and so on, and from the first again; none where
+            all have this one's.
     """
 
-    def __init__(self, workers: int, threads: int = 1, *, keep: bool = False) -> None:
+    def __init__(
+        self, workers: int, threads: int = 1, *, keep: bool = False, environments: Sequence[Mapping[str, str]] = ()
+    ) -> None:
         self.workers = workers
         self.threads = threads
         self._keep = keep
+        self._environments = environments
+        # Which processes have which of them, so that one that is replaced gets that of the lost one.
+        self._users = [0] * len(environments)
         self._idle: list[_Process] = []
         self._processes: set[_Process] = set()
         self._lock = threading.Lock()
@@ -124,7 +131,13 @@ class WorkerPool:
                 process.kill()
 
     def _start(self) -> _Process:
-        process = _Process(self.threads)
+        place = -1
+        with self._lock:
+            if self._users:
+                place = self._users.index(min(self._users))
+                self._users[place] += 1
+        process = _Process(self.threads, self._environments[place] if place >= 0 else {})
+        process.place = place
         with self._lock:
             self._processes.add(process)
         if self._closed.is_set():
@@ -144,12 +157,16 @@ class WorkerPool:
                 return process, process.ask(call)
             except (EOFError, OSError, pickle.UnpicklingError):
                 reason = process.kill()
+                if process.place >= 0:
+                    with self._lock:
+                        self._users[process.place] -= 1
                 process = None
         return None, Failure(f"its process ended {ATTEMPTS} times{reason}", False)
 
 
 class _Process:
-    def __init__(self, threads: int) -> None:
+    def __init__(self, threads: int, environment: Mapping[str, str]) -> None:
+        self.place = -1
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed with the process
         # Not by -m: what answers are made of would then be in another module than the one that reads them knows.
         start = f"from {__package__}.worker import main; main()"
@@ -164,7 +181,7 @@ class _Process:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={**os.environ, "ESH_THREADS": str(threads)},
+            env={**os.environ, "ESH_THREADS": str(threads), **environment},
             **apart,
         )
 

@@ -20,14 +20,14 @@ def take(
     # outputs
     own: Charges,
 ):
-    """Charges of some rows, with homes of their own, by tile; on a tile without one it is the first: too far away to do anything."""
+    """Charges of some rows, with homes of their own, by tile."""
     k = first + wp.tid()
     j = row[k]
     own.points.position[k] = charges.points.position[j]
     own.points.normal[k] = charges.points.normal[j]
     own.facet[k] = charges.facet[j]
     own.weight[k] = charges.weight[j]
-    own.home[k] = wp.max(home[tile_of(charges.facet[j], charges.weight[j], facets)], 0)
+    own.home[k] = home[tile_of(charges.facet[j], charges.weight[j], facets)]
 
 
 @wp.kernel

@@ -131,7 +131,9 @@ def cell_sums(
     return first, np.moveaxis(np.diff(at_edge, axis=0), 0, axis)
 
 
-def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: float) -> tuple[np.ndarray, ...]:
+def solve_flow(
+    grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: float, threads: int = 1
+) -> tuple[np.ndarray, ...]:
     """Find the flow that carries away what is too much.
 
     Args:
@@ -139,6 +141,7 @@ def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: fl
         count: What there is in every cell, shape ``grid.shape``.
         target: What there ought to be, of the same sum.
         blur: Standard deviation of the Gaussian that the difference is blurred by [m].
+        threads: That transform; the flow does not depend on their number.
 
     Returns:
         Flow along x through the edges between columns, shape ``[rows, columns + 1]``, and along y through those between rows, shape
@@ -154,8 +157,11 @@ def solve_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: fl
     area = width * height
     # Counting has blurred the bodies by a spline, and the target by cells.
     of_cells = np.sinc(0.5 * np.arange(columns) / columns)[None, :] * np.sinc(0.5 * np.arange(rows) / rows)[:, None]
-    difference = to_cosines(count) / of_cells**4 - to_cosines(target) / of_cells
-    potential = from_cosines(difference * (-factor / area))
+    difference = to_cosines(count, threads) / of_cells**4
+    # A target that is even has one wave only, which is not asked for.
+    if float(np.ptp(target)) > 0.0:
+        difference -= to_cosines(target, threads) / of_cells
+    potential = from_cosines(difference * (-factor / area), threads)
     flow_x, flow_y = np.zeros((rows, columns + 1), np.float32), np.zeros((rows + 1, columns), np.float32)
     flow_x[:, 1:-1] = np.diff(potential, axis=1) / width
     flow_y[1:-1] = np.diff(potential, axis=0) / height

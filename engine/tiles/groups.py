@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..problem.footprints import DrawnFootprints
 from ..problem.interaction import group_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size, with_count
+from .outlines import outline_areas, outlines_of_size
+from .random_numbers import random_shares
 
-__all__ = ["TileGroups", "group_tiles", "in_turns", "random_shares"]
+__all__ = ["TileGroups", "group_tiles", "in_turns"]
 
 # Bodies of a size that say how its range is cut into levels: enough for as many levels as any number would have.
 SAMPLE = 4096
@@ -90,8 +93,30 @@ class TileGroups:
         for g in np.unique(group).tolist():
             own = group == g
             rank = identity[own] - self.first_of_size[g]
-            result[own] = _areas_of_size(self.sizes[g], rank, [self.seed, 2, *self._class_and_size(g)])
+            result[own] = _areas_of_size(self.sizes[g], rank, (self.seed, *self._class_and_size(g)))
         return result
+
+    def outlines(self, identity: np.ndarray) -> DrawnFootprints:
+        """Outlines of bodies of these numbers; of those that have none the first, as large as it is and not turned."""
+        group = self.group_of(identity)
+        n = len(identity)
+        variant, scale, turn = np.zeros(n, np.int32), np.ones(n), np.zeros(n)
+        for g in np.unique(group).tolist():
+            size = self.sizes[g]
+            if size.footprint is None:
+                continue
+            own = group == g
+            rank = identity[own] - self.first_of_size[g]
+            c, s = self._class_and_size(g)
+            area = self.areas(identity[own]) if isinstance(size.area, tuple) else None
+            drawn = outlines_of_size(size, rank, (self.seed, 5, c, s), area)
+            variant[own], scale[own], turn[own] = drawn.variant, drawn.scale, drawn.turn
+        return DrawnFootprints(variant, scale, turn)
+
+    @property
+    def outlined(self) -> bool:
+        """Whether there are bodies with outlines of their own."""
+        return any(size.footprint is not None for size in self.sizes)
 
     def _class_and_size(self, group: int) -> tuple[int, int]:
         return int(self.class_index[group]), int(self.size_index[group])
@@ -131,9 +156,11 @@ def group_tiles(problem: Problem) -> TileGroups:
 def _sample(problem: Problem) -> Problem:
     """The problem with so few bodies of every size that they can be looked at one by one, smallest areas first."""
     classes = []
-    for c in problem.classes:
+    for number, c in enumerate(problem.classes):
         sizes = []
-        for size in c.sizes:
+        for index, size in enumerate(c.sizes):
+            if size.footprint is not None:
+                size = _without_outlines(size, (problem.seed, number, index))
             if isinstance(size.distribution, np.ndarray):
                 sizes.append(replace(size, distribution=np.sort(size.distribution)))
                 continue
@@ -143,8 +170,32 @@ def _sample(problem: Problem) -> Problem:
     return Problem(problem.domain, classes, problem.balance, seed=problem.seed)
 
 
-def _areas_of_size(size: Size, rank: np.ndarray, seed: list[int]) -> np.ndarray:
-    """Areas of the bodies of a size by their ranks, smallest first; see :class:`~esh.Size`."""
+def _without_outlines(size: Size, seed: tuple[int, int, int]) -> Size:
+    """A size of discs or lines whose areas are those of a size's outlines; as many of a range as are looked at."""
+    count = size.count or 0
+    if size.area is not None:
+        return with_count(replace(size, footprint=None, count=None), count)
+    if not size.is_range:
+        return with_count(replace(size, footprint=None, count=None, area=size.mean_area), count)
+    few = min(count, SAMPLE)
+    rank = ((np.arange(few) + 0.5) * count / max(few, 1)).astype(np.int64)
+    area = np.sort(_areas_of_size(size, rank, seed))
+    span = (float(area[0]), float(area[-1]))
+    if span[0] == span[1]:
+        return with_count(replace(size, footprint=None, count=None, area=span[0]), few)
+    return replace(size, footprint=None, share=None, count=few, area=span, distribution=area)
+
+
+def _areas_of_size(size: Size, rank: np.ndarray, seed: tuple[int, int, int]) -> np.ndarray:
+    """Areas of the bodies of a size by their ranks, smallest first; see :class:`~esh.Size`.
+
+    Args:
+        size: The size.
+        rank: From 0.
+        seed: The problem's, and the indices of class and size.
+    """
+    if size.area is None:
+        return outline_areas(size, outlines_of_size(size, rank, (seed[0], 5, *seed[1:]), None))
     if not isinstance(size.area, tuple):
         return np.full(len(rank), float(size.area or 0.0))
     if isinstance(size.distribution, np.ndarray):
@@ -152,20 +203,8 @@ def _areas_of_size(size: Size, rank: np.ndarray, seed: list[int]) -> np.ndarray:
     low, high = size.area
     count = size.count or 0
     if size.distribution == "uniform":
-        return low + (high - low) * (rank + random_shares(rank, seed)) / count
+        return low + (high - low) * (rank + random_shares(rank, [seed[0], 2, *seed[1:]])) / count
     return low + (high - low) * rank / (count - 1) if count > 1 else np.full(len(rank), size.mean_area)
-
-
-def random_shares(number: np.ndarray, seed: list[int]) -> np.ndarray:
-    """A random number of 0 to 1 for each whole number, whichever others are asked for with it."""
-    key = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
-    # The finaliser of splitmix64 (Steele, Lea and Flood, 2014).
-    with np.errstate(over="ignore"):
-        z = number.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + key
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        z ^= z >> np.uint64(31)
-    return (z >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def in_turns(place: np.ndarray, count: int) -> np.ndarray:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .density_windows import Axis
 
-__all__ = ["Box", "Layout", "hilbert_order"]
+__all__ = ["Box", "Layout", "hilbert_order", "within"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Box:
     def confine(self, position: np.ndarray) -> np.ndarray:
         """Positions [m], shape ``[n, 2]``, of which those outside are brought to the nearest place that :meth:`holds` them."""
         high = [np.nextafter(self.high[k], self.low[k]) if self.cut[2 * k + 1] else self.high[k] for k in (0, 1)]
-        return np.clip(position, self.low, high)
+        return within(position, self.low, high)
 
     def depth(self, position: np.ndarray) -> np.ndarray:
         """Distance to the nearest cut [m], shape ``[n]``; infinite where there is none."""
@@ -65,13 +65,15 @@ class Box:
 
     def fade(self, x: np.ndarray, y: np.ndarray, taper: float) -> np.ndarray:
         """How much counts at a place: 1, and within ``taper`` [m] of a cut less and less, down to 0 on it; broadcast over x, y."""
-        result = np.ones(np.broadcast_shapes(x.shape, y.shape))
+        along = []
         for axis, place in enumerate((x, y)):
+            one = np.ones(place.shape)
             if self.cut[2 * axis]:
-                result = result * _smooth((place - self.low[axis]) / taper)
+                one *= _smooth((place - self.low[axis]) / taper)
             if self.cut[2 * axis + 1]:
-                result = result * _smooth((self.high[axis] - place) / taper)
-        return result
+                one *= _smooth((self.high[axis] - place) / taper)
+            along.append(one)
+        return along[0] * along[1]
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,14 @@ class Layout:
         for row in ranges[1]:
             for column in ranges[0]:
                 yield row * columns + column
+
+
+def within(position: np.ndarray, low: Sequence[float], high: Sequence[float]) -> np.ndarray:
+    """Positions, shape ``[n, 2]``, brought between two corners; axis by axis, which takes NumPy a fraction of the time."""
+    result = np.empty_like(position)
+    for axis in (0, 1):
+        np.clip(position[:, axis], low[axis], high[axis], out=result[:, axis])
+    return result
 
 
 def hilbert_order(columns: int, rows: int) -> np.ndarray:

@@ -106,6 +106,7 @@ class Plan:
         directions: Of every line with directions that are an image: double-angle vectors, shape ``[height, width, 2]``.
         georeference: Where the domain lies.
         longest: Longest axis of a line [m].
+        bending: Charges of the lines that bend, the most that any of these has; 0 where none does.
         rare: Groups that are spread as a whole, because tiles have too few of them to be even.
     """
 
@@ -120,6 +121,7 @@ class Plan:
     directions: dict[tuple[int, int], np.ndarray]
     georeference: tuple[Georeference, tuple[int, int]] | None
     longest: float
+    bending: int
     rare: tuple[int, ...]
 
 
@@ -142,14 +144,6 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
             raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
         if c.clustering > 0.0:
             raise ProblemError(f'`clustering` of class "{c.name}" must be 0 for tiles; got {c.clustering:g}')
-        for size in c.sizes:
-            where = f'of size "{size.name}" of class "{c.name}"'
-            if size.footprint is not None:
-                raise ProblemError(
-                    f"`footprint` {where} is not supported in tiles, where bodies are discs and capsules"
-                )
-            if size.line is not None and size.line.straightness is not None:
-                raise ProblemError(f"`line.straightness` {where} is not supported in tiles, where lines are straight")
     return scene
 
 
@@ -222,6 +216,7 @@ def make_plan(run: TileRun) -> Plan:
         _directions(problem, lines),
         scene.georeference,
         max((line.longest for line in lines.values()), default=0.0),
+        max((line.charges for line in lines.values() if line.straightness is not None), default=0),
         _rare(groups, run.tiles),
     )
 

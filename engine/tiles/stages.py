@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from .bodies import PartBodies, read_bodies, read_length_factor, write_atomically, write_part
-from .coarse import cell_sums, displacement
+from .bodies import PartBodies, read_bodies, read_length_factor, write_part, written_atomically
+from .coarse import Patch, cell_sums, displacement
 from .layout import Box
 from .part_times import PartTimes
 from .plan import Plan, TileRun, make_plan
 from .tile_files import TILE_WRITERS, tile_name
-from .window import density_of_class, onto_densities, relax, start_bodies
+from .window import onto_densities, relax, start_bodies
+from .window_problem import density_of_class
 
 __all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "PartDone", "flow_folder", "make_part", "part_path", "stage_names"]
 
@@ -83,9 +83,8 @@ def _survey(run: TileRun, plan: Plan, number: int) -> None:
         corner = (row, column)
         patches.append(part * pixel)
         integrals.append(float(image.sum(dtype=np.float64)) * pixel)
-    file = io.BytesIO()
-    np.savez(file, integral=np.array(integrals), patch=np.array(patches), corner=np.array(corner))
-    write_atomically(part_path(run, "survey", number), file.getvalue())
+    with written_atomically(part_path(run, "survey", number)) as file:
+        np.savez(file, integral=np.array(integrals), patch=np.array(patches), corner=np.array(corner))
 
 
 def _start(run: TileRun, plan: Plan, number: int, times: PartTimes) -> int:
@@ -99,7 +98,7 @@ def _start(run: TileRun, plan: Plan, number: int, times: PartTimes) -> int:
     with times.of("start"):
         bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
     with times.of("parts"):
-        _write(run, plan, "start", number, bodies, np.ones(plan.groups.layers))
+        _write(run, plan, 0, number, bodies, np.ones(plan.groups.layers))
     return len(bodies)
 
 
@@ -123,13 +122,11 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
     totals = np.load(run.work / TOTALS)
     bodies, factor = relax(plan, box, bodies, factor, totals, this.steps, this.part, run.device, times)
     last = place + 1 == len(plan.passes)
-    with times.of("parts"):
-        if last:
-            bodies = onto_densities(plan, box, bodies)
-        _write(run, plan, stage, number, bodies, factor)
     if last:
         with times.of("tiles"):
-            _write_tile(run, plan, number, bodies)
+            _write_tile(run, plan, number, onto_densities(plan, box, bodies))
+    with times.of("parts"):
+        _write(run, plan, place + 1, number, bodies, factor)
     return len(bodies)
 
 
@@ -143,16 +140,24 @@ def _mean_factor(plan: Plan, parts: list[PartBodies], factors: list[np.ndarray])
     return np.where(total > 0.0, (weight * factor).sum(axis=0) / np.maximum(total, 1.0), 1.0)
 
 
-def _write(run: TileRun, plan: Plan, stage: str, number: int, bodies: PartBodies, factor: np.ndarray) -> None:
-    group = plan.groups.group_of(bodies.identity)
-    patch = plan.grid.deposit(bodies.position, group, plan.groups.number)
+def _write(run: TileRun, plan: Plan, before: int, number: int, bodies: PartBodies, factor: np.ndarray) -> None:
+    """Write what the next pass needs, before which so many are over: of the last one nothing but that it was made."""
+    groups = plan.groups
+    over = before == len(plan.passes)
+    if over:
+        bodies = bodies.chosen(np.zeros(0, np.int64))
+    # Bodies are counted for warps only.
+    counted = not over and plan.passes[before].warp != ""
+    patch = Patch(0, 0, np.zeros((groups.number, 0, 0), np.int64))
+    if counted:
+        patch = plan.grid.deposit(bodies.position, groups.group_of(bodies.identity), groups.number)
+    stage = f"pass-{before}" if before else "start"
     write_part(part_path(run, stage, number), bodies, patch, factor)
 
 
 def _write_tile(run: TileRun, plan: Plan, number: int, bodies: PartBodies) -> None:
-    file = io.BytesIO()
-    TILE_WRITERS[run.ending](file, plan, bodies)
-    write_atomically(Path(run.folder, tile_name(plan, number, run.ending)), file.getvalue())
+    with written_atomically(Path(run.folder, tile_name(plan, number, run.ending))) as file:
+        TILE_WRITERS[run.ending](file, plan, bodies)
 
 
 def _warped(run: TileRun, plan: Plan, stage: str, what: str, box: Box, bodies: PartBodies) -> PartBodies:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -43,13 +44,50 @@ def _columns(plan: Plan, bodies: PartBodies) -> dict[str, np.ndarray]:
         "size_index": groups.size_index[group].astype(np.int32),
         "area": groups.areas(bodies.identity),
     }
+    if plan.longest > 0.0 or groups.outlined:
+        columns["angle"] = _angles(plan, bodies, group)
     if plan.longest > 0.0:
-        columns |= {
-            "angle": bodies.angle,
-            "length": bodies.length,
-            "width": _widths(plan, bodies, group, columns["area"]),
-        }
+        columns |= {"length": bodies.length, "width": _widths(plan, bodies, group, columns["area"])}
+    if groups.outlined:
+        drawn = groups.outlines(bodies.identity)
+        columns |= {"variant": drawn.variant, "scale": drawn.scale}
     return columns
+
+
+def _angles(plan: Plan, bodies: PartBodies, group: np.ndarray) -> np.ndarray:
+    """How bodies lie [rad], as a placement says it: lines within half a turn, unless they have outlines."""
+    sizes = plan.groups.sizes
+    outlined = np.array([size.footprint is not None for size in sizes])[group]
+    line = np.array([size.line is not None for size in sizes])[group]
+    axis = np.where(line, bodies.angle, 0.0)
+    return np.where(outlined, _within(axis + bodies.turn, 2.0 * math.pi), _within(axis, math.pi))
+
+
+def _within(angle: np.ndarray, period: float) -> np.ndarray:
+    """Angles between minus and plus half of a period; those that are, are left as they are."""
+    half = 0.5 * period
+    return np.where((angle >= -half) & (angle < half), angle, np.mod(angle + half, period) - half)
+
+
+def _bends(plan: Plan, bodies: PartBodies) -> np.ndarray | None:
+    """Positions in the world of the charges on lines that may bend, shape ``[n, charges, 2]``, NaN elsewhere; None without any."""
+    if not plan.bending:
+        return None
+    result = np.full((len(bodies), plan.bending, 2), np.nan)
+    group = plan.groups.group_of(bodies.identity)
+    for g in np.unique(group).tolist():
+        line = plan.groups.sizes[g].line
+        if line is None or line.straightness is None:
+            continue
+        own = np.flatnonzero(group == g)
+        places = line.charge_places()
+        along = 0.5 * bodies.length[own, None] * places
+        across = bodies.bend[own, : len(places)]
+        cosine, sine = np.cos(bodies.angle[own, None]), np.sin(bodies.angle[own, None])
+        offset = np.stack([along * cosine - across * sine, along * sine + across * cosine], axis=-1)
+        place = bodies.position[own, None] + offset
+        result[own, : len(places)] = world_position(plan, place.reshape(-1, 2)).reshape(place.shape)
+    return result
 
 
 def _widths(plan: Plan, bodies: PartBodies, group: np.ndarray, area: np.ndarray) -> np.ndarray:
@@ -66,6 +104,7 @@ def _widths(plan: Plan, bodies: PartBodies, group: np.ndarray, area: np.ndarray)
 
 def _write_npz(file: BinaryIO, plan: Plan, bodies: PartBodies) -> None:
     nothing = np.zeros(len(bodies))
+    bends = _bends(plan, bodies)
     columns: dict[str, Any] = {"angle": nothing, "length": nothing, "width": nothing} | _columns(plan, bodies)
     # As placements are written: names by class, and those of sizes by body.
     names = np.array([size.name for size in plan.groups.sizes], np.str_)
@@ -73,6 +112,7 @@ def _write_npz(file: BinaryIO, plan: Plan, bodies: PartBodies) -> None:
         file,
         position=world_position(plan, bodies.position),
         **columns,
+        **({} if bends is None else {"bends": bends}),
         class_name=np.array([c.name for c in plan.problem.classes], np.str_),
         size_name=names[plan.groups.group_of(bodies.identity)],
     )
@@ -90,7 +130,12 @@ def _write_parquet(file: BinaryIO, plan: Plan, bodies: PartBodies) -> None:
     table: dict[str, Any] = {"id": columns.pop("id"), "geometry": point}
     for key, values in columns.items():
         # As exact as anybody needs, and much smaller.
-        table[key] = values.astype(np.int16 if key.endswith("index") else np.float32)
+        table[key] = values.astype(np.int16 if key.endswith("index") or key == "variant" else np.float32)
+    bends = _bends(plan, bodies)
+    if bends is not None:
+        # Of every point x, then y.
+        flat = arrow.array(bends.ravel(), from_pandas=False)
+        table["bends"] = arrow.FixedSizeListArray.from_arrays(flat, 2 * plan.bending)
     described: dict[str, Any] = {"encoding": "point", "geometry_types": ["Point"], "crs": None}
     if plan.georeference is not None and plan.georeference[0].crs is not None:
         described["crs"] = json.loads(plan.georeference[0].crs)
@@ -102,12 +147,13 @@ def _write_parquet(file: BinaryIO, plan: Plan, bodies: PartBodies) -> None:
         "geo": json.dumps({"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": described}}),
         "esh": json.dumps({"class": classes, "size": sizes}),
     }
-    split = [key for key in ("angle", "length", "width") if key in table] + (["area"] if ranges else [])
+    ranges = ranges or plan.groups.outlined
+    split = [key for key in ("angle", "length", "width", "scale") if key in table] + (["area"] if ranges else [])
     parquet.write_table(
         arrow.table(table).replace_schema_metadata(metadata),
         file,
         compression="zstd",
-        use_dictionary=[key for key in table if key not in ("id", "geometry", *split)],
+        use_dictionary=[key for key in table if key not in ("id", "geometry", "bends", *split)],
         column_encoding={"id": "DELTA_BINARY_PACKED"}
         | {key: "BYTE_STREAM_SPLIT" for key in ("geometry.x", "geometry.y", *split)},
     )

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.launcher import core_count, resolve_device
+from ..device.launcher import core_count, gpu_environments, resolve_device
 from ..errors import EshError, ProblemError
 from ..files.recipe import recipe_densities
 from ..files.recipe_writer import write_recipe
@@ -162,6 +162,7 @@ class _Driver:
         self._tiles = columns * rows
         self._ray = ray
         self._gpus = gpus
+        self._on_gpu = on_gpu
         if workers is None:
             workers = _processes(run, plan, on_gpu) if self._tiles >= WORTH_PROCESSES else 0
         self._workers = min(workers, self._tiles)
@@ -253,7 +254,12 @@ class _Driver:
             self._pool = (
                 RayPool(self._ray, self._gpus, keep=True)
                 if self._ray is not None
-                else WorkerPool(self._workers, 1, keep=True)
+                else WorkerPool(
+                    self._workers,
+                    1,
+                    keep=True,
+                    environments=gpu_environments(self._run.device) if self._on_gpu else (),
+                )
             )
         # A stage that needs other kernels than those before has its first part made alone, which compiles them for all.
         kernels = self._kernels_of(name)
@@ -297,9 +303,12 @@ def _processes(run: TileRun, plan: Plan, on_gpu: bool) -> int:
     """
     if not on_gpu:
         return core_count()
-    memory = resolve_device(run.device).total_memory if resolve_device(run.device).is_cuda else 0
+    device = resolve_device(run.device)
+    # Of several GPUs each has its own processes.
+    gpus = max(1, len(gpu_environments(run.device)))
     bodies = plan.groups.body_count / math.prod(plan.layout.tiles)
-    return max(1, min(core_count(), int(GPU_SHARE * memory / (GPU_PROCESS + GPU_BODY * bodies))))
+    on_each = int(GPU_SHARE * device.total_memory / (GPU_PROCESS + GPU_BODY * bodies)) if device.is_cuda else 0
+    return max(1, min(core_count(), gpus * on_each))
 
 
 def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:
@@ -418,7 +427,9 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
         blur = max(BLUR * spacing, BLUR_IN_CELLS * max(grid.cell))
         folder = flow_folder(run, stage, layer)
         folder.mkdir(parents=True, exist_ok=True)
-        for name, values in zip(("x", "y", "density"), solve_flow(grid, count, wanted, blur), strict=True):
+        for name, values in zip(
+            ("x", "y", "density"), solve_flow(grid, count, wanted, blur, core_count()), strict=True
+        ):
             _save(folder / f"{name}.npy", values)
     write_atomically(run.work / f"flow-{stage}" / "done", b"")
 

@@ -16,11 +16,9 @@ from ..field.field import FieldTarget
 from ..problem.balance import Balance
 from ..problem.domain import Domain
 from ..problem.interaction import Groups
-from ..problem.line import Line
-from ..problem.obstacles import Obstacle
-from ..problem.prepared_class import PreparedClass, cut_out
+from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
-from ..problem.size import Size, with_count
+from ..problem.size import with_count
 from ..solver.body_flags import BodyFlags
 from ..solver.descent import Descent
 from ..solver.final_placement import angle_within, position_in_meters
@@ -31,19 +29,17 @@ from ..solver.state import State
 from ..space.density import move_into_support
 from ..space.support import images_for_kernels
 from .bodies import PartBodies
-from .density_windows import into_pixels, sample_source
+from .density_windows import into_pixels
 from .groups import in_turns
-from .layout import Box
+from .layout import Box, within
 from .part_times import PartTimes
 from .plan import Plan
+from .window_problem import MARGIN, model_of, pixels_of
 
-__all__ = ["density_of_class", "launcher_on", "onto_densities", "relax", "spread_rare", "start_bodies"]
+__all__ = ["launcher_on", "onto_densities", "relax", "spread_rare", "start_bodies"]
 
-# Pixels of a window's densities over the typical spacing.
-PIXELS_PER_SPACING = 4.0
-# Bodies nearer to a cut than this are pinned, and within the second what is beyond the cut fades out; in spacings of the window. Free
-# bodies then see nothing of the fading. Lines are pinned farther from it by half of their length.
-MARGIN, TAPER = 5.0, 4.0
+# Nearer to a cut than this what is beyond it fades out; in spacings of the window. Free bodies then see nothing of the fading.
+TAPER = 4.0
 # Where bodies are sparse, the margins leave so much of a window free at least.
 MOST_MARGIN = 0.25
 # Free bodies that come nearer to a cut than so much of the margin have strayed.
@@ -62,21 +58,6 @@ ROUNDING = 2.0**-18
 def launcher_on(device: str, process: int = 0) -> Launcher:
     """The threads or the GPU of this process; one for all of its windows."""
     return Launcher(resolve_device(device))
-
-
-@lru_cache(maxsize=8)
-def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
-    """Density of a class in a part of the domain, less obstacles, shape ``[height, width]``, float32; 0 all over where nothing is."""
-    image = _density(plan, class_index, box)
-    obstacles = _obstacles_near(plan, box, image.shape)
-    if not obstacles or not image.any():
-        return image
-    size = plan.problem.classes[class_index].sizes[0]
-    prepared = PreparedClass("class", (with_count(size, _bodies_at(plan, box)),), image)
-    try:
-        return cut_out(prepared, Domain(box.size), obstacles).density_image
-    except ProblemError:  # they leave nothing
-        return np.zeros((1, 1), np.float32)
 
 
 def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray, np.ndarray]:
@@ -137,7 +118,8 @@ def start_bodies(
         return PartBodies.none()
     launcher = launcher_on(device, os.getpid())
     seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
-    model = _model(plan, box, identity, np.zeros(len(identity), np.int32), seed)
+    bodies = _resting(plan, identity)
+    model = model_of(plan, box, bodies, np.zeros(len(identity), np.int32), seed)
     # The ways out of empty pixels take long to find; whoever would need one is brought to the next full pixel below.
     images = images_for_kernels(launcher, model.supports, model.size, to_support=False)
     images.to_support = launcher.zeros(int(images.pixel.shape[0]), wp.vec2)
@@ -153,7 +135,14 @@ def start_bodies(
         pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
     everybody = np.ones(len(identity), bool)
     position = _settled(plan, box, model, pose[:, :2] * model.unit, everybody)
-    return PartBodies(identity, position, pose[:, 2], pose[:, 3] * model.unit)
+    return replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
+
+
+def _resting(plan: Plan, identity: np.ndarray) -> PartBodies:
+    """Bodies as they are before they are anywhere: straight, and turned as their outlines start."""
+    n = len(identity)
+    turn = plan.groups.outlines(identity).turn if plan.groups.outlined else np.zeros(n)
+    return PartBodies(identity, np.zeros((n, 2)), np.zeros(n), np.zeros(n), turn, np.zeros((n, plan.bending)))
 
 
 def _levels_of_ranges(plan: Plan, identity: np.ndarray) -> list[np.ndarray]:
@@ -200,14 +189,14 @@ def relax(
         return bodies, length_factor
     launcher = launcher_on(device, os.getpid())
     with times.of("set-up"):
-        model = _model(plan, box, bodies.identity, flags, plan.problem.seed)
+        model = model_of(plan, box, bodies, flags, plan.problem.seed)
         # Charges per area of a footprint, before anything fades.
         scale = model.charge_count / float(model.body.area.sum())
         local = bodies.position - box.low
         whole_charge = model.charge.charge
         model.charge = replace(model.charge, charge=whole_charge * _fading(box, bodies, model, taper))
         pose = np.zeros((len(bodies), 4))
-        pose[:, :2] = np.clip(local, 0.0, box.size) / model.unit
+        pose[:, :2] = within(local, (0.0, 0.0), box.size) / model.unit
         pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
         pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
         present = np.unique(plan.groups.group_of(bodies.identity))
@@ -215,6 +204,7 @@ def relax(
         descent = Descent(model, launcher, pose=pose, targets=targets, whole_charge=whole_charge)
         factors = _LengthFactors.of(plan, model, present)
         factors.give(length_factor, descent.state)
+        _give_bends(model, bodies, descent)
     try:
         with times.of("steps"):
             for _ in range(steps):
@@ -230,12 +220,13 @@ def relax(
             if part and descent.contact is not None:
                 descent.contact.separate(state.pose, state.turn, state.bend)
         with times.of("readback"):
-            moved = state.pose.numpy().astype(np.float64)
+            moved = _moved(bodies, ~pinned, model, state)
             position = _settled(plan, box, model, position_in_meters(model, state, launcher), ~pinned)
+            moved.position[~pinned] = position[~pinned]
             length_factor = factors.taken(state, length_factor)
     finally:
         launcher.release(descent.step)
-    return _moved(bodies, ~pinned, position, moved, model), length_factor
+    return moved, length_factor
 
 
 def _held(plan: Plan, identity: np.ndarray) -> np.ndarray:
@@ -249,15 +240,42 @@ def _held(plan: Plan, identity: np.ndarray) -> np.ndarray:
     return held if held.mean() <= MOST_HELD else np.zeros(len(identity), bool)
 
 
-def _moved(bodies: PartBodies, free: np.ndarray, position: np.ndarray, pose: np.ndarray, model: Model) -> PartBodies:
-    """Bodies of which the free ones are where they settled: positions [m], shape ``[n, 2]``, and poses of the state."""
-    result = bodies.position.copy()
-    result[free] = position[free]
-    angle, length = bodies.angle.copy(), bodies.length.copy()
+def _moved(bodies: PartBodies, free: np.ndarray, model: Model, state: State) -> PartBodies:
+    """Bodies of which the free ones lie as they have come to lie in a state; where they are is left as it was, in a copy."""
+    pose = state.pose.numpy().astype(np.float64)
+    angle, length, turn, bend = (values.copy() for values in (bodies.angle, bodies.length, bodies.turn, bodies.bend))
     line = free & (model.body.kind >= 0)
-    angle[line] = angle_within(pose[line, 2], math.pi)
+    # Turned by half, what is bent would be bent to the other side, and what has an outline would look the other way.
+    sided = model.may_bend | model.footprints.is_outline
+    angle[line] = np.where(
+        sided[line], angle_within(pose[line, 2], 2.0 * math.pi), angle_within(pose[line, 2], math.pi)
+    )
     length[line] = pose[line, 3] * model.unit
-    return PartBodies(bodies.identity, result, angle, length)
+    outlined = free & model.footprints.is_outline
+    if outlined.any():
+        turn[outlined] = angle_within(state.turn.numpy()[outlined].astype(np.float64), 2.0 * math.pi)
+    if bend.size:
+        charge = np.flatnonzero((free & model.may_bend)[model.charge.body])
+        body = model.charge.body[charge]
+        bend[body, charge - model.charge.first[body]] = state.bend.numpy()[charge] * model.unit
+    return PartBodies(bodies.identity, bodies.position.copy(), angle, length, turn, bend)
+
+
+def _by_charge(model: Model, bend: np.ndarray) -> np.ndarray:
+    """What bodies have for each of their charges, shape ``[n, most]``, for all charges; 0 of those that do not bend."""
+    body = model.charge.body
+    result = np.zeros(len(body))
+    charge = np.flatnonzero(model.may_bend[body])
+    result[charge] = bend[body[charge], charge - model.charge.first[body[charge]]]
+    return result
+
+
+def _give_bends(model: Model, bodies: PartBodies, descent: Descent) -> None:
+    """Let lines begin as they were bent."""
+    if not bodies.bend.any():
+        return
+    descent.state.bend.assign((_by_charge(model, bodies.bend) / model.unit).astype(np.float32))
+    descent.place_charges()
 
 
 def _call_back(descent: Descent, box: Box, start: np.ndarray, free: np.ndarray, margin: float) -> None:
@@ -323,16 +341,11 @@ def onto_densities(plan: Plan, box: Box, bodies: PartBodies) -> PartBodies:
         source = plan.sources[c]
         scale = np.array([source.shape[1] / width, source.shape[0] / height])
         before = np.stack([position[own, 0], height - position[own, 1]], axis=1) * scale
-        after = into_pixels(source, box.down, box.across, _pixels(plan, box), before)
+        after = into_pixels(source, box.down, box.across, pixels_of(plan, box), before)
         moved = (after != before).any(axis=1)
         place = after[moved] / scale
         position[own[moved]] = box.confine(np.stack([place[:, 0], height - place[:, 1]], axis=1))
     return bodies.at(position)
-
-
-def _bodies_at(plan: Plan, box: Box) -> int:
-    """About how many bodies there would be in a box at the typical spacing."""
-    return max(1, round(box.size[0] * box.size[1] / plan.fine**2))
 
 
 def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
@@ -344,156 +357,18 @@ def _margins(plan: Plan, box: Box, count: int) -> tuple[float, float]:
     return margin, TAPER / MARGIN * margin
 
 
-@lru_cache(maxsize=8)
-def _density(plan: Plan, class_index: int, box: Box) -> np.ndarray:
-    return sample_source(plan.sources[class_index], box.down, box.across, _pixels(plan, box))
-
-
-def _pixels(plan: Plan, box: Box) -> tuple[int, int]:
-    """Rows and columns of pixels that a box's densities need."""
-    across, up = (max(1, math.ceil(PIXELS_PER_SPACING * side / plan.fine)) for side in box.size)
-    return up, across
-
-
-def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstacle]:
-    """Obstacles that reach into a box or its neighborhood, as seen from its corner."""
-    reach = max(MARGIN * plan.fine, 2.0 * math.sqrt(float(plan.groups.mean_area.max())))
-    result = []
-    for obstacle in plan.problem.obstacles:
-        most = reach + obstacle.margin
-        if obstacle.image is not None:
-            image = obstacle.image.astype(np.float32)
-            rows, columns = image.shape
-            down, across = box.down, box.across
-            # Its own pixels where there are many, those of the density where they are larger.
-            row = _pixels_under(down.begin, down.end, down.units, rows, shape[0])
-            column = _pixels_under(across.begin, across.end, across.units, columns, shape[1])
-            part = image[row[:, None], column]
-            if part.any():
-                result.append(Obstacle(image=part, margin=obstacle.margin))
-            continue
-        if obstacle.disc is not None:
-            x, y, radius = obstacle.disc
-            low, high = np.array([x, y]) - radius, np.array([x, y]) + radius
-        else:
-            corners = np.asarray(obstacle.polygon)
-            low, high = corners.min(axis=0), corners.max(axis=0)
-        if (low > np.array(box.high) + most).any() or (high < np.array(box.low) - most).any():
-            continue
-        if obstacle.disc is not None:
-            result.append(Obstacle(disc=(x - box.low[0], y - box.low[1], radius), margin=obstacle.margin))
-        else:
-            result.append(Obstacle(polygon=corners - box.low, margin=obstacle.margin))
-    return result
-
-
-def _pixels_under(begin: int, end: int, units: int, pixels: int, least: int) -> np.ndarray:
-    """Pixels of an image under the middles of so many steps, or more, of a part of an axis."""
-    count = max(least, math.ceil((end - begin) * pixels / units))
-    middle = begin + (np.arange(count) + 0.5) * (end - begin) / count
-    return np.minimum((middle * pixels / units).astype(np.int64), pixels - 1)
-
-
-def _model(plan: Plan, box: Box, identity: np.ndarray, flags: np.ndarray, seed: int) -> Model:
-    """The model of some bodies in a box; in order of their numbers they are in class, then size order."""
-    tiles = plan.groups
-    group = tiles.group_of(identity)
-    present, own = np.unique(group, return_inverse=True)
-    area = tiles.areas(identity)
-    at_edge = not all(box.cut)
-    classes: list[PreparedClass] = []
-    for c, body_class in enumerate(plan.problem.classes):
-        sizes = []
-        for s, size in enumerate(body_class.sizes):
-            of_size = np.isin(group, np.flatnonzero((tiles.class_index == c) & (tiles.size_index == s)))
-            if of_size.any():
-                sizes.append(_size_in(plan, box, (c, s), size, area[of_size]))
-        if sizes:
-            classes.append(PreparedClass(body_class.name, tuple(sizes), _density(plan, c, box)))
-    whole = plan.problem.rectangle
-    domain = Domain(box.size, whole.boundary if at_edge else "open", inset=whole.inset and at_edge)
-    obstacles = _obstacles_near(plan, box, classes[0].density_image.shape)
-    class_index = np.unique(tiles.class_index[present], return_inverse=True)[1].ravel()
-    groups = Groups(own.ravel().astype(np.int32), class_index, tiles.matrix[np.ix_(present, present)])
-    # Group factors are those of the whole problem; sizes are weighed nowhere else.
-    balance = Balance(size_emphasis=1.0)
-
-    apart = plan.problem.avoid_overlap
-    # Where obstacles leave a size no room in this window with its footprints, their centers keep off them, or nothing does.
-    ways = [(apart, obstacles), (False, obstacles), (False, [])] if obstacles else [(apart, obstacles)]
-    for keep_apart, kept_off in ways:
-        try:
-            problem = Problem(
-                replace(domain, inset=domain.inset and keep_apart),
-                classes,
-                balance,
-                seed=seed,
-                avoid_overlap=keep_apart,
-                regularity=plan.problem.regularity,
-                obstacles=kept_off,
-            )
-            return Model(problem, flags, groups=groups)
-        except ProblemError:
-            if (keep_apart, kept_off) == ways[-1]:
-                raise
-    raise AssertionError
-
-
-def _size_in(plan: Plan, box: Box, place: tuple[int, int], size: Size, area: np.ndarray) -> Size:
-    """A size as it is in a box: as many bodies as have these areas [m²], and its line's images cut."""
-    line = None if size.line is None else _line_in(plan, box, place, size.line, size)
-    if isinstance(size.area, tuple):
-        low, high = size.area
-        return replace(
-            size, count=len(area), share=None, area=(low, high), distribution=np.clip(area, low, high), line=line
-        )
-    return replace(with_count(size, len(area)), line=line)
-
-
-def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Size) -> Line:
-    length, direction, width = line.length, line.direction, line.width
-    if width is None and not isinstance(size.area, tuple):
-        # That of capsules of this area, the same in all windows; see :meth:`~.model.Model.widths`.
-        area = np.array([float(size.area or 0.0)])
-        width = float(line.thickness(area, float(np.mean(line.length)))[0])
-    shape = tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1])
-    if isinstance(length, np.ndarray):
-        down, across = box.down, box.across
-        row = _pixels_under(down.begin, down.end, down.units, length.shape[0], shape[0])
-        column = _pixels_under(across.begin, across.end, across.units, length.shape[1], shape[1])
-        length = length[row[:, None], column]
-    if place in plan.directions:
-        doubled = _between_pixels(plan.directions[place], box, plan.problem.rectangle.size, (shape[0], shape[1]))
-        weight = np.hypot(doubled[..., 0], doubled[..., 1])
-        angle = 0.5 * np.arctan2(doubled[..., 1], doubled[..., 0])
-        vectors = np.minimum(weight, 1.0)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        direction = vectors.astype(np.float32) if vectors.any() else "none"
-    return replace(line, length=length, direction=direction, width=width)
-
-
-def _between_pixels(image: np.ndarray, box: Box, size: tuple[float, float], shape: tuple[int, int]) -> np.ndarray:
-    """An image over the domain at the middles of pixels of a box, linearly; shape ``[*shape, channels]``."""
-    places = []
-    for axis, (pixels, count) in enumerate(zip(image.shape[:2], shape, strict=True)):
-        low, high = (box.low[1], box.high[1]) if axis == 0 else (box.low[0], box.high[0])
-        middle = (low + (np.arange(count) + 0.5) * (high - low) / count) / size[1 - axis]
-        middle = 1.0 - middle[::-1] if axis == 0 else middle
-        at = np.clip(middle * pixels - 0.5, 0.0, pixels - 1.0)
-        first = np.minimum(at.astype(np.int64), pixels - 1)
-        places.append((first, np.minimum(first + 1, pixels - 1), at - first))
-    (top, bottom, v), (left, right, u) = places
-    u, v = u[None, :, None], v[:, None, None]
-    upper = (1.0 - u) * image[top[:, None], left] + u * image[top[:, None], right]
-    lower = (1.0 - u) * image[bottom[:, None], left] + u * image[bottom[:, None], right]
-    return (1.0 - v) * upper + v * lower
-
-
 def _fading(box: Box, bodies: PartBodies, model: Model, taper: float) -> np.ndarray:
     """How much every charge counts: less and less towards a cut. Only those of pinned bodies are so near to one."""
     body, axial = model.charge.body, model.charge.axial
+    if not axial.any():
+        return box.fade(bodies.position[:, 0], bodies.position[:, 1], taper)
     along = 0.5 * bodies.length[body] * axial
     x = bodies.position[body, 0] + along * np.cos(bodies.angle[body])
     y = bodies.position[body, 1] + along * np.sin(bodies.angle[body])
+    if bodies.bend.size:
+        across = _by_charge(model, bodies.bend)
+        x -= across * np.sin(bodies.angle[body])
+        y += across * np.cos(bodies.angle[body])
     return box.fade(x, y, taper)
 
 
@@ -509,11 +384,12 @@ def _targets(
         if c not in faded:
             image = model.problem.classes[c].density_image
             image = image if image.any() else np.ones_like(image)
-            rows, columns = image.shape
+            # What is even fades all the same.
+            rows, columns = image.shape if image.size > 1 else pixels_of(plan, box)
             x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
             y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
-            dim = np.maximum(image * box.fade(x[None, :], y[:, None], taper), LEAST_FADED * image).astype(np.float32)
-            pixel = box.size[0] * box.size[1] / image.size
+            dim = image * np.maximum(box.fade(x[None, :], y[:, None], taper), LEAST_FADED, dtype=np.float32)
+            pixel = box.size[0] * box.size[1] / dim.size
             faded[c] = image, dim, float(dim.sum(dtype=np.float64)) * pixel
         image, dim, held = faded[c]
         whole = totals[names.index(model.problem.classes[c].name)]
@@ -537,10 +413,14 @@ def _in_support(model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarr
 def _settled(plan: Plan, box: Box, model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Positions in the domain of bodies of a box: rounded, inside it, and the chosen ones where they may be."""
     grain = 2.0 ** math.floor(math.log2(plan.spacing * ROUNDING))
-    low = np.array(box.low)
-    rounded = np.round((local + low) / grain) * grain
+    rounded = np.empty_like(local)
+    for axis in (0, 1):
+        rounded[:, axis] = np.rint((local[:, axis] + box.low[axis]) / grain)
+    rounded *= grain
     rounded = box.confine(rounded)
-    dots = chosen & (model.body.kind < 0)
-    result = _in_support(model, np.clip(rounded - low, 0.0, box.size), dots)
-    same = result == np.clip(rounded - low, 0.0, box.size)
-    return box.confine(np.where(same, rounded, result + low))
+    if all((support > 0.0).all() for support in model.supports):
+        return rounded
+    low = np.array(box.low)
+    inside = within(rounded - low, (0.0, 0.0), box.size)
+    result = _in_support(model, inside, chosen & (model.body.kind < 0))
+    return box.confine(np.where(result == inside, rounded, result + low))

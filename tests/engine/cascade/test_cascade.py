@@ -8,6 +8,7 @@ from esh.engine.cascade.points import chosen, empty_points, lists_of, nearest_of
 from esh.engine.device.launcher import Launcher, resolve_device
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
@@ -129,6 +130,45 @@ def test_the_target_is_shared_out_without_loss(launcher):
     assert cascade.node_share.sum() == pytest.approx(1.0, abs=1e-4)
     assert cascade.node_area.sum() == pytest.approx(descent.facets.area.sum(), rel=1e-4)
     assert (cascade.home.numpy() >= 0).all()
+
+
+@pytest.mark.parametrize("groups", [1, 3])
+def test_what_lies_behind_the_last_node_does_not_count(launcher, groups):
+    """Loops read a few numbers beyond the end of what they sum up."""
+    classes = [BodyClass(str(k), [Size("s", 1.0 + k, 60)]) for k in range(groups)]
+    _, descent, found = forces(launcher, Problem(sphere(), classes))
+    cascade = descent.cascade
+    nodes = cascade.node_count
+    potential = cascade._levels[0].potential
+    assert len(potential) >= (nodes + 7) * groups
+    assert len(cascade._weights.plane) >= 6 * nodes + 7
+    assert len(cascade._sorted.plane) >= 14 * len(found) + 7
+    expected = found.copy()
+    behind = potential.numpy()
+    behind[nodes * groups :] = 1e30
+    potential.assign(behind)
+    charges = descent.charges
+    cascade.evaluate(charges.points, charges.facet, charges.weight, charges.home, charges.field)
+    np.testing.assert_array_equal(charges.field.numpy(), expected.astype(np.float32))
+
+
+def test_charges_have_homes_where_there_is_no_density(launcher):
+    """Bodies that are fixed may lie there, and ends of lines."""
+
+    def upper(points):
+        return (points.position[:, 2] > 0.0).astype(float)
+
+    low = np.array([[0.0, 0.1, -1.0], [0.1, 0.0, -0.995], [0.0, -0.9, -0.4]])
+    fixed = FixedBodies(low)
+    problem = Problem(sphere(), [BodyClass("a", [Size("s", 1.0, 200)], upper)], fixed=[fixed], include_fixed=True)
+    _, descent, found = forces(launcher, problem)
+    home = descent.cascade.home.numpy()
+    assert home.min() == 0 and home.max() < descent.cascade.node_count
+    assert np.isfinite(found).all()
+    # Just below the rim it is a node above it.
+    facet, _ = descent.facets.tiles(np.arange(descent.facets.count))
+    below = np.abs(descent.facets.corner.mean(axis=1)[facet, 2] + 0.5) < 0.4
+    assert (home[below] > 0).mean() > 0.9
 
 
 def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(launcher):

@@ -297,7 +297,6 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
         (("size = [64.0, 48.0]", 'size = [64.0, 48.0]\nboundary = "periodic"'), "periodic"),
         (('name = "beech"', 'name = "beech"\nclustering = 0.5'), "`clustering`"),
         (('name = "beech"', 'name = "beech"\nlook_at = { point = [1.0, 2.0, 0.0] }'), "`look_at`"),
-        (("count = 2400", "count = 2400\nfootprint = { disc = 0.5 }"), "`footprint`"),
         (('[[class]]\nname = "beech"', '[[fixed]]\nposition = [[1.0, 1.0]]\n[[class]]\nname = "beech"'), "`fixed`"),
     ],
 )

@@ -1,0 +1,240 @@
+"""The problem of a window: its bodies as a problem of their own, in what densities, obstacles and images are there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from ..errors import ProblemError
+from ..problem.balance import Balance
+from ..problem.domain import Domain
+from ..problem.footprints import DrawnFootprints, Footprints
+from ..problem.interaction import Groups
+from ..problem.line import Line
+from ..problem.obstacles import Obstacle
+from ..problem.prepared_class import PreparedClass, cut_out
+from ..problem.problem import Problem
+from ..problem.size import Size, with_count
+from ..solver.model import Model
+from .bodies import PartBodies
+from .density_windows import sample_source
+from .layout import Box
+from .plan import Plan, uncut
+
+__all__ = ["MARGIN", "density_of_class", "model_of", "pixels_of"]
+
+# Pixels of a window's densities over the typical spacing.
+PIXELS_PER_SPACING = 4.0
+# Bodies nearer to a cut than this are pinned; in spacings of the window. Lines are pinned farther from it by half of their length.
+MARGIN = 5.0
+
+
+@lru_cache(maxsize=8)
+def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
+    """Density of a class in a part of the domain, less obstacles, shape ``[height, width]``, float32; 0 all over where nothing is."""
+    image = _density(plan, class_index, box)
+    obstacles = _obstacles_near(plan, box, image.shape)
+    if not obstacles or not image.any():
+        return image
+    size = plan.problem.classes[class_index].sizes[0]
+    prepared = PreparedClass("class", (with_count(size, _bodies_at(plan, box)),), image)
+    try:
+        return cut_out(prepared, Domain(box.size), obstacles).density_image
+    except ProblemError:  # they leave nothing
+        return np.zeros((1, 1), np.float32)
+
+
+def model_of(plan: Plan, box: Box, bodies: PartBodies, flags: np.ndarray, seed: int) -> Model:
+    """The model of some bodies in a box; in order of their numbers they are in class, then size order."""
+    tiles, identity = plan.groups, bodies.identity
+    drawn = tiles.outlines(identity) if tiles.outlined else None
+    group = tiles.group_of(identity)
+    present, own = np.unique(group, return_inverse=True)
+    area = tiles.areas(identity)
+    at_edge = not all(box.cut)
+    classes: list[PreparedClass] = []
+    for c, body_class in enumerate(plan.problem.classes):
+        sizes = []
+        for s, size in enumerate(body_class.sizes):
+            of_size = np.isin(group, np.flatnonzero((tiles.class_index == c) & (tiles.size_index == s)))
+            if of_size.any():
+                outlines = None if drawn is None or size.footprint is None else drawn.chosen(of_size)
+                sizes.append(_size_in(plan, box, (c, s), size, area[of_size], outlines))
+        if sizes:
+            # With the room and the gap that it keeps.
+            uncut_class = uncut(body_class)
+            classes.append(
+                replace(uncut_class, sizes=tuple(sizes), density_image=_density(plan, c, box), asked=None, base=None)
+            )
+    whole = plan.problem.rectangle
+    domain = Domain(box.size, whole.boundary if at_edge else "open", inset=whole.inset and at_edge)
+    obstacles = _obstacles_near(plan, box, classes[0].density_image.shape)
+    class_index = np.unique(tiles.class_index[present], return_inverse=True)[1].ravel()
+    groups = Groups(own.ravel().astype(np.int32), class_index, tiles.matrix[np.ix_(present, present)])
+    # Group factors are those of the whole problem; sizes are weighed nowhere else.
+    balance = Balance(size_emphasis=1.0)
+
+    apart = plan.problem.avoid_overlap
+    # Where obstacles leave a size no room in this window with its footprints, their centers keep off them, or nothing does.
+    ways = [(apart, obstacles), (False, obstacles), (False, [])] if obstacles else [(apart, obstacles)]
+    for keep_apart, kept_off in ways:
+        try:
+            problem = Problem(
+                replace(domain, inset=domain.inset and keep_apart),
+                classes,
+                balance,
+                seed=seed,
+                avoid_overlap=keep_apart,
+                regularity=plan.problem.regularity,
+                obstacles=kept_off,
+            )
+            return _with_turns(Model(problem, flags, groups=groups), bodies)
+        except ProblemError:
+            if (keep_apart, kept_off) == ways[-1]:
+                raise
+    raise AssertionError
+
+
+def _size_in(
+    plan: Plan, box: Box, place: tuple[int, int], size: Size, area: np.ndarray, drawn: DrawnFootprints | None
+) -> Size:
+    """A size as it is in a box: as many bodies as have these areas [m²] and outlines, and its line's images cut."""
+    line = None if size.line is None else _line_in(plan, box, place, size.line, size)
+    outlines = None if drawn is None else _outlines_in(plan, box, size, drawn)
+    if isinstance(size.area, tuple):
+        low, high = size.area
+        listed = np.clip(area, low, high)
+        return replace(size, count=len(area), share=None, distribution=listed, line=line, footprint=outlines)
+    # Arrays of outlines that are given for all bodies do not fit so few: both change at once.
+    return replace(size, count=len(area), share=None, line=line, footprint=outlines)
+
+
+def _outlines_in(plan: Plan, box: Box, size: Size, drawn: DrawnFootprints) -> Footprints:
+    """Footprints of a size whose bodies have these outlines, with how the ground leans in a box."""
+    given = size.footprint
+    assert isinstance(given, Footprints)
+    free = isinstance(given.turn, str) and given.turn == "free" and not size.kind.has_axis
+    slope = given.slope
+    if slope is not None:
+        slope = _part_of(slope, box, tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1]))
+    return replace(
+        given,
+        weights=None,
+        variant=drawn.variant,
+        scale=drawn.scale,
+        scale_jitter=0.0,
+        turn="free" if free else drawn.turn,
+        slope=slope,
+    )
+
+
+def _with_turns(model: Model, bodies: PartBodies) -> Model:
+    """A model whose outlines are turned as bodies are, and whose bodies have the numbers from which all that is random follows."""
+    if model.footprints.is_outline.any():
+        turn = np.where(model.footprints.is_outline, bodies.turn, model.footprints.turn)
+        model.footprints = replace(model.footprints, turn=turn)
+        model.body = replace(model.body, identity=(bodies.identity % 2**31).astype(np.int32))
+    return model
+
+
+def _part_of(image: np.ndarray, box: Box, least: tuple[int, ...]) -> np.ndarray:
+    """The part of an image over the domain that lies in a box: its own pixels where there are many, ``least`` of them where not."""
+    down, across = box.down, box.across
+    row = _pixels_under(down.begin, down.end, down.units, image.shape[0], least[0])
+    column = _pixels_under(across.begin, across.end, across.units, image.shape[1], least[1])
+    return image[row[:, None], column]
+
+
+def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Size) -> Line:
+    length, direction, width = line.length, line.direction, line.width
+    if width is None and not isinstance(size.area, tuple):
+        # That of capsules of this area, the same in all windows; see :meth:`~.model.Model.widths`.
+        area = np.array([float(size.area or 0.0)])
+        width = float(line.thickness(area, float(np.mean(line.length)))[0])
+    shape = tuple(max(2, math.ceil(2.0 * side / plan.fine)) for side in box.size[::-1])
+    if isinstance(length, np.ndarray):
+        length = _part_of(length, box, shape)
+    if place in plan.directions:
+        doubled = _between_pixels(plan.directions[place], box, plan.problem.rectangle.size, (shape[0], shape[1]))
+        weight = np.hypot(doubled[..., 0], doubled[..., 1])
+        angle = 0.5 * np.arctan2(doubled[..., 1], doubled[..., 0])
+        vectors = np.minimum(weight, 1.0)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        direction = vectors.astype(np.float32) if vectors.any() else "none"
+    return replace(line, length=length, direction=direction, width=width)
+
+
+def _between_pixels(image: np.ndarray, box: Box, size: tuple[float, float], shape: tuple[int, int]) -> np.ndarray:
+    """An image over the domain at the middles of pixels of a box, linearly; shape ``[*shape, channels]``."""
+    places = []
+    for axis, (pixels, count) in enumerate(zip(image.shape[:2], shape, strict=True)):
+        low, high = (box.low[1], box.high[1]) if axis == 0 else (box.low[0], box.high[0])
+        middle = (low + (np.arange(count) + 0.5) * (high - low) / count) / size[1 - axis]
+        middle = 1.0 - middle[::-1] if axis == 0 else middle
+        at = np.clip(middle * pixels - 0.5, 0.0, pixels - 1.0)
+        first = np.minimum(at.astype(np.int64), pixels - 1)
+        places.append((first, np.minimum(first + 1, pixels - 1), at - first))
+    (top, bottom, v), (left, right, u) = places
+    u, v = u[None, :, None], v[:, None, None]
+    upper = (1.0 - u) * image[top[:, None], left] + u * image[top[:, None], right]
+    lower = (1.0 - u) * image[bottom[:, None], left] + u * image[bottom[:, None], right]
+    return (1.0 - v) * upper + v * lower
+
+
+def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstacle]:
+    """Obstacles that reach into a box or its neighborhood, as seen from its corner."""
+    reach = max(MARGIN * plan.fine, 2.0 * math.sqrt(float(plan.groups.mean_area.max())))
+    result = []
+    for obstacle in plan.problem.obstacles:
+        most = reach + obstacle.margin
+        if obstacle.image is not None:
+            image = obstacle.image.astype(np.float32)
+            part = _part_of(image, box, shape)
+            if part.any():
+                result.append(Obstacle(image=part, margin=obstacle.margin))
+            continue
+        if obstacle.disc is not None:
+            x, y, radius = obstacle.disc
+            low, high = np.array([x, y]) - radius, np.array([x, y]) + radius
+        else:
+            corners = np.asarray(obstacle.polygon)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+        if (low > np.array(box.high) + most).any() or (high < np.array(box.low) - most).any():
+            continue
+        if obstacle.disc is not None:
+            result.append(Obstacle(disc=(x - box.low[0], y - box.low[1], radius), margin=obstacle.margin))
+        else:
+            result.append(Obstacle(polygon=corners - box.low, margin=obstacle.margin))
+    return result
+
+
+def _pixels_under(begin: int, end: int, units: int, pixels: int, least: int) -> np.ndarray:
+    """Pixels of an image under the middles of so many steps, or more, of a part of an axis."""
+    count = max(least, math.ceil((end - begin) * pixels / units))
+    middle = begin + (np.arange(count) + 0.5) * (end - begin) / count
+    return np.minimum((middle * pixels / units).astype(np.int64), pixels - 1)
+
+
+@lru_cache(maxsize=8)
+def _density(plan: Plan, class_index: int, box: Box) -> np.ndarray:
+    """Density of a class in a box; a single pixel where it is everywhere the same, and no obstacle asks for finer ones."""
+    source = plan.sources[class_index]
+    if not plan.problem.obstacles and source.shape == (1, 1):
+        return np.array(source.read(0, 1, 0, 1), np.float32)
+    image = sample_source(source, box.down, box.across, pixels_of(plan, box))
+    if not plan.problem.obstacles and float(image.min()) == float(image.max()):
+        return np.ascontiguousarray(image[:1, :1])
+    return image
+
+
+def pixels_of(plan: Plan, box: Box) -> tuple[int, int]:
+    """Rows and columns of pixels that a box's densities need."""
+    across, up = (max(1, math.ceil(PIXELS_PER_SPACING * side / plan.fine)) for side in box.size)
+    return up, across
+
+
+def _bodies_at(plan: Plan, box: Box) -> int:
+    """About how many bodies there would be in a box at the typical spacing."""
+    return max(1, round(box.size[0] * box.size[1] / plan.fine**2))

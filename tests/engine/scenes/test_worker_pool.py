@@ -1,0 +1,60 @@
+"""Warm processes: what each of them sees of the machine, and who waits for whom."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+import pytest
+import warp as wp
+from esh.engine.device.launcher import gpu_environments
+from esh.engine.scenes.worker_pool import WorkerPool
+
+
+def test_processes_share_several_environments_evenly():
+    given = [{"PATH_OF_A_TEST": "a"}, {"PATH_OF_A_TEST": "b"}]
+    pool = WorkerPool(3, environments=given, keep=True)
+    try:
+        # Whoever is asked for a moment longer leaves the next call to another.
+        waits = [("__import__('time').sleep(1.0) or __import__('os').environ['PATH_OF_A_TEST']",)] * 3
+        seen = Counter(answer for _, answer in pool.map(eval, waits, first_alone=False))
+        assert sorted(seen.values()) == [1, 2] and set(seen) == {"a", "b"}
+    finally:
+        pool.close()
+
+
+def test_a_process_that_is_lost_leaves_its_environment_to_the_next():
+    pool = WorkerPool(2, environments=[{"PATH_OF_A_TEST": "a"}, {"PATH_OF_A_TEST": "b"}], keep=True)
+    look = "__import__('time').sleep(0.5) or __import__('os').environ['PATH_OF_A_TEST']"
+    try:
+        failed = dict(pool.map(eval, [("__import__('os')._exit(3)",), (look,), (look,)], first_alone=False))
+        assert "3 times" in failed[0].text and {failed[1], failed[2]} <= {"a", "b"}
+        again = Counter(answer for _, answer in pool.map(eval, [(look,)] * 2, first_alone=False))
+        assert again == {"a": 1, "b": 1}
+    finally:
+        pool.close()
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_others_wait_for_the_first_call_only_where_that_is_asked_for(alone):
+    pool = WorkerPool(2, keep=True)
+    try:
+        list(pool.map(eval, [("1",), ("2",)], first_alone=False))
+        answers = dict(
+            pool.map(eval, [("__import__('time').sleep(1.5)",), ("__import__('time').time()",)], first_alone=alone)
+        )
+        ended = time.time()
+        assert (ended - answers[1] < 0.7) is alone
+    finally:
+        pool.close()
+
+
+def test_processes_on_several_gpus_see_one_each(monkeypatch):
+    monkeypatch.setattr(wp, "get_cuda_devices", lambda: ["cuda:0", "cuda:1"])
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    assert gpu_environments("auto") == [{"CUDA_VISIBLE_DEVICES": "0"}, {"CUDA_VISIBLE_DEVICES": "1"}]
+    assert gpu_environments("cuda:1") == [] and gpu_environments("cpu") == []
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "2, GPU-ab")
+    assert gpu_environments("cuda") == [{"CUDA_VISIBLE_DEVICES": "2"}, {"CUDA_VISIBLE_DEVICES": "GPU-ab"}]
+    monkeypatch.setattr(wp, "get_cuda_devices", lambda: ["cuda:0"])
+    assert gpu_environments("auto") == []
