@@ -43,6 +43,9 @@ TIMES, FEWEST_TIMES = 24, 6
 # deviation of the density from its mean falls from 1.07 to 1.06. Half a wavelength would take a tenth of it.
 AT_LARGE = (0.6, 0.75, 0.9)
 OVER = 1.8
+# Where a density has room for so few clumps, patches of it are as large as they are, and to keep both is to have no clumps. Then nothing
+# of this is done, and with room for more clumps more of it.
+LITTLE_ROOM, MUCH_ROOM = 15.0, 45.0
 # Widths of a blur after which it has ended.
 REACH_OF_BLUR = 4.5
 # What is blurred to less than this share of its peak is left as it is; and by how much it is made denser or thinner at once, at most.
@@ -131,6 +134,10 @@ def _as_dense_at_large(asked: np.ndarray, clumped: np.ndarray, size: float, doma
     by what it lacks where both are blurred, again and again.
     """
     pixel = [length / many for length, many in zip(domain.size[::-1], asked.shape, strict=True)]
+    room = pixel[0] * pixel[1] * asked.sum() ** 2 / (asked**2).sum() / (WAVELENGTH * size) ** 2
+    weight = min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0)
+    if weight == 0.0:
+        return clumped
     reach = max(AT_LARGE) * WAVELENGTH * size
     # What does not wrap ends at its edges: nothing is beyond.
     padded = [
@@ -152,7 +159,7 @@ def _as_dense_at_large(asked: np.ndarray, clumped: np.ndarray, size: float, doma
         wanted = blurred(asked)
         least = LEAST_AT_LARGE * float(wanted.max())
         for _ in range(times):
-            factor = (np.maximum(wanted, least) / np.maximum(blurred(clumped), least)) ** OVER
+            factor = (np.maximum(wanted, least) / np.maximum(blurred(clumped), least)) ** (OVER * weight)
             clumped *= np.clip(factor, 1.0 / MOST_AT_ONCE, MOST_AT_ONCE, out=factor)
     return clumped
 
