@@ -43,8 +43,8 @@ TIMES, FEWEST_TIMES = 24, 6
 # deviation of the density from its mean falls from 1.07 to 1.06. Half a wavelength would take a tenth of it.
 AT_LARGE = (0.6, 0.75, 0.9)
 OVER = 1.8
-# Where a density has room for so few clumps, patches of it are as large as they are, and to keep both is to have no clumps. Then nothing
-# of this is done, and with room for more clumps more of it.
+# Where a density has room for few clumps, patches of it are as large as they are, and to keep both is to have no clumps. So nothing of
+# this is done where there is room for the first number of them, and all of it from the second on.
 LITTLE_ROOM, MUCH_ROOM = 15.0, 45.0
 # Widths of a blur after which it has ended.
 REACH_OF_BLUR = 4.5
