@@ -15,12 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
+from ..problem.placement import Placement
+from ..problem.validation import as_path, check_is
+from .bodies import Bodies
 from .body_formats import FORMATS, BodyFormat
 from .placement_columns import is_marked, size_names
 
 if TYPE_CHECKING:
-    from ..problem.placement import Placement
-    from .bodies import AssetFiles, Bodies
+    from .bodies import AssetFiles
 
 __all__ = [
     "WRITERS",
@@ -85,7 +87,8 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    write_files({Path(path): placement_writer(path, placement, assets=assets)})
+    path = as_path(path)
+    write_files({path: placement_writer(path, placement, assets=assets)})
 
 
 def write_bodies(path: str | Path, bodies: Bodies) -> None:
@@ -98,13 +101,17 @@ def write_bodies(path: str | Path, bodies: Bodies) -> None:
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
+    path, bodies = as_path(path), check_is(bodies, Bodies, "`bodies`")
     body_format = FORMATS[check_ending(path, FORMATS)]
     body_format.check()
-    write_files({Path(path): lambda file: body_format.write(file, bodies, Path(path).parent)})
+    write_files({path: lambda file: body_format.write(file, bodies, path.parent)})
 
 
 def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
+    placement = check_is(placement, Placement, "`placement`")
+    if assets is not None:
+        assets = check_is(assets, dict, "`assets`")
     writer = WRITERS[check_ending(path, WRITERS)]
     writer.check()
     beside = Assets(assets or {}, Path(path).parent)
