@@ -1,7 +1,7 @@
 """Clumps: a density that is denser in spots and thinner between them, and the same as before at large.
 
-The density is multiplied by the exponential of a random field of one wavelength. What that has of longer waves is taken out, so that
-clumps say where bodies are within a wavelength, and the density where they are beyond it.
+The density is multiplied by the exponential of a random field of one wavelength. What that has of longer waves is taken out, and then
+what the product has of them that the density has not: clumps say where bodies are within a wavelength, and the density at large.
 """
 
 from __future__ import annotations
@@ -37,6 +37,19 @@ MOST_PIXELS = 4096
 # How often what is below that is cut off, and long waves are taken out: each time less of both is left. Of many pixels less often. And
 # along a side of more pixels than this there are a few more: transforms are slow where a length has large prime factors.
 TIMES, FEWEST_TIMES = 24, 6
+# Then the density is made what it was where both are blurred by so many wavelengths, one after the other, so that what one leaves of
+# longer waves goes with the next; each time by this power of what it lacks. Measured on 4,096 bodies: errors at k = 4 were 13 and 23
+# (open, strengths .5 and 1), 59 and 94 (photograph) times those without clumps, and are 2.3, 4.8, 1.9 and 2.8 times these; the
+# deviation of the density from its mean falls from 1.07 to 1.06. Half a wavelength would take a tenth of it.
+AT_LARGE = (0.6, 0.75, 0.9)
+OVER = 1.8
+# Where a density has room for few clumps, patches of it are as large as they are, and to keep both is to have no clumps. So nothing of
+# this is done where there is room for the first number of them, and all of it from the second on.
+LITTLE_ROOM, MUCH_ROOM = 15.0, 45.0
+# Widths of a blur after which it has ended.
+REACH_OF_BLUR = 4.5
+# What is blurred to less than this share of its peak is left as it is; and by how much it is made denser or thinner at once, at most.
+LEAST_AT_LARGE, MOST_AT_ONCE = 1e-4, 1.5
 PIXELS_IN_ALL = TIMES * 2**20
 LONG_SIDE = 1024
 # At the peak, measured: the grid of waves, what is filtered, and its transforms [bytes].
@@ -63,7 +76,8 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), factors[0], axis=0), factors[1], axis=1)
     factor = _factor(shape, size, domain, CONTRAST * body_class.clustering, np.random.default_rng([seed, 8, index]))
-    return replace(body_class, density_image=(fine * factor).astype(np.float32))
+    clumped = _as_dense_at_large(fine, fine * factor, size, domain)
+    return replace(body_class, density_image=clumped.astype(np.float32))
 
 
 def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[int, int]:
@@ -111,6 +125,43 @@ def _factor(
         factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
     factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
     return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+
+
+def _as_dense_at_large(asked: np.ndarray, clumped: np.ndarray, size: float, domain: Domain) -> np.ndarray:
+    """A density with clumps, made as dense as the one that was asked for wherever both are blurred over several clumps.
+
+    It is not enough that clumps have no long waves: waves of the density beat with theirs, and edges cut them off. So it is multiplied
+    by what it lacks where both are blurred, again and again.
+    """
+    pixel = [length / many for length, many in zip(domain.size[::-1], asked.shape, strict=True)]
+    room = pixel[0] * pixel[1] * asked.sum() ** 2 / (asked**2).sum() / (WAVELENGTH * size) ** 2
+    weight = min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0)
+    if weight == 0.0:
+        return clumped
+    reach = max(AT_LARGE) * WAVELENGTH * size
+    # What does not wrap ends at its edges: nothing is beyond.
+    padded = [
+        many if domain.periodic else _length_of_transform(many + math.ceil(REACH_OF_BLUR * reach / step))
+        for many, step in zip(asked.shape, pixel, strict=True)
+    ]
+    along_y = np.fft.fftfreq(padded[0], pixel[0])[:, None]
+    along_x = np.fft.rfftfreq(padded[1], pixel[1])[None, :]
+    waves = (2.0 * math.pi * WAVELENGTH * size) ** 2 * (along_y**2 + along_x**2)
+    clumped = clumped * (asked.sum() / clumped.sum())
+    times = min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // clumped.size)) // len(AT_LARGE)
+    for width in AT_LARGE:
+        kept = np.exp(-0.5 * width**2 * waves)
+
+        def blurred(values: np.ndarray, kept: np.ndarray = kept) -> np.ndarray:
+            whole = np.fft.irfft2(np.fft.rfft2(values, padded) * kept, padded)
+            return whole[: values.shape[0], : values.shape[1]]
+
+        wanted = blurred(asked)
+        least = LEAST_AT_LARGE * float(wanted.max())
+        for _ in range(times):
+            factor = (np.maximum(wanted, least) / np.maximum(blurred(clumped), least)) ** (OVER * weight)
+            clumped *= np.clip(factor, 1.0 / MOST_AT_ONCE, MOST_AT_ONCE, out=factor)
+    return clumped
 
 
 def _noise(count: list[int], wave: np.ndarray, wraps: bool, random: np.random.Generator) -> np.ndarray:

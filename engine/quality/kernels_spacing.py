@@ -88,3 +88,115 @@ def find_nearest(
     share[i] = NOBODY
     if closest < NOBODY and number_density[i] > 0.0:
         share[i] = closest * wp.sqrt(number_density[i])
+
+
+vec6 = wp.types.vector(length=6, dtype=float)
+
+
+@wp.struct
+class Six:
+    """The nearest bodies found so far, the nearest first: how far they are, and the ways to them."""
+
+    distance: vec6
+    x: vec6
+    y: vec6
+
+
+@wp.func
+def with_neighbor(before: Six, way: wp.vec2):
+    """The same with a body at the end of a way, if it is among the nearest."""
+    distance = before.distance
+    x = before.x
+    y = before.y
+    far = wp.length(way)
+    along_x = way[0]
+    along_y = way[1]
+    for k in range(6):
+        if far < distance[k]:
+            then_far = distance[k]
+            then_x = x[k]
+            then_y = y[k]
+            distance[k] = far
+            x[k] = along_x
+            y[k] = along_y
+            far = then_far
+            along_x = then_x
+            along_y = then_y
+    six = Six()
+    six.distance = distance
+    six.x = x
+    six.y = y
+    return six
+
+
+@wp.func
+def around(number: int, reach: int, count: int, space: Space):
+    """First and last of the cells along an axis that lie within ``reach`` of one, unwrapped, none of them twice."""
+    if space.periodic == 0:
+        return wp.vec2i(wp.max(number - reach, 0), wp.min(number + reach, count - 1))
+    if 2 * reach + 1 >= count:
+        return wp.vec2i(0, count - 1)
+    return wp.vec2i(number - reach, number + reach)
+
+
+@wp.func
+def nearest_six(
+    i: int,
+    reach: int,
+    pose: wp.array(dtype=wp.vec4),
+    order: wp.array(dtype=wp.int32),
+    cell_start: wp.array(dtype=wp.int32),
+    grid: CellGrid,
+):
+    """The six bodies nearest to body ``i``, of those at most ``reach`` cells away."""
+    p = wp.vec2(pose[i][0], pose[i][1])
+    cx = wp.clamp(int(p[0] * grid.inverse_size[0]), 0, grid.count_x - 1)
+    cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
+    six = Six()
+    six.distance = vec6(NOBODY, NOBODY, NOBODY, NOBODY, NOBODY, NOBODY)
+    rows = around(cy, reach, grid.count_y, grid.space)
+    columns = around(cx, reach, grid.count_x, grid.space)
+    for y in range(rows[0], rows[1] + 1):
+        row = number_across(y, grid.count_y, grid.space)
+        for x in range(columns[0], columns[1] + 1):
+            cell = row * grid.count_x + number_across(x, grid.count_x, grid.space)
+            for s in range(cell_start[cell], cell_start[cell + 1]):
+                j = order[s]
+                if j != i:
+                    six = with_neighbor(six, difference(p, wp.vec2(pose[j][0], pose[j][1]), grid.space))
+    return six
+
+
+@wp.kernel
+def find_order(
+    first: int,
+    every: int,
+    farthest: int,
+    pose: wp.array(dtype=wp.vec4),
+    order: wp.array(dtype=wp.int32),
+    cell_start: wp.array(dtype=wp.int32),
+    grid: CellGrid,
+    # outputs
+    result: wp.array(dtype=wp.float64),
+):
+    """Sixfold order of every so many bodies: 1 where the six nearest stand at multiples of 60 degrees; below 0 where there are none.
+
+    They are looked for in ever more cells, at most so many away.
+    """
+    k = first + wp.tid()
+    side = wp.min(1.0 / grid.inverse_size[0], 1.0 / grid.inverse_size[1])
+    reach = int(1)
+    six = nearest_six(k * every, reach, pose, order, cell_start, grid)
+    # Nobody nearer can be in other cells.
+    while six.distance[5] > float(reach) * side and reach < farthest:
+        reach = wp.min(2 * reach, farthest)
+        six = nearest_six(k * every, reach, pose, order, cell_start, grid)
+    result[k] = wp.float64(-1.0)
+    if six.distance[5] < NOBODY:
+        cosines = float(0.0)
+        sines = float(0.0)
+        for n in range(6):
+            angle = 6.0 * wp.atan2(six.y[n], six.x[n])
+            cosines += wp.cos(angle)
+            sines += wp.sin(angle)
+        result[k] = wp.float64(wp.sqrt(cosines * cosines + sines * sines) / 6.0)

@@ -23,7 +23,7 @@ from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .overlaps import Overlaps, overlaps_of
-from .spacing import measure_spacing
+from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 
 __all__ = ["measure"]
@@ -62,9 +62,9 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes += _notes_on_overlaps(problem, overlaps, covered)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
-    apart = [spacing and spacing.smallest]
+    apart = [spacing]
     if len(problem.classes) > 1:
-        apart = [_smallest_of_class(placement, index, launcher) for index in range(len(problem.classes))]
+        apart = [_spacing_of_class(placement, index, launcher) for index in range(len(problem.classes))]
     return Report(
         steps=0,
         converged=False,
@@ -74,6 +74,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         smallest_spacing=spacing and spacing.smallest,
         closest=spacing and spacing.closest,
         usual=spacing and spacing.usual,
+        order=spacing and spacing.order,
         overlaps=overlaps.count,
         deepest_overlap=overlaps.deepest,
         deepest_pair=overlaps.pair,
@@ -137,7 +138,7 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
 
 
 def _class_reports(
-    placement: Placement, errors: list[float], apart: Sequence[float | None] = ()
+    placement: Placement, errors: list[float], apart: Sequence[Spacing | None] = ()
 ) -> tuple[ClassReport, ...]:
     problem, class_index, size_index = placement.problem, placement.class_index, placement.size_index
     return tuple(
@@ -148,7 +149,7 @@ def _class_reports(
                 SizeReport(s.name, s.mean_area, s.count or 0, placed, problem.fixed.number_of(i, number))
                 for number, (s, placed) in enumerate(zip(c.sizes, _placed(size_index[of_class]), strict=True))
             ),
-            apart[i] if apart else None,
+            *_of_spacing(apart[i] if apart else None),
         )
         for i, (c, of_class) in enumerate(
             zip(problem.classes, _bodies_by_class(class_index, len(problem.classes)), strict=True)
@@ -168,12 +169,16 @@ def _placed(size_index: np.ndarray) -> list[int]:
     return np.diff(np.searchsorted(size_index, np.arange(last + 2))).tolist()
 
 
-def _smallest_of_class(placement: Placement, index: int, launcher: Launcher) -> float | None:
-    """Smallest distance between two bodies of a class, over the hexagonal spacing of the class alone."""
+def _of_spacing(spacing: Spacing | None) -> tuple[float | None, float | None]:
+    """Smallest distance over the hexagonal spacing, and order."""
+    return (None, None) if spacing is None else (spacing.smallest, spacing.order)
+
+
+def _spacing_of_class(placement: Placement, index: int, launcher: Launcher) -> Spacing | None:
+    """How far the bodies of a class are apart, beside the spacing of the class alone."""
     own = _bodies_by_class(placement.class_index, index + 1)[index]
     bodies = measured_bodies(launcher, placement.problem.rectangle, placement.position[own])
-    spacing = measure_spacing(bodies, _number_density(bodies, placement.problem.classes[index : index + 1]))
-    return spacing and spacing.smallest
+    return measure_spacing(bodies, _number_density(bodies, placement.problem.classes[index : index + 1]))
 
 
 def _number_density(bodies: MeasuredBodies, classes: Sequence[PreparedClass]) -> wp.array:

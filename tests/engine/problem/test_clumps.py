@@ -7,6 +7,7 @@ import pytest
 from esh import BodyClass, Domain, Problem, ProblemError, Size, Surface, SurfaceMesh, solve
 from esh.engine.problem.wave_filter import filter_waves
 from esh.engine.quality.coverage import coverage_error
+from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 SQUARE = Domain((40.0, 40.0), "periodic")
@@ -36,12 +37,38 @@ def test_a_density_is_the_same_at_large_and_in_clumps_of_the_size_that_was_asked
     across = np.fft.rfftfreq(smooth.shape[1], domain.size[0] / columns)
     up = np.fft.fftfreq(smooth.shape[0], domain.size[1] / rows)
     wave = np.hypot(up[:, None], across[None, :])
-    # Two clumps are 8 m apart.
-    assert power[wave < 0.55 / 8.0].sum() < 2e-3 * power.sum()
+    # Two clumps are 8 m apart. Where the density is uneven, longer waves make up for what clumps and density beat.
+    assert power[wave < 0.55 / 8.0].sum() < (2e-3 if np.size(density) == 1 else 1e-2) * power.sum()
     near = (wave > 0.7 / 8.0) & (wave < 1.4 / 8.0)
     assert power[near].sum() > 0.5 * power.sum()
     assert smooth.min() > 0.0 and smooth.max() > 3.0
-    assert smooth.mean() == pytest.approx(1.0, abs=0.01)
+    assert smooth.mean() == pytest.approx(1.0, abs=0.01 if np.size(density) == 1 else 0.03)
+
+
+def blurred(image, width, domain):
+    """An image, blurred by so many pixels; nothing is beyond its edges, unless they are joined."""
+    return gaussian_filter(image, width, mode="wrap" if domain.periodic else "constant", truncate=6.0)
+
+
+@pytest.mark.parametrize("domain", [SQUARE, Domain((40.0, 40.0)), Domain((40.0, 40.0), "mirror")])
+@pytest.mark.parametrize("shape", ["even", "steps", "lake"])
+def test_blurred_over_clumps_a_density_is_the_one_that_was_asked_for(domain, shape):
+    """At edges of the domain and of the density, too: without that, these were off by two hundredths of the mean."""
+    row, column = (np.indices((40, 40)) + 0.5) / 40.0 - 0.5
+    asked = {
+        "even": np.ones((40, 40)),
+        "steps": np.where((row + 0.7 * column) % 0.4 < 0.2, 1.0, 0.15),
+        "lake": (np.hypot(row, column) > 0.25).astype(float),
+    }[shape]
+    image = density_of(problem_of(1.0, 2.5, asked, domain=domain))
+    times = image.shape[0] // 40
+    fine = np.kron(asked, np.ones((times, times)))
+    # A wavelength is 5 m.
+    off = blurred(image / image.mean() - fine / fine.mean(), 0.8 * 5.0 * times, domain)
+    assert np.sqrt((off**2).mean()) < 2e-3
+    factor = (image / np.maximum(fine, 1e-9))[fine > 0.0]
+    assert factor.std() > 0.9 * factor.mean()
+    assert ((image > 0.0) == (fine > 0.0)).all()
 
 
 def test_bodies_stand_in_clumps_and_the_density_at_large_is_kept():

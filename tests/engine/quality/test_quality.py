@@ -194,7 +194,8 @@ def test_a_report_measures_every_class_by_itself(launcher):
     stored = report.to_dict()
     assert stored["psnr"] == report.psnr and stored["classes"][1]["psnr"] == report.classes[1].psnr
     assert f"({report.psnr:.0f} dB)" in str(report)
-    assert str(report).splitlines()[1].endswith(f"{square:.2f}") and str(report).splitlines()[3].endswith("-")
+    rows = [line.split() for line in str(report).splitlines()]
+    assert rows[1][-2] == f"{square:.2f}" and rows[3][-2:] == ["-", "-"]
     alone = replace(problem, classes=[BodyClass("a", [Size("s", 0.1, 64)])])
     single = measure(Placement(alone, coarse, index[:64], index[:64], *[nothing[:64]] * 3), launcher)
     assert single.classes[0].smallest_spacing == single.smallest_spacing == pytest.approx(square, rel=1e-5)
@@ -208,3 +209,57 @@ def test_the_ground_that_is_covered_is_that_of_the_outlines_as_they_are_scaled()
     disc = BodyClass("disc", [Size("any", area=0.2, count=30)])
     report = solve(Problem(Domain((20.0, 10.0)), [box, disc]), device="cpu", max_steps=1).report
     assert report.covered == pytest.approx((0.6 * (scale**2).sum() + 30 * 0.2) / 200.0)
+
+
+def sixfold_order(position, period=None):
+    """The definition, by SciPy's nearest neighbors."""
+    spatial = pytest.importorskip("scipy.spatial")
+    near = spatial.cKDTree(position, boxsize=period).query(position, 7)[1][:, 1:]
+    way = position[near] - position[:, None]
+    if period is not None:
+        way -= np.array(period) * np.round(way / np.array(period))
+    return float(np.abs(np.exp(6j * np.arctan2(way[..., 1], way[..., 0])).mean(axis=1)).mean())
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize("density", ["even", "uneven", "clustered"])
+@pytest.mark.parametrize("count", [7, 40, 3000])
+def test_order_is_that_of_the_six_nearest(launcher, boundary, density, count):
+    """Wherever these are: in the thin regions of an uneven density many cells away."""
+    size = (30.0, 20.0)
+    rng = np.random.default_rng(count)
+    position = rng.random((count, 2)) ** {"even": 1.0, "uneven": 4.0, "clustered": 9.0}[density] * size
+    position = np.minimum(position, np.nextafter(size, 0.0))
+    bodies = measured_bodies(launcher, Domain(size, boundary), position)
+    number = wp.array(np.ones(count), dtype=float, device=launcher.device)
+    measured = measure_spacing(bodies, number).order
+    # float32 may tell two neighbors that are equally far in another order.
+    assert measured == pytest.approx(sixfold_order(position, size if boundary == "periodic" else None), abs=2e-3)
+
+
+def test_order_of_a_lattice_of_few_and_of_many(launcher):
+    row, column = (values.ravel() for values in np.mgrid[0:40, 0:40])
+    lattice = np.stack([(column + 0.5 * (row % 2) + 0.25), (row + 0.5) * math.sqrt(0.75)], axis=1)
+    domain = Domain((40.0, 40.0 * math.sqrt(0.75)), "periodic")
+
+    def order(position, domain):
+        bodies = measured_bodies(launcher, domain, position)
+        return measure_spacing(bodies, wp.array(np.ones(len(position)), dtype=float, device=launcher.device)).order
+
+    assert order(lattice, domain) == pytest.approx(1.0, abs=1e-4)
+    assert order(lattice[:6], domain) is None
+    random = np.random.default_rng(0).random((60_000, 2)) * [30.0, 20.0]
+    assert order(random, Domain((30.0, 20.0))) == pytest.approx(sixfold_order(random), abs=0.01)
+    assert order(random, Domain((30.0, 20.0))) == pytest.approx(0.37, abs=0.01)
+
+
+def test_the_report_has_the_order_of_all_and_of_each_class():
+    classes = [BodyClass(name, [Size("s", 0.1, 400)]) for name in "ab"]
+    placement = solve(Problem(Domain((30.0, 20.0)), classes, seed=1), device="cpu")
+    report = placement.report
+    for index, of_class in enumerate(report.classes):
+        own = placement.position[placement.class_index == index]
+        assert of_class.order == pytest.approx(sixfold_order(own), abs=2e-3)
+    assert report.order == pytest.approx(sixfold_order(placement.position), abs=2e-3)
+    assert report.to_dict()["order"] == report.order and report.to_dict()["classes"][0]["order"] > 0.3
+    assert f"order {report.order:.2f}" in str(report) and str(report).splitlines()[0].endswith("order")
