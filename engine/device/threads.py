@@ -17,6 +17,7 @@ from functools import cache
 from typing import Any
 
 import warp as wp
+from warp._src.codegen import Struct as _Struct
 
 from ..errors import DeviceError
 from . import kernels_threads
@@ -162,12 +163,19 @@ class ThreadTeam:
         Returns:
             The operation, and what has to be kept alive for it.
         """
-        load_prebuilt(kernel.module)
-        numbers = (0, 0) if per_thread else (0,)
-        launch = wp.launch(kernel, dim=1, inputs=[*numbers, *arguments], device="cpu", record_cmd=True)
-        packed = _pack(launch)
+        given = [*((0, 0) if per_thread else (0,)), *arguments]
+        known = _known.get(kernel)
+        fast = None if known is None else known.packed(given)
+        if known is None or fast is None:
+            load_prebuilt(kernel.module)
+            launch = wp.launch(kernel, dim=1, inputs=given, device="cpu", record_cmd=True)
+            packed, kept = _pack(launch), launch
+            if known is None:
+                _known[kernel] = known = _KnownKernel(launch, given)
+        else:
+            packed, kept = fast
         operation = Operation()
-        operation.kernel = ctypes.cast(launch.hooks.forward, ctypes.c_void_p).value
+        operation.kernel = known.address
         operation.arguments = ctypes.addressof(packed)
         operation.arguments_size = ctypes.sizeof(packed)
         operation.first, operation.count = first, count
@@ -175,7 +183,7 @@ class ThreadTeam:
         if self.count > 1:
             operation.chunks = max(1, min(-(-count // grain), CHUNKS_PER_THREAD * self.count))
         operation.per_thread = int(per_thread)
-        return operation, (launch, packed)
+        return operation, (kept, packed)
 
     def program(self, operations: Sequence[Operation], kept: Sequence[object]) -> Program:
         """A program that can be carried out any number of times."""
@@ -345,6 +353,66 @@ def _pack(launch: wp.Launch) -> ctypes.Array[ctypes.c_char]:
     for argument, value in zip(launch.kernel.adj.args, launch.params[1:], strict=True):
         setattr(fields, argument.label, value)
     return packed
+
+
+class _KnownKernel:
+    """A kernel that was launched before: Warp has loaded it, and looked through its arguments once.
+
+    Args:
+        launch: That launch.
+        given: Its arguments.
+
+    Attributes:
+        address: Of its compiled function.
+    """
+
+    def __init__(self, launch: wp.Launch, given: Sequence[Any]) -> None:
+        self.address = ctypes.cast(launch.hooks.forward, ctypes.c_void_p).value
+        taken = [type(value) for value in launch.params[1:]]
+        self._layout = _structure(launch.kernel, tuple(taken))
+        self._size = -(-ctypes.sizeof(self._layout) // 8) * 8
+        # What an argument was, and what Warp made of it.
+        self._arguments = [
+            (argument.label, argument.type, type(value), (value.dtype, value.ndim) if type(value) is wp.array else kind)
+            for argument, value, kind in zip(launch.kernel.adj.args, given, taken, strict=True)
+        ]
+
+    def packed(self, given: Sequence[Any]) -> tuple[ctypes.Array[ctypes.c_char], object] | None:
+        """Its arguments as :func:`_pack` makes them, and what these are made of; None where Warp has to look at them.
+
+        That is most of the time of a small kernel's launch. What is not of the type that it was before is left to Warp, which knows
+        what else fits, and says what does not.
+        """
+        if len(given) != len(self._arguments):
+            return None
+        values: list[Any] = []
+        for (_, kind, before, made), value in zip(self._arguments, given, strict=True):
+            if type(value) is not before:
+                return None
+            if before is wp.array:
+                if (value.dtype, value.ndim) != made:
+                    return None
+                values.append(value.__ctype__())
+            elif isinstance(kind, _Struct):
+                values.append(value.__ctype__())
+            elif (before is int and kind in (int, wp.int32) and -(2**31) <= value < 2**31) or (
+                before in (int, float) and kind in (float, wp.float32)
+            ):
+                values.append(value)
+            elif before is made:
+                # A vector, which is passed as it is.
+                values.append(value)
+            else:
+                return None
+        packed = ctypes.create_string_buffer(self._size)
+        fields = self._layout.from_buffer(packed)
+        for (label, *_), value in zip(self._arguments, values, strict=True):
+            setattr(fields, label, value)
+        # With the arrays themselves, which nobody else may hold.
+        return packed, (values, tuple(given))
+
+
+_known: dict[wp.Kernel, _KnownKernel] = {}
 
 
 @cache

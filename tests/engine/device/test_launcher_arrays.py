@@ -68,3 +68,65 @@ def test_an_array_for_all_kernels_is_filled(launcher):
     array = launcher.array(np.broadcast_to(np.int32(7), 5000), wp.int32)
     assert array.strides == (4,)
     np.testing.assert_array_equal(array.numpy(), np.full(5000, 7))
+
+
+@wp.struct
+class Shift:
+    way: wp.vec2
+    factor: wp.array(dtype=float)
+
+
+@wp.kernel
+def shift_by(
+    first: int,
+    times: int,
+    share: float,
+    way: wp.vec2,
+    shift: Shift,
+    place: wp.array(dtype=wp.vec2),
+    result: wp.array(dtype=wp.vec2),
+):
+    i = first + wp.tid()
+    result[i] = place[i] + float(times) * share * (way + shift.factor[i] * shift.way)
+
+
+def test_every_launch_of_a_kernel_has_its_own_arguments(launcher):
+    rng = np.random.default_rng(1)
+    for times, share in ((2, 0.5), (3, 1), (-4, 0.25), (5, np.float32(2.0))):
+        place = rng.random((50, 2)).astype(np.float32)
+        factor = rng.random(50).astype(np.float32)
+        shift = Shift()
+        shift.way, shift.factor = wp.vec2(1.0, float(times)), wp.array(factor, dtype=float, device="cpu")
+        result = launcher.empty(50, wp.vec2)
+        inputs = [times, share, wp.vec2(float(share), -1.0), shift, wp.array(place, dtype=wp.vec2, device="cpu")]
+        launcher.launch(shift_by, 50, inputs, [result])
+        way = np.array([share, -1.0]) + factor[:, None] * np.array([1.0, times])
+        np.testing.assert_allclose(result.numpy(), place + times * share * way, rtol=1e-5, atol=1e-5)
+
+
+def test_what_does_not_fit_a_kernel_is_refused_however_often_it_was_launched(launcher):
+    right, result = launcher.zeros(9, float), launcher.zeros(9, float)
+    for _ in range(3):
+        launcher.launch(add_up, 9, [right], [result])
+    wrong = [launcher.zeros(9, wp.float64), launcher.zeros((3, 3), float), launcher.zeros(9, wp.vec2), 3]
+    for values in wrong:
+        with pytest.raises((RuntimeError, TypeError), match="argument 'values' expects an array"):
+            launcher.launch(add_up, 9, [values], [result])
+    with pytest.raises(RuntimeError, match="passed 2 arguments"):
+        launcher.launch(add_up, 9, [right])
+
+
+def test_a_recording_holds_the_arrays_of_every_launch(launcher):
+    result = [launcher.zeros(20_000, float) for _ in range(6)]
+
+    def run():
+        for number, each in enumerate(result):
+            # Nobody else holds these.
+            launcher.launch(add_up, 20_000, [launcher.array(np.full(20_000, 10.0 * number, np.float32), float)], [each])
+
+    recording = launcher.record(run)
+    gc.collect()
+    others = [np.full(20_000, -1.0, np.float32) for _ in range(20)]
+    recording.play()
+    for number, each in enumerate(result):
+        assert np.array_equal(each.numpy(), 10.0 * number + np.arange(20_000.0)), len(others)

@@ -181,3 +181,12 @@ def test_bends_are_in_geoparquet_too(tmp_path):
     assert np.array_equal(bends[np.argsort(identity)].reshape(expected.shape), expected)
     back = esh.load_placement(sorted((tmp_path / "out").glob("*.parquet"))[0])
     assert len(back.position) == len(tables[0])
+
+
+def test_the_gap_of_a_class_is_kept_across_cuts(tmp_path):
+    size = esh.Size("disc", area=0.3, count=4000)
+    body_class = esh.BodyClass("a", [size], gap=0.25)
+    problem = esh.Problem(esh.Domain((126.0, 32.0)), [body_class], seed=3, avoid_overlap=True)
+    bodies = solved(problem, tmp_path / "out", tile=63.0, steps=(10, 8, 8))
+    nearest = spatial.cKDTree(bodies["position"]).query(bodies["position"], 2)[0][:, 1]
+    assert nearest.min() > (2.0 * math.sqrt(0.3 / math.pi) + 0.25) * (1.0 - 1e-3)
