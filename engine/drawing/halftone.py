@@ -17,7 +17,7 @@ from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem import validation
 from ..problem.placement import Placement
-from ..problem.validation import show
+from ..problem.validation import check_is, show
 from .periodic_copies import copies_of_bodies, copies_within
 
 __all__ = ["ink_coverage", "line_axis", "render_halftone", "write_halftone_png", "write_halftone_svg"]
@@ -60,6 +60,7 @@ def render_halftone(
         EshError: A picture of more than 200 million pixels, a scale or a supersampling without meaning, colors beyond 0..1 or
             fewer than classes.
     """
+    check_is(placement, Placement, "`placement`")
     shape = _picture_shape(placement, pixels_per_metre, supersampling)
     result = np.empty((*shape, 3), dtype=np.float32)
     for rows, band in _bands(placement, shape, colors, supersampling, chosen):
@@ -89,6 +90,7 @@ def write_halftone_png(
     """Write :func:`render_halftone` as a PNG; raises EshError where it cannot be written."""
     from PIL import Image
 
+    check_is(placement, Placement, "`placement`")
     shape = _picture_shape(placement, pixels_per_metre, supersampling)
     picture = np.empty((*shape, 3), dtype=np.uint8)
     for rows, band in _bands(placement, shape, colors, supersampling, None):
@@ -104,6 +106,7 @@ def write_halftone_svg(
 
     In a periodic domain, bodies that reach over an edge are there once more on the other side.
     """
+    check_is(placement, Placement, "`placement`")
     colors = _checked_colors(colors, len(placement.problem.classes))
     width, height = placement.problem.rectangle.size
     parts = [

@@ -17,8 +17,10 @@ import numpy as np
 from ..errors import EshError
 from ..files.placement_files import write_files
 from ..problem.body_kind import disc_radius
+from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.slopes import foreshortened
+from ..problem.validation import check_is
 from .halftone import line_axis
 from .periodic_copies import boxes_of_bodies, copies_of_bodies
 
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from ..problem.body_footprints import BodyFootprints
-    from ..problem.placement import Placement
 
 __all__ = ["PALETTE", "draw_plan"]
 
@@ -95,7 +96,7 @@ def draw_plan(
         EshError: Fewer colors than classes, a color that is none, a background of another shape, or a file that cannot
             be written.
     """
-    problem = placement.problem
+    problem = check_is(placement, Placement, "`placement`").problem
     class_color = _class_colors(colors, len(problem.classes))
     size_color = [
         _shades(color, [size.mean_area for size in k.sizes])

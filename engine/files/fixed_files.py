@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputFileError, ProblemError
 from ..problem.fixed_bodies import FixedBodies
-from ..problem.validation import show
+from ..problem.validation import as_path, show
 from .body_formats import FORMATS
 from .csv_files import read_csv
 from .placement_files import one_of
@@ -37,7 +37,7 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
     Raises:
         InputFileError: A missing or damaged file, or one that holds something else.
     """
-    path = Path(path)
+    path = as_path(path)
     readers = {".csv": _read_csv, ".npz": _read_npz} | dict.fromkeys(FORMATS, _read_bodies)
     reader = readers.get(path.suffix.lower())
     if reader is None:

@@ -33,6 +33,8 @@ ATTRIBUTES = {
     "_WIDTH": "width",
     "_FIXED": "fixed",
 }
+# Of a node: where its mesh stands in the object that is instanced, which its instances' transforms contain; row by row.
+PLACE = "esh_place"
 # Whole numbers up to here are floats.
 MOST_IDS = 2**24
 # Members of a glTF file that others refer to by number, and the keys that do so anywhere below them.
@@ -116,7 +118,9 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
             del numbers["_AREA"]
         for mesh, place in meshes:
             position, rotation, scale = _turned_up(bodies, own)
+            extras: dict[str, Any] = {"esh_prototype": number}
             if not np.allclose(place, np.eye(4)):
+                extras[PLACE] = place.ravel().tolist()
                 position, rotation, scale = _compose(position, rotation, scale, place, str(asset))
             attributes = {
                 "TRANSLATION": glb.add_array(position, FLOAT, bounds=True),
@@ -127,7 +131,7 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
                 "name": prototype.name,
                 "mesh": mesh,
                 "extensions": {EXTENSION: {"attributes": attributes | numbers}},
-                "extras": {"esh_prototype": number},
+                "extras": extras,
             }
             glb.content["scenes"][0]["nodes"].append(glb.add("nodes", node))
     glb.write(file)
@@ -148,6 +152,7 @@ def read_glb(path: Path) -> Bodies:
                 continue  # another mesh of the same objects
             labels[number] = str(node.get("name", f"node {position}"))
             arrays = {key: _array(content, binary, index) for key, index in attributes.items()}
+            _undo_place(arrays, node.get("extras", {}).get(PLACE))
             parts.append(_columns(arrays, place, number))
         extras = content["scenes"][content.get("scene", 0)].get("extras", {}).get("esh", {}) if parts else {}
     except (LookupError, TypeError, ValueError, AttributeError) as error:
@@ -329,6 +334,17 @@ def _compose(
     if turned and not np.allclose(scale, scale[:, :1]):
         raise EshError(f"{source} must not turn its meshes, because long bodies stretch them: apply its rotations")
     return position + rotate_by_xyzw(rotation, scale * shift), multiply_xyzw(rotation, turn[None, :]), scale * factor
+
+
+def _undo_place(arrays: dict[str, np.ndarray], place: object) -> None:
+    """Take back what :func:`_compose` did to the transforms of instances: whoever reads them wants those of the objects."""
+    if place is None or not {"TRANSLATION", "ROTATION", "SCALE"} <= set(arrays):
+        return
+    shift, turn, factor = _decompose(np.array(place, np.float64).reshape(4, 4))
+    scale = arrays["SCALE"] / factor
+    rotation = multiply_xyzw(arrays["ROTATION"].astype(np.float64), (turn * [-1.0, -1.0, -1.0, 1.0])[None, :])
+    position = arrays["TRANSLATION"] - rotate_by_xyzw(rotation, scale * shift)
+    arrays |= {"TRANSLATION": position, "ROTATION": rotation, "SCALE": scale}
 
 
 def _decompose(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

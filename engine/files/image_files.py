@@ -24,7 +24,7 @@ import numpy as np
 from ..errors import InputFileError, ProblemError
 from ..native_output import muted
 from ..problem.image_filters import luminance
-from ..problem.validation import check_density
+from ..problem.validation import as_path, check_density
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -61,7 +61,7 @@ def read_density(path: str | Path, invert: bool = False) -> np.ndarray:
     Raises:
         InputFileError: A missing, unreadable or truncated file; values that are negative, not finite or 0 everywhere.
     """
-    path = Path(path)
+    path = as_path(path)
 
     def density_of(color: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
         value = luminance(color) if color.ndim == 3 else color
@@ -94,7 +94,7 @@ def read_color(path: str | Path, *, reduced: bool = False) -> np.ndarray:
     Raises:
         InputFileError: A missing, unreadable or truncated file; values beyond 0..1 or not finite.
     """
-    path = Path(path)
+    path = as_path(path)
 
     def color_of(color: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
         if not np.isfinite(color).all() or color.min() < 0.0 or color.max() > 1.0:

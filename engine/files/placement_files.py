@@ -15,12 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
+from ..problem.placement import Placement
+from ..problem.validation import as_path, check_is
+from .bodies import Bodies
 from .body_formats import FORMATS, BodyFormat
 from .placement_columns import is_marked, size_names
 
 if TYPE_CHECKING:
-    from ..problem.placement import Placement
-    from .bodies import AssetFiles, Bodies
+    from .bodies import AssetFiles
 
 __all__ = [
     "WRITERS",
@@ -73,7 +75,7 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
             ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
             ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where
-            bodies are fixed or were edited; on a surface ``position`` has three columns, and ``normal``, ``tangent``, ``mesh``,
+            bodies are fixed or were edited; on a surface these places have three columns, and ``normal``, ``tangent``, ``mesh``,
             ``triangle`` and ``barycentric`` are there; readable without pickle; equal placements give equal bytes), in ``.csv`` (one
             line per body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front),
             or in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).
@@ -85,7 +87,8 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
-    write_files({Path(path): placement_writer(path, placement, assets=assets)})
+    path = as_path(path)
+    write_files({path: placement_writer(path, placement, assets=assets)})
 
 
 def write_bodies(path: str | Path, bodies: Bodies) -> None:
@@ -98,13 +101,17 @@ def write_bodies(path: str | Path, bodies: Bodies) -> None:
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
+    path, bodies = as_path(path), check_is(bodies, Bodies, "`bodies`")
     body_format = FORMATS[check_ending(path, FORMATS)]
     body_format.check()
-    write_files({Path(path): lambda file: body_format.write(file, bodies, Path(path).parent)})
+    write_files({path: lambda file: body_format.write(file, bodies, path.parent)})
 
 
 def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
+    placement = check_is(placement, Placement, "`placement`")
+    if assets is not None:
+        assets = check_is(assets, dict, "`assets`")
     writer = WRITERS[check_ending(path, WRITERS)]
     writer.check()
     beside = Assets(assets or {}, Path(path).parent)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputFileError
+from ..problem.validation import as_path
 from .bodies import READ_COLUMNS, Bodies, bodies_from_columns
 from .body_formats import FORMATS
 from .csv_files import read_csv
@@ -33,7 +34,7 @@ def load_placement(path: str | Path) -> Bodies:
         InputFileError: A file that cannot be read.
         EshError: Another ending, or a library that the format needs and that is not installed.
     """
-    path = Path(path)
+    path = as_path(path)
     ending = check_ending(path, READABLE)
     try:
         with path.open("rb"):

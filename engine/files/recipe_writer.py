@@ -16,6 +16,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem, ProblemSettings
 from ..problem.settings import values_of
 from ..problem.size import Size
+from ..problem.validation import as_path, check_is
 from .placement_files import write_files
 from .recipe_keys import written_settings
 from .recipe_scene import written_fixed, written_obstacles
@@ -41,7 +42,7 @@ def write_recipe(path: str | Path, problem: Problem, *, colors: Sequence[Color] 
     Raises:
         EshError: A file cannot be written; nothing was changed.
     """
-    path = Path(path)
+    path, problem = as_path(path), check_is(problem, Problem, "`problem`")
     files: dict[Path, Writer] = {}
     names: dict[tuple[str, tuple[int, ...], bytes], str] = {}
 

@@ -11,6 +11,7 @@ from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .packing import elongation_of, in_cells, packable
 from .problem import Problem
 from .surface import Surface
+from .validation import check_is
 
 __all__ = ["Cover", "cover_of"]
 
@@ -57,6 +58,7 @@ def cover_of(problem: Problem) -> Cover:
 
     Lines count with the lengths and widths that are asked of them.
     """
+    check_is(problem, Problem, "`problem`")
     footprints = footprints_of(problem)
     area = _areas(problem, footprints)
     fits = _fits(footprints, area)

@@ -15,7 +15,7 @@ from .domain import Domain
 from .prepared_class import PreparedClass
 from .settings import Setting, Settings, as_given, described, same_setting, setting, settings_of, settle
 from .surface import Surface
-from .validation import show
+from .validation import FOREIGN_ERRORS, show
 
 if TYPE_CHECKING:
     from .placement import Placement
@@ -234,7 +234,10 @@ class FixedBodies(Settings):
             placement: A result.
             chosen: Which ones: indices, or a truth value for each; None for all.
         """
-        pick = slice(None) if chosen is None else np.asarray(chosen)
+        if not hasattr(placement, "class_index"):
+            raise ProblemError(f"`placement` must be a Placement; got {show(placement)}")
+        number = len(placement.position)
+        pick = np.arange(number) if chosen is None else _chosen(chosen, number)
         names = [c.name for c in placement.problem.classes]
         sizes = [[size.name for size in c.sizes] for c in placement.problem.classes]
         pairs = zip(placement.class_index[pick].tolist(), placement.size_index[pick].tolist(), strict=True)
@@ -253,6 +256,19 @@ class FixedBodies(Settings):
             None if placement.triangle is None else placement.triangle[pick],
             None if placement.barycentric is None else placement.barycentric[pick],
         )
+
+
+def _chosen(chosen: object, number: int) -> np.ndarray:
+    """Return the numbers of the chosen ones of so many bodies."""
+    try:
+        found = np.arange(number)[np.asarray(chosen)]
+    except FOREIGN_ERRORS:
+        found = np.zeros((0, 0))
+    if found.ndim != 1:
+        raise ProblemError(
+            f"`chosen` must be numbers of bodies, 0 to {number - 1}, or a truth value for each of {number}; got {show(chosen)}"
+        )
+    return found
 
 
 def _of_one(name: str) -> dict[str, Setting]:

@@ -10,8 +10,10 @@ from __future__ import annotations
 import itertools
 import math
 import numbers
+import os
 import reprlib
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -503,6 +505,21 @@ def _positive(value: object, key: str, unit: str) -> float:
     if number is None or not 0.0 < number < math.inf:
         raise ProblemError(f"{key} must be a number{unit} above 0, and finite; got {show(value)}")
     return number
+
+
+def check_is(value: object, kind: type[Kind], key: str) -> Kind:
+    """Return a value that is of a class; raise ProblemError for anything else."""
+    if not isinstance(value, kind):
+        name = kind.__name__
+        raise ProblemError(f"{key} must be {'an' if name[0] in 'AEIOU' else 'a'} {name}; got {show(value)}")
+    return value
+
+
+def as_path(value: object, key: str = "`path`") -> Path:
+    """Return the path of a file, which text may be; raise ProblemError for anything else."""
+    if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):
+        raise ProblemError(f"{key} must be the path of a file; got {show(value)}")
+    return Path(value)
 
 
 def as_tuple(value: object, kind: type[Kind] | tuple[type[Kind], ...], key: str) -> tuple[Kind, ...]:

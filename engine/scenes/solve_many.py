@@ -52,6 +52,8 @@ def solve_many(
         ProblemError: A problem that cannot be solved; its number (from 0) is said. The others are not finished.
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
+    if not isinstance(problems, Iterable):
+        raise ProblemError(f"`problems` must be a list of Problem; got {show(problems)}")
     problems = list(problems)
     for number, problem in enumerate(problems):
         if not isinstance(problem, Problem):

@@ -17,6 +17,7 @@ from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from ..problem.validation import check_is
 from ..space.density import move_into_support
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
@@ -149,6 +150,7 @@ class Solver:
         self._is_shared = launcher is not None
         self._left_at: np.ndarray | None = None
         try:
+            check_is(problem, Problem, "`problem`")
             check_memory(problem)
             with self.launcher.phase("set-up"):
                 self.model = placed = Model(problem, flags)
@@ -246,6 +248,7 @@ class Solver:
         Raises:
             ProblemError: Another domain, or a problem that does not fit into memory.
         """
+        check_is(problem, Problem, "`problem`")
         self._cut()
         self._smooth = False
         before, domain = self.model, self.model.problem.domain
@@ -563,7 +566,8 @@ class Solver:
         """
         self._cut()
         if isinstance(self.descent, SurfaceDescent):
-            placement = placement_on_surface(self.model, self.descent.facets, self.descent.state)
+            charges = self.descent.charge_positions() if self.model.may_bend.any() else None
+            placement = placement_on_surface(self.model, self.descent.facets, self.descent.state, charges)
         else:
             placement = placement_of(self.model, self.descent.state, self.launcher)
         # One that is not makes their sum so, too.

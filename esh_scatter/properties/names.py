@@ -51,5 +51,5 @@ def scatter_renamed(item: PropertyGroup, context: object) -> None:
 
 
 def scatter_of(item: PropertyGroup) -> PropertyGroup:
-    """Return the scatter that a class belongs to."""
+    """Return the scatter that a class belongs to, or a part of one."""
     return item.id_data.path_resolve(item.path_from_id().rpartition(".classes[")[0])

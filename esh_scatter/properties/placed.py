@@ -22,16 +22,21 @@ class ESH_PG_placed(PropertyGroup):
     size: IntProperty(options={"HIDDEN"})
 
 
-def remember_placed(scatter: Any) -> None:
-    """Keep which objects the scatter's settings stand for now."""
-    scatter.placed.clear()
-    for (uid, size), chosen in _now(scatter).items():
-        entry = scatter.placed.add()
-        entry.uid, entry.size = uid, size
-        if isinstance(chosen, bpy.types.Collection):
-            entry.collection = chosen
+def remember_placed(scatter: Any, only: tuple[int, int] | None = None) -> None:
+    """Keep which objects the scatter's settings stand for now; of ``only`` one size, by the class's number and its own, that alone."""
+    now = _now(scatter)
+    if only is None:
+        scatter.placed.clear()
+    for (uid, size), chosen in now.items():
+        if only is None:
+            entry = scatter.placed.add()
+            entry.uid, entry.size = uid, size
+        elif only == (uid, size):
+            entry = next(one for one in scatter.placed if (one.uid, one.size) == only)
         else:
-            entry.item = chosen
+            continue
+        as_collection = isinstance(chosen, bpy.types.Collection)
+        entry.collection, entry.item = (chosen, None) if as_collection else (None, chosen)
 
 
 def replaced(scatter: Any) -> list[str]:

@@ -28,6 +28,8 @@ from .target import WithTarget
 
 __all__ = ["BY_HAND", "CLASSES", "ESH_PG_scatter"]
 
+# What a size places.
+SOURCES = ("source_object", "source_collection")
 # Settings of a scatter that the sidebar has in a form of its own: names of classes that may overlap, and standing by class.
 BY_HAND = ("non_overlap", *settings_of(Standing))
 
@@ -299,6 +301,31 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
                 kept = {name: value for name, value in kept.items() if name != "looks"}
                 changed = {**record["classes"], uid: kept if looks is None else {**kept, "looks": looks}}
                 self.ran_with = json.dumps({**record, "classes": changed}, separators=(",", ":"))
+
+    def remember_variants(self, body_class: ESH_PG_class, size: int) -> None:
+        """Keep that the result shows the objects of a size as often as it says now."""
+        told = {"variants": [list(entry) for entry in sorted(body_class.sizes[size].weights.items())]}
+        self._remember_of_size(str(body_class.uid), size, ("variants",), told, {})
+
+    def remember_sources(self, body_class: ESH_PG_class, size: int) -> None:
+        """Keep that the result shows what a size places now."""
+        uid = str(body_class.uid)
+        with checksums.now():
+            now = self.record()
+        self._remember_of_size(uid, size, SOURCES, now["classes"][uid]["sizes"][size], now["names"])
+        remember_placed(self, (body_class.uid, size))
+
+    def _remember_of_size(self, uid: str, size: int, shown: tuple[str, ...], told: dict, names: dict) -> None:
+        """Keep some values of a size, of which the result shows ``shown`` now, and what these name."""
+        record = _parse_record(self.ran_with)
+        sizes = list(record.get("classes", {}).get(uid, {}).get("sizes", []))
+        if size < len(sizes):
+            left = {name: value for name, value in sizes[size].items() if name not in shown}
+            sizes[size] = left | {name: value for name, value in told.items() if name in shown and value}
+            classes = {**record["classes"], uid: {**record["classes"][uid], "sizes": sizes}}
+            keys = [f"{uid}.{size}.{name}" for name in shown]
+            named = {**record["names"], **{key: names[key] for key in keys if key in names}}
+            self.ran_with = json.dumps({**record, "classes": classes, "names": named}, separators=(",", ":"))
 
     def forget_deleted_result(self) -> None:
         """Remove a result that was deleted in the viewport from the file, so that the next one can have its name."""

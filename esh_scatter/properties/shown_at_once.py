@@ -8,7 +8,7 @@ from bpy.types import PropertyGroup
 
 from .names import scatter_of
 
-__all__ = ["paint_class_anew", "show_class_anew", "stand_class_anew"]
+__all__ = ["choose_variants_anew", "paint_class_anew", "place_others", "show_class_anew", "stand_class_anew"]
 
 
 def _points_of_class(body_class: PropertyGroup) -> tuple[bpy.types.Object, int] | None:
@@ -48,3 +48,48 @@ def show_class_anew(body_class: PropertyGroup, _context: object) -> None:
 
     if found := _points_of_class(body_class):
         hide_points(*found, viewport=not body_class.show_viewport, render=not body_class.show_render)
+
+
+def choose_variants_anew(variant: PropertyGroup, _context: object) -> None:
+    """Place the objects of a size as often as their weights say, where all of them cover the same ground."""
+    from ..result.kept_variants import choose_anew
+
+    size, body_class = _part_of(variant, ".variants["), _part_of(variant, ".sizes[")
+    found, number = _points_of_class(body_class), _number_of(size)
+    if found is not None and choose_anew(found[0], (found[1], number), *size.choices()):
+        scatter_of(body_class).remember_variants(body_class, number)
+        _go_on(body_class)
+
+
+def place_others(size: PropertyGroup, _context: object) -> None:
+    """Show what a size places now in its points, where that covers the same ground as what it has placed."""
+    from ..result import kept_variants
+
+    body_class = _part_of(size, ".sizes[")
+    found, scatter = _points_of_class(body_class), scatter_of(body_class)
+    if found is None or body_class not in scatter.ready_classes():
+        return
+    result, number = found
+    where = number, _number_of(size)
+    if kept_variants.place_others(result, where, size.as_argument(), scatter.targets, body_class.scale):
+        if kept_variants.choose_anew(result, where, *size.choices()):
+            scatter.remember_variants(body_class, where[1])
+        scatter.remember_sources(body_class, where[1])
+        _go_on(body_class)
+
+
+def _part_of(item: PropertyGroup, within: str) -> PropertyGroup:
+    """Return what holds the list that an item, or what that belongs to, is in."""
+    return item.id_data.path_resolve(item.path_from_id().rpartition(within)[0])
+
+
+def _number_of(item: PropertyGroup) -> int:
+    """Return which of its list an item is."""
+    return int(item.path_from_id().rpartition("[")[2].rstrip("]"))
+
+
+def _go_on(body_class: PropertyGroup) -> None:
+    """Have Live go on from what the result shows now."""
+    from ..solving import live
+
+    live.reset(body_class.id_data, scatter_of(body_class))

@@ -14,6 +14,7 @@ from ...engine.problem.size import Size
 from ..targets.target import members_of
 from .described import property_of, values_from
 from .names import keep_name_unused
+from .shown_at_once import choose_variants_anew, place_others
 
 if TYPE_CHECKING:
     from ..api import ScatterSize
@@ -23,9 +24,10 @@ __all__ = ["CLASSES", "ESH_PG_size", "in_a_scene"]
 _SIZE = settings_of(Size)
 
 
-def remember_source(size: "ESH_PG_size", _context: object) -> None:
+def remember_source(size: "ESH_PG_size", context: object) -> None:
     """Note whether the object to place is in a scene: if it no longer is later, it was deleted there."""
     size.source_was_in_scene = size.source_object is not None and in_a_scene(size.source_object)
+    place_others(size, context)
 
 
 def in_a_scene(item: bpy.types.Object) -> bool:
@@ -33,13 +35,16 @@ def in_a_scene(item: bpy.types.Object) -> bool:
     return any(scene.objects.get(item.name) == item for scene in bpy.data.scenes)
 
 
-def list_variants(size: "ESH_PG_size", _context: object) -> None:
+def list_variants(size: "ESH_PG_size", context: object) -> None:
     """Have an entry for each object of the collection; those that were there before keep their weights."""
     weights = {entry.item: entry.weight for entry in size.variants if entry.item is not None}
     size.variants.clear()
     for item in members_of(size.source_collection):
         entry = size.variants.add()
-        entry.item, entry.weight = item, weights.get(item, 1.0)
+        entry.item = item
+        if item in weights:
+            entry.weight = weights[item]
+    place_others(size, context)
 
 
 class ESH_PG_variant(PropertyGroup):
@@ -52,6 +57,7 @@ class ESH_PG_variant(PropertyGroup):
         default=1.0,
         min=0.0,
         soft_max=10.0,
+        update=choose_variants_anew,
     )
 
 
@@ -167,6 +173,12 @@ class ESH_PG_size(PropertyGroup):
         if self.source_kind != "COLLECTION":
             return {}
         return {entry.item.name: entry.weight for entry in self.variants if entry.item and entry.weight != 1.0}
+
+    def choices(self) -> tuple[list[bpy.types.Object], list[float]]:
+        """Return the objects of the collection, and how often each is placed."""
+        weights = {entry.item: entry.weight for entry in self.variants}
+        items = members_of(self.source) if self.source_kind == "COLLECTION" and self.source else []
+        return items, [weights.get(item, 1.0) for item in items]
 
     @property
     def source_deleted(self) -> bool:

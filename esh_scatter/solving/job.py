@@ -39,6 +39,7 @@ from ..densities.density_source import Density, DensityReader, Known, attribute_
 from ..densities.image_density import stored_density
 from ..result.following import followed
 from ..result.kept_ground import SEED, KeptPlaces
+from ..result.kept_variants import VARIANTS, variants_told
 from ..result.pins import Pins, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
 from ..result.result_points import ResultPoints, point_attributes, result_points
@@ -395,6 +396,7 @@ class ScatterJob:
         # Whole numbers of a file's properties have 32 bits.
         seed = self.settings.seed
         item.data[SEED] = seed if seed < 2**31 else str(seed)
+        item.data[VARIANTS] = variants_told(self._shapes)
         return item, sources
 
 

@@ -218,7 +218,9 @@ class _Live:
         if report is None:
             scatter.result = result
         else:
-            scatter.remember(result, report, outcome.request.made_with)
+            # With a report of what is shown already, that is what it was, and what was changed at once since.
+            known = self._shown is job and scatter.ran_with
+            scatter.remember(result, report, known or outcome.request.made_with)
         if self._shown is not job:
             _show_since(scatter, job, result)
             self._shown, self._points = job, _points_of(result)
@@ -345,8 +347,9 @@ def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:
 
 
 def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> None:
-    """Give a result what was changed at once while it was solved: how objects stand, and colors."""
+    """Give a result what was changed at once while it was solved: how objects stand, colors, and which of a size's objects."""
     from ..result.kept_ground import CLASSES_OF_POINTS, can_stand_anew, paint_points, stand_anew
+    from ..result.kept_variants import choose_anew
 
     classes = {c.uid: c for c in scatter.classes}
     for number, (uid, made) in enumerate(zip(result.data.get(CLASSES_OF_POINTS, ()), job.classes, strict=False)):
@@ -357,6 +360,9 @@ def _show_since(scatter: Scatter, job: ScatterJob, result: bpy.types.Object) -> 
             stand_anew(result, number, now.standing(), now.look_at())
         if tuple(made.color or ()) != tuple(now.color):
             paint_points(result, number, tuple(now.color))
+        for k, (one, size) in enumerate(zip(made.sizes, now.sizes, strict=False)):
+            if dict(one.weights or {}) != size.weights and choose_anew(result, (number, k), *size.choices()):
+                scatter.remember_variants(now, k)
 
 
 def _points_of(result: bpy.types.Object | None) -> int | None:

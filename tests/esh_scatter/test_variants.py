@@ -1,5 +1,7 @@
 """Collections: each object as often as its weight says, or all of them together at their places."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,9 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh.esh_scatter.classes.object_outline import measure_footprint  # noqa: E402
+from esh.esh_scatter.result import kept_ground, pins  # noqa: E402
+from esh.esh_scatter.result.node_group import placing_inputs  # noqa: E402
+from esh.esh_scatter.solving import live  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -110,3 +115,183 @@ def test_the_sidebar_has_weights_and_collections_as_one():
     assert bpy.ops.esh.scatter() == {"FINISHED"}
     shown = [i for i in bpy.context.evaluated_depsgraph_get().object_instances if i.is_instance]
     assert len(shown) == 3 * 5
+
+
+def higher(name, width, collection=None):
+    """Another shape that covers the same ground."""
+    item = quad(name, width, collection=collection)
+    for vertex in item.data.vertices:
+        vertex.co.z = 1.0
+    return item
+
+
+@pytest.fixture
+def scattered():
+    """Flowers of equal footprint, and trees that differ, as the sidebar has placed them."""
+    flowers, trees = collection_of("Flowers"), collection_of("Trees")
+    for name in ("Blue", "Red", "White"):
+        quad(name, 0.3, (50.0, 0.0, 0.0), flowers)
+    for name, width in (("Ash", 0.3), ("Oak", 0.5)):
+        quad(name, width, (50.0, 0.0, 0.0), trees)
+    scatter = bpy.context.scene.esh_scatter.add_scatter(quad("Ground", 20.0))
+    for chosen in (flowers, trees):
+        size = scatter.add_class().sizes[0]
+        size.source_kind, size.source_collection, size.count = "COLLECTION", chosen, 150
+    scatter.device, scatter.max_steps = "CPU", 3
+    return scatter
+
+
+def shown(scatter):
+    """Which object stands on every point, by name, in the order of the points."""
+    inputs = placing_inputs(scatter.result)
+    index = kept_ground.read_attribute(scatter.result.data, "instance_index")
+    return np.array([inputs[number].default_value.name for number in index.tolist()])
+
+
+def places(scatter):
+    return {
+        name: kept_ground.read_attribute(scatter.result.data, name).tobytes()
+        for name in ("position", "rotation", "scale", "id")
+    }
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_weights_of_objects_with_equal_footprints_are_followed_at_once(scattered, apart):
+    scattered.avoid_overlap = apart
+    scattered.classes[0].scale_jitter = 0.2
+    bpy.ops.esh.scatter()
+    where, before = places(scattered), shown(scattered)
+    scattered.classes[0].sizes[0].variants[1].weight = 5.0
+    now = shown(scattered)
+    assert not scattered.outdated and places(scattered) == where, "nothing moves"
+    assert (now[:150] == "Red").mean() == pytest.approx(5 / 7, abs=0.12) and (before[:150] == "Red").mean() < 0.5
+    np.testing.assert_array_equal(now[150:], before[150:])
+    bpy.ops.esh.scatter()
+    np.testing.assert_array_equal(shown(scattered), now, "as after another run")
+    # None of them at all is a matter for the next run, which says so.
+    for entry in scattered.classes[0].sizes[0].variants:
+        entry.weight = 0.0
+    np.testing.assert_array_equal(np.unique(shown(scattered)[:150]), ["White"])
+    assert scattered.outdated
+
+
+def test_weights_of_objects_with_other_footprints_need_a_run(scattered):
+    bpy.ops.esh.scatter()
+    before = shown(scattered)
+    scattered.classes[1].sizes[0].variants[1].weight = 5.0
+    np.testing.assert_array_equal(shown(scattered), before)
+    assert scattered.changes() == ["weights of Class.001"]
+    # Of discs that were asked for, all are alike.
+    scattered.classes[1].sizes[0].area_kind, scattered.classes[1].sizes[0].shape = "VALUE", "DOT"
+    scattered.classes[1].sizes[0].area = 0.1
+    bpy.ops.esh.scatter()
+    scattered.classes[1].sizes[0].variants[1].weight = 0.0
+    assert not scattered.outdated and (shown(scattered)[150:] == "Ash").all()
+
+
+def test_pinned_objects_stay_what_they_are(scattered):
+    bpy.ops.esh.scatter()
+    before = shown(scattered)
+    pins.pin(scattered.result.data, np.arange(20))
+    bpy.ops.esh.scatter()
+    pinned = kept_ground.read_attribute(scattered.result.data, "pinned")
+    before = shown(scattered)
+    scattered.classes[0].sizes[0].variants[0].weight = 0.0
+    now = shown(scattered)
+    np.testing.assert_array_equal(now[pinned], before[pinned])
+    assert "Blue" in before[pinned] and "Blue" not in now[~pinned] and not scattered.outdated
+
+
+def test_an_object_of_the_same_footprint_takes_the_place_of_another_at_once(scattered):
+    size = scattered.classes[1].sizes[0]
+    size.source_kind, size.source_object = "OBJECT", quad("Fir", 0.4)
+    bpy.ops.esh.scatter()
+    where = places(scattered)
+    size.source_object = higher("Spruce", 0.4)
+    assert not scattered.outdated and (shown(scattered)[150:] == "Spruce").all() and places(scattered) == where
+    drawn = [i.object.original.name for i in bpy.context.evaluated_depsgraph_get().object_instances if i.is_instance]
+    assert drawn.count("Spruce") == 150 and "Fir" not in drawn
+    bpy.ops.esh.scatter()
+    assert places(scattered) == where and not scattered.outdated
+    size.source_object = quad("Bush", 0.8)
+    assert scattered.changes() == ["object of Class.001"] and (shown(scattered)[150:] == "Spruce").all()
+
+
+def test_a_collection_of_the_same_footprints_takes_the_place_of_another_at_once(scattered):
+    size = scattered.classes[0].sizes[0]
+    size.variants[0].weight = 4.0
+    bpy.ops.esh.scatter()
+    others = collection_of("Others")
+    for name in ("Pink", "Violet", "Yellow"):
+        higher(name, 0.3, others)
+    size.source_collection = others
+    now = shown(scattered)[:150]
+    assert not scattered.outdated and set(now) == {"Pink", "Violet", "Yellow"}
+    bpy.ops.esh.scatter()
+    np.testing.assert_array_equal(shown(scattered)[:150], now, "their weights are even again")
+    # What another class places, too, would change there.
+    scattered.classes[1].sizes[0].source_collection = others
+    bpy.ops.esh.scatter()
+    size.source_collection = bpy.data.collections["Flowers"]
+    assert scattered.outdated and set(shown(scattered)) == {"Pink", "Violet", "Yellow"}
+
+
+def test_live_goes_on_with_what_was_chosen_at_once(scattered):
+    def follow():
+        deadline, still = time.monotonic() + 60, 0
+        while still < 3:
+            assert time.monotonic() < deadline, "it does not come to rest"
+            for one in live._followed.values():
+                one._looked = 0.0
+            live._tick()
+            still = 0 if any(one.busy for one in live._followed.values()) else still + 1
+            time.sleep(0.01)
+
+    bpy.ops.esh.scatter()
+    scattered.live = True
+    follow()
+    where = places(scattered)
+    scattered.classes[0].sizes[0].variants[2].weight = 0.0
+    now = shown(scattered)
+    follow()
+    assert places(scattered) == where and not scattered.outdated and "White" not in now
+    np.testing.assert_array_equal(shown(scattered), now)
+    numbers = dict(zip(kept_ground.read_attribute(scattered.result.data, "id").tolist(), now, strict=True))
+    scattered.classes[1].sizes[0].count = 155
+    follow()
+    after = zip(kept_ground.read_attribute(scattered.result.data, "id").tolist(), shown(scattered), strict=True)
+    assert all(numbers.get(number, name) == name for number, name in after)
+    assert len(scattered.result.data.vertices) == 305 and not scattered.outdated
+    # And with what is chosen while it is being solved.
+    scattered.classes[1].sizes[0].count = 160
+    for one in live._followed.values():
+        one._looked = 0.0
+    live._tick()
+    assert any(one.busy for one in live._followed.values())
+    scattered.classes[0].sizes[0].variants[0].weight = 0.0
+    follow()
+    assert set(shown(scattered)) == {"Red", "Ash", "Oak"} and not scattered.outdated
+    assert len(scattered.result.data.vertices) == 310
+    scattered.live = False
+    live.end(wait=True)
+
+
+def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered):
+    bpy.ops.esh.scatter()
+    result, count = scattered.result.data, 100_000
+    mesh = bpy.data.meshes.new("Many")
+    mesh.vertices.add(count)
+    own = np.arange(count) % 150
+    for attribute in result.attributes:
+        if attribute.name != "position":
+            mesh.attributes.new(attribute.name, attribute.data_type, "POINT")
+    for attribute in result.attributes:
+        kept_ground.write_attribute(mesh, attribute.name, kept_ground.read_attribute(result, attribute.name)[own])
+    kept_ground.write_attribute(mesh, "id", np.arange(count, dtype=np.int32))
+    for name, value in result.items():
+        mesh[name] = value
+    scattered.result.data = mesh
+    started = time.process_time()
+    scattered.classes[0].sizes[0].variants[1].weight = 2.0
+    assert time.process_time() - started < 0.1
+    assert (shown(scattered) == "Red").mean() == pytest.approx(0.5, abs=0.01) and not scattered.outdated
