@@ -121,8 +121,7 @@ class Field:
         self.node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._charge = launcher.array(charge, float)
-        self._charge_group = launcher.array(charge_group, wp.int32)
+        self._charge, self._charge_group = launcher.array(charge, float), launcher.array(charge_group, wp.int32)
         self._choose_cells()
         self._make_room()
         self._lay_images(images, interaction @ charge_of_image)
@@ -146,17 +145,20 @@ class Field:
             cutoff=self.cutoff,
             fewest_nodes=fewest_nodes or FEWEST_NODES,
         )
-        self.blur = self._correction.blur
-        self.fine_layout = self._correction.layout
+        self.blur, self.fine_layout = self._correction.blur, self._correction.layout
         self.core, self.core_end = blur.core(blur_over_spacing, uniform)
         if smooth:
             self.core = 0.0
-        own_sizes = whole_charge is not None
-        sizes = launcher.array(whole_charge, float) if whole_charge is not None else launcher.empty(1, float)
-        self._own_sizes = [int(own_sizes), sizes]
+        self._own_sizes = self._sizes_of(whole_charge)
         self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
         self._blurred = self._blurred_by(sharper)
         self._corrected = self._correction.for_kernels()
+
+    def _sizes_of(self, whole_charge: np.ndarray | None) -> list[int | wp.array]:
+        """Whether charges have faded, and what they were before."""
+        if whole_charge is None:
+            return [0, self.launcher.empty(1, float)]
+        return [1, self.launcher.array(whole_charge, float)]
 
     def _make_room(self) -> None:
         """Room for the charges in the order of their cells, and for what is on the mesh."""

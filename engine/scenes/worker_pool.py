@@ -105,19 +105,7 @@ class WorkerPool:
             thread.start()
         complete = False
         try:
-            left = len(threads)
-            while left:
-                try:
-                    # In short waits, so that Ctrl-C is noticed on every system.
-                    answer = answers.get(timeout=PATIENCE)
-                except queue.Empty:
-                    continue
-                if isinstance(answer, BaseException):
-                    raise answer
-                if answer is None:
-                    left -= 1
-                else:
-                    yield answer
+            yield from _delivered(answers, len(threads))
             complete = True
         finally:
             if not (complete and self._keep):
@@ -162,6 +150,22 @@ class WorkerPool:
                         self._users[process.place] -= 1
                 process = None
         return None, Failure(f"its process ended {ATTEMPTS} times{reason}", False)
+
+
+def _delivered(answers: queue.Queue[tuple[int, Any] | BaseException | None], count: int) -> Iterator[tuple[int, Any]]:
+    """Yield what so many threads deliver, each of which ends with None; raise what any of them raised."""
+    while count:
+        try:
+            # In short waits, so that Ctrl-C is noticed on every system.
+            answer = answers.get(timeout=PATIENCE)
+        except queue.Empty:
+            continue
+        if isinstance(answer, BaseException):
+            raise answer
+        if answer is None:
+            count -= 1
+        else:
+            yield answer
 
 
 class _Process:

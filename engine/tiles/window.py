@@ -225,13 +225,9 @@ def relax(
         model = model_of(plan, box, bodies, flags, plan.problem.seed)
         # Charges per area of a footprint, before anything fades.
         scale = model.charge_count / float(model.body.area.sum())
-        local = bodies.position - box.low
         whole_charge = model.charge.charge
         model.charge = replace(model.charge, charge=whole_charge * _fading(box, bodies, model, taper))
-        pose = np.zeros((len(bodies), 4))
-        pose[:, :2] = within(local, (0.0, 0.0), box.size) / model.unit
-        pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
-        pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
+        pose = _poses(box, bodies, model, ~pinned)
         present = np.unique(plan.groups.group_of(bodies.identity))
         targets = _targets(plan, box, model, present, demand, scale, taper)
         descent = Descent(model, launcher, pose=pose, targets=targets, whole_charge=whole_charge)
@@ -240,13 +236,7 @@ def relax(
         _give_bends(model, bodies, descent)
     try:
         with times.of("steps"):
-            for _ in range(steps):
-                descent.step.play()
-            residual = descent.direction.residual()
-        if math.isnan(residual):
-            raise ProblemError(
-                "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
-            )
+            _descend(descent, steps)
         state = descent.state
         with times.of("contact"):
             _call_back(descent, box, pose, ~pinned, margin)
@@ -260,6 +250,25 @@ def relax(
     finally:
         launcher.release(descent.step)
     return moved, length_factor
+
+
+def _descend(descent: Descent, steps: int) -> None:
+    """Take so many steps; raises ProblemError where they leave the range of float32."""
+    for _ in range(steps):
+        descent.step.play()
+    if math.isnan(descent.direction.residual()):
+        raise ProblemError(
+            "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart"
+        )
+
+
+def _poses(box: Box, bodies: PartBodies, model: Model, free: np.ndarray) -> np.ndarray:
+    """Where the bodies of a window are, as its solver has them; those that are ``free`` where there is something of their density."""
+    pose = np.zeros((len(bodies), 4))
+    position = within(bodies.position - box.low, (0.0, 0.0), box.size)
+    pose[:, :2] = _in_support(model, position, free) / model.unit
+    pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
+    return pose
 
 
 def _held(plan: Plan, identity: np.ndarray) -> np.ndarray:
