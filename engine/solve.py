@@ -19,7 +19,7 @@ from .problem.validation import check_count, show
 from .quality.measurement import measure
 from .solver.solver import Progress, Solver, is_stop
 
-__all__ = ["moved", "solve"]
+__all__ = ["moved", "solve", "solve_on"]
 
 # Seconds after which whoever watches is asked again while outlines are being parted.
 MOMENT = 0.1
@@ -53,13 +53,31 @@ def solve(
             called, or ``max_steps`` below 1.
         DeviceError: An unknown device, or CUDA asked for and absent.
     """
-    start_time = time.perf_counter()
     if not isinstance(problem, Problem):
         raise ProblemError(f"`problem` must be a Problem; got {show(problem)}")
     if progress is not None and not callable(progress):
         raise ProblemError(f"`progress` must be a function, or None; got {show(progress)}")
     max_steps = check_count(max_steps, "`max_steps`")
-    with Solver(problem, device=device, profile=profile) as solver:
+    with closing(Launcher(resolve_device(device), profile)) as launcher:
+        return solve_on(launcher, problem, max_steps, progress)
+
+
+def solve_on(
+    launcher: Launcher,
+    problem: Problem,
+    max_steps: int,
+    progress: Callable[[Progress], bool | None] | None = None,
+) -> Placement:
+    """Do what :func:`solve` does, on threads or a GPU that stay for the next problem, with what is kept there for it.
+
+    Args:
+        launcher: Where to run.
+        problem: See there.
+        max_steps: See there.
+        progress: See there.
+    """
+    start_time = time.perf_counter()
+    with Solver(problem, launcher=launcher) as solver:
         watched = _Watched(progress)
         solver.choose_start(max_steps, None if progress is None else watched.at_times)
         steps, converged = solver.run(max_steps, None if progress is None else watched)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import lru_cache
 
-from ..device.launcher import core_count, resolve_device
+from ..device.launcher import Launcher, core_count, gpu_environments, resolve_device
 from ..errors import EshError, ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
 from ..problem.validation import check_count, show
-from ..solve import solve
+from ..solve import solve, solve_on
+from .warm_pools import warm_pool
 from .worker import Failure
 from .worker_pool import WorkerPool
 
@@ -18,6 +20,8 @@ __all__ = ["make_pool", "solve_many"]
 
 # Fewer are solved sooner in this process than others are started.
 WORTH_PROCESSES = 8
+# Of a GPU's memory so much is given to processes: to each what CUDA takes, and what a charge of the largest problem takes [bytes].
+GPU_SHARE, GPU_PROCESS, GPU_CHARGE = 0.8, 0.8e9, 4000.0
 
 
 def solve_many(
@@ -30,8 +34,9 @@ def solve_many(
 ) -> list[Placement]:
     """Place the bodies of many problems: the same placements as of :func:`~esh.solve`, in less time.
 
-    On the CPU there is one process for each processor, which solves one problem after the other with one thread: threads that share a
-    small problem wait for each other, processes do not. On a GPU, whose threads are many, the problems are solved one after the other.
+    There is one process for each processor, which solves one problem after the other with one thread: threads that share a small
+    problem wait for each other, processes do not. On a GPU they share it, as many as it has the memory for, and several GPUs are all
+    used: most of a small problem's time is spent beside it. Processes stay for half a minute, so that the next call finds them warm.
 
     Args:
         problems: What to place where.
@@ -52,9 +57,9 @@ def solve_many(
         if not isinstance(problem, Problem):
             raise ProblemError(f"`problems[{number}]` must be a Problem; got {show(problem)}")
     max_steps = check_count(max_steps, "`max_steps`")
-    pool = make_pool(workers, device, len(problems))
     answers: dict[int, Placement] = {}
-    if pool is None:
+    many = _process_count(workers, device, problems)
+    if not many:
         for number, problem in enumerate(problems):
             try:
                 answers[number] = solve(problem, device=device, max_steps=max_steps)
@@ -63,14 +68,31 @@ def solve_many(
             if progress is not None:
                 progress(len(answers), len(problems))
         return list(answers.values())
-    for number, answer in pool.map(_solve, ((problem, device, max_steps) for problem in problems)):
-        if isinstance(answer, Failure):
-            pool.close()
-            raise ProblemError(f"problem {number}: {answer.text}")
-        answers[number] = replace(answer, problem=problems[number])
-        if progress is not None:
-            progress(len(answers), len(problems))
+    on_gpu = resolve_device(device).is_cuda
+    threads = 1 if on_gpu else max(1, core_count() // many)
+    with warm_pool(many, threads, gpu_environments(device) if on_gpu else ()) as (pool, is_warm):
+        calls = ((problem, device, max_steps) for problem in problems)
+        for number, answer in pool.map(_solve, calls, first_alone=not is_warm):
+            if isinstance(answer, Failure):
+                raise ProblemError(f"problem {number}: {answer.text}")
+            answers[number] = replace(answer, problem=problems[number])
+            if progress is not None:
+                progress(len(answers), len(problems))
     return [answers[number] for number in range(len(problems))]
+
+
+def _process_count(workers: int | None, device: str, problems: list[Problem]) -> int:
+    """Processes that problems are best solved with; 0 for this one alone. Arguments and errors as of :func:`make_pool`."""
+    pool = make_pool(workers, device, len(problems))
+    if pool is not None or workers is not None or not problems:
+        return 0 if pool is None else pool.workers
+    found = resolve_device(device)
+    if not found.is_cuda or len(problems) < WORTH_PROCESSES or not _can_start():
+        return 0
+    largest = max(problem.charge_count for problem in problems)
+    on_each = int(GPU_SHARE * found.total_memory / (GPU_PROCESS + GPU_CHARGE * largest))
+    many = min(core_count(), len(problems), max(1, len(gpu_environments(device))) * on_each)
+    return many if many > 1 else 0
 
 
 def make_pool(workers: int | None, device: str, count: int) -> WorkerPool | None:
@@ -96,7 +118,13 @@ def _can_start() -> bool:
     return not (__package__ or "").startswith("bl_ext.")
 
 
+@lru_cache(maxsize=1)
+def _launcher(device: str) -> Launcher:
+    """The threads, or the GPU, of a process that solves many."""
+    return Launcher(resolve_device(device))
+
+
 def _solve(problem: Problem, device: str, max_steps: int) -> Placement:
-    placement = solve(problem, device=device, max_steps=max_steps)
+    placement = solve_on(_launcher(device), problem, max_steps)
     # Whoever asked has the problem; its images need not travel back.
     return replace(placement, problem=None)  # type: ignore[arg-type]

@@ -118,6 +118,7 @@ class Solver:
         state: Where to go on from, of a solver of the same problem; by default bodies start on a Hilbert curve.
         profile: Gets the seconds that every phase takes.
         flags: :class:`~.body_flags.BodyFlags` of every body, shape ``[body_count]``; by default none is special.
+        launcher: Where to run, instead of ``device`` and ``profile``; it is left open.
 
     Attributes:
         model: The compiled problem.
@@ -142,8 +143,10 @@ class Solver:
         state: State | SurfaceState | None = None,
         profile: Profile | None = None,
         flags: np.ndarray | None = None,
+        launcher: Launcher | None = None,
     ) -> None:
-        self.launcher = Launcher(resolve_device(device), profile)
+        self.launcher = launcher or Launcher(resolve_device(device), profile)
+        self._is_shared = launcher is not None
         self._left_at: np.ndarray | None = None
         try:
             check_memory(problem)
@@ -586,8 +589,12 @@ class Solver:
         return placement
 
     def close(self) -> None:
-        """Give the threads back; nothing can be stepped after that."""
-        self.launcher.close()
+        """Give the threads back, unless they are somebody else's; nothing can be stepped after that."""
+        if not self._is_shared:
+            self.launcher.close()
+        elif hasattr(self, "descent"):
+            self.launcher.release(self.descent.step)
+            del self.descent
 
     def __enter__(self) -> Solver:
         return self

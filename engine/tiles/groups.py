@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..problem.fixed_bodies import FixedTable
 from ..problem.footprints import DrawnFootprints
 from ..problem.interaction import group_bodies
 from ..problem.prepared_class import PreparedClass
@@ -35,6 +36,8 @@ class TileGroups:
         matrix: Interaction factors, shape ``[g, g]``.
         sizes: The size that each belongs to.
         seed: The problem's.
+        fixed: Its fixed bodies; they are the last of their sizes.
+        fixed_identity: Their numbers, ascending.
     """
 
     class_index: np.ndarray
@@ -45,6 +48,8 @@ class TileGroups:
     matrix: np.ndarray
     sizes: tuple[Size, ...]
     seed: int
+    fixed: FixedTable
+    fixed_identity: np.ndarray
 
     @property
     def number(self) -> int:
@@ -55,6 +60,23 @@ class TileGroups:
     def count(self) -> np.ndarray:
         """Bodies of every group, int64, shape ``[g]``."""
         return np.diff(self.first)
+
+    @property
+    def free_count(self) -> np.ndarray:
+        """Bodies of every group that are not fixed, int64, shape ``[g]``: the first of each."""
+        return self.count - np.bincount(self.group_of(self.fixed_identity), minlength=self.number)
+
+    def is_fixed(self, identity: np.ndarray) -> np.ndarray:
+        """Which bodies of these numbers are fixed."""
+        if not len(self.fixed_identity):
+            return np.zeros(len(identity), bool)
+        place = np.minimum(np.searchsorted(self.fixed_identity, identity), len(self.fixed_identity) - 1)
+        return self.fixed_identity[place] == identity
+
+    def fixed_at(self, identity: np.ndarray) -> FixedTable:
+        """What is said of fixed bodies of these numbers."""
+        place = np.searchsorted(self.fixed_identity, identity)
+        return FixedTable(*(column[place] for column in self.fixed))
 
     @property
     def layer(self) -> np.ndarray:
@@ -76,25 +98,34 @@ class TileGroups:
         return np.searchsorted(self.first, identity, side="right") - 1
 
     def identities(self, group: int, begin: int, end: int) -> np.ndarray:
-        """Numbers of the bodies ``begin`` to ``end - 1`` of a group, int64, ascending.
+        """Numbers of the bodies ``begin`` to ``end - 1`` of those of a group that are not fixed, int64, ascending.
 
         Those of a range are taken in turns from all over its areas, so that every tile gets small and large ones.
         """
         turn = np.arange(begin, end, dtype=np.int64)
-        count = int(self.count[group])
+        count = int(self.free_count[group])
         if self.sizes[group].is_range:
             turn = np.sort(in_turns(turn, count))
         return self.first[group] + turn
 
     def areas(self, identity: np.ndarray) -> np.ndarray:
         """Area of bodies of these numbers [m²], float64."""
-        group = self.group_of(identity)
+        group, fixed = self.group_of(identity), self.is_fixed(identity)
         result = np.zeros(len(identity))
         for g in np.unique(group).tolist():
-            own = group == g
+            own = np.flatnonzero((group == g) & ~fixed)
             rank = identity[own] - self.first_of_size[g]
-            result[own] = _areas_of_size(self.sizes[g], rank, (self.seed, *self._class_and_size(g)))
+            size = self._with_free(g)
+            result[own] = _areas_of_size(size, rank, (self.seed, *self._class_and_size(g)))
+        if fixed.any():
+            result[fixed] = self.fixed.area[np.searchsorted(self.fixed_identity, identity[fixed])]
         return result
+
+    def _with_free(self, group: int) -> Size:
+        """The size of a group with so many bodies as are not fixed."""
+        size = self.sizes[group]
+        fixed = self.fixed.number_of(*self._class_and_size(group)) if len(self.fixed_identity) else 0
+        return size if not fixed else with_count(size, (size.count or 0) - fixed)
 
     def outlines(self, identity: np.ndarray) -> DrawnFootprints:
         """Outlines of bodies of these numbers; of those that have none the first, as large as it is and not turned."""
@@ -105,12 +136,21 @@ class TileGroups:
             size = self.sizes[g]
             if size.footprint is None:
                 continue
-            own = group == g
+            own = np.flatnonzero((group == g) & ~self.is_fixed(identity))
             rank = identity[own] - self.first_of_size[g]
             c, s = self._class_and_size(g)
             area = self.areas(identity[own]) if isinstance(size.area, tuple) else None
-            drawn = outlines_of_size(size, rank, (self.seed, 5, c, s), area)
+            drawn = outlines_of_size(self._with_free(g), rank, (self.seed, 5, c, s), area)
             variant[own], scale[own], turn[own] = drawn.variant, drawn.scale, drawn.turn
+            own = np.flatnonzero((group == g) & self.is_fixed(identity))
+            place = np.searchsorted(self.fixed_identity, identity[own])
+            variant[own] = np.minimum(self.fixed.variant[place], len(size.outlines) - 1)
+            turn[own] = 0.0 if size.kind.has_axis else self.fixed.angle[place]
+            # One whose scale is not said has its area, where that is the outline's.
+            by_area = np.ones(len(own))
+            if size.area is None or isinstance(size.area, tuple):
+                by_area = np.sqrt(self.fixed.area[place] / np.array([k.area for k in size.outlines])[variant[own]])
+            scale[own] = np.where(np.isnan(self.fixed.scale[place]), by_area, self.fixed.scale[place])
         return DrawnFootprints(variant, scale, turn)
 
     @property
@@ -150,7 +190,20 @@ def group_tiles(problem: Problem) -> TileGroups:
         groups.matrix,
         tuple(row[5] for row in rows),
         problem.seed,
+        problem.fixed,
+        _fixed_identities(problem),
     )
+
+
+def _fixed_identities(problem: Problem) -> np.ndarray:
+    """Numbers of fixed bodies, in the order of the problem's table: of every size they come last."""
+    result, total = [np.zeros(0, np.int64)], 0
+    for c, body_class in enumerate(problem.classes):
+        for s, size in enumerate(body_class.sizes):
+            total += size.count or 0
+            fixed = problem.fixed.number_of(c, s)
+            result.append(np.arange(total - fixed, total, dtype=np.int64))
+    return np.concatenate(result)
 
 
 def _sample(problem: Problem) -> Problem:
@@ -162,7 +215,9 @@ def _sample(problem: Problem) -> Problem:
             if size.footprint is not None:
                 size = _without_outlines(size, (problem.seed, number, index))
             if isinstance(size.distribution, np.ndarray):
-                sizes.append(replace(size, distribution=np.sort(size.distribution)))
+                # Of fixed ones no area is listed.
+                listed = with_count(size, len(size.distribution))
+                sizes.append(replace(listed, distribution=np.sort(size.distribution)))
                 continue
             few = with_count(size, min(size.count or 0, SAMPLE))
             sizes.append(few if not size.is_range else replace(few, distribution="linear"))

@@ -137,8 +137,6 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
     if problem.domain.boundary in ("periodic", "natural"):
         raise ProblemError(f'`domain.boundary` must be "open" or "mirror" for tiles; got "{problem.domain.boundary}"')
-    if len(problem.fixed.id):
-        raise ProblemError("`fixed` bodies are not supported in tiles; give them as `obstacle` discs instead")
     for c in problem.classes:
         if c.look_at is not None:
             raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
@@ -226,7 +224,13 @@ def _rare(groups: TileGroups, tiles: tuple[int, int]) -> tuple[int, ...]:
     most = min(RARE_PER_TILE * tiles[0] * tiles[1], MOST_RARE)
     if tiles == (1, 1):
         return ()
-    return tuple(g for g, count in enumerate(groups.count.tolist()) if count < most and not groups.sizes[g].is_range)
+    # Those that have fixed bodies find their places around them.
+    with_fixed = set(groups.group_of(groups.fixed_identity).tolist())
+    return tuple(
+        g
+        for g, count in enumerate(groups.count.tolist())
+        if count < most and not groups.sizes[g].is_range and g not in with_fixed
+    )
 
 
 def uncut(body_class: PreparedClass) -> PreparedClass:

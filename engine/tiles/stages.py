@@ -9,6 +9,7 @@ import numpy as np
 
 from .bodies import PartBodies, read_bodies, read_length_factor, write_part, written_atomically
 from .coarse import Patch, cell_sums, displacement
+from .demand import read_demand
 from .layout import Box
 from .part_times import PartTimes
 from .plan import Plan, TileRun, make_plan
@@ -16,12 +17,12 @@ from .tile_files import TILE_WRITERS, tile_name
 from .window import onto_densities, relax, start_bodies
 from .window_problem import density_of_class
 
-__all__ = ["COUNTS", "RARE", "TARGET", "TOTALS", "PartDone", "flow_folder", "make_part", "part_path", "stage_names"]
+__all__ = ["COUNTS", "DEMAND", "RARE", "TARGET", "PartDone", "flow_folder", "make_part", "part_path", "stage_names"]
 
 # Files of the work folder.
 COUNTS = "counts.npy"
 TARGET = "target.npy"
-TOTALS = "totals.npy"
+DEMAND = "demand.npz"
 RARE = "rare.npz"
 # Farthest that a body is warped, in spacings of all bodies.
 FARTHEST, FARTHEST_LATER = 0.9, 0.1
@@ -96,7 +97,8 @@ def _start(run: TileRun, plan: Plan, number: int, times: PartTimes) -> int:
         here = box.holds(stored["position"])
         rare, place = stored["identity"][here], stored["position"][here]
     with times.of("start"):
-        bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place))
+        demand = read_demand(run.work / DEMAND)
+        bodies = start_bodies(plan, box, np.concatenate(parts), number, run.device, (rare, place), demand)
     with times.of("parts"):
         _write(run, plan, 0, number, bodies, np.ones(plan.groups.layers))
     return len(bodies)
@@ -119,8 +121,8 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
         bodies = PartBodies.joined(parts)
     with times.of("warp"):
         bodies = _warped(run, plan, stage, this.warp, box, bodies)
-    totals = np.load(run.work / TOTALS)
-    bodies, factor = relax(plan, box, bodies, factor, totals, this.steps, this.part, run.device, times)
+    demand = read_demand(run.work / DEMAND)
+    bodies, factor = relax(plan, box, bodies, factor, demand, this.steps, this.part, run.device, times)
     last = place + 1 == len(plan.passes)
     if last:
         with times.of("tiles"):
@@ -175,7 +177,7 @@ def _warped(run: TileRun, plan: Plan, stage: str, what: str, box: Box, bodies: P
     # The last warp, a small fraction of a spacing, leaves all bodies in their tiles.
     last = stage == stage_names(len(plan.passes))[-1]
     target = box.confine(bodies.position + moved) if last else np.clip(bodies.position + moved, 0.0, plan.layout.size)
-    allowed = _may_be_at(plan, target, plan.groups.class_index[group], box)
+    allowed = _may_be_at(plan, target, plan.groups.class_index[group], box) & ~plan.groups.is_fixed(bodies.identity)
     return bodies.at(np.where(allowed[:, None], target, bodies.position))
 
 

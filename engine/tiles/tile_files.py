@@ -48,6 +48,8 @@ def _columns(plan: Plan, bodies: PartBodies) -> dict[str, np.ndarray]:
         columns["angle"] = _angles(plan, bodies, group)
     if plan.longest > 0.0:
         columns |= {"length": bodies.length, "width": _widths(plan, bodies, group, columns["area"])}
+    if len(groups.fixed_identity):
+        columns["fixed"] = groups.is_fixed(bodies.identity)
     if groups.outlined:
         drawn = groups.outlines(bodies.identity)
         columns |= {"variant": drawn.variant, "scale": drawn.scale}
@@ -130,7 +132,8 @@ def _write_parquet(file: BinaryIO, plan: Plan, bodies: PartBodies) -> None:
     table: dict[str, Any] = {"id": columns.pop("id"), "geometry": point}
     for key, values in columns.items():
         # As exact as anybody needs, and much smaller.
-        table[key] = values.astype(np.int16 if key.endswith("index") or key == "variant" else np.float32)
+        small = np.int16 if key.endswith("index") or key == "variant" else np.float32
+        table[key] = values if values.dtype == bool else values.astype(small)
     bends = _bends(plan, bodies)
     if bends is not None:
         # Of every point x, then y.

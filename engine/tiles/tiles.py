@@ -32,10 +32,11 @@ from ..scenes.worker import Failure, carry_out
 from ..scenes.worker_pool import WorkerPool
 from .bodies import read_patch, write_atomically
 from .coarse import SCALE, solve_flow
+from .demand import find_demand, integrals_of_tiles, read_demand, write_demand
 from .layout import hilbert_order
 from .part_times import PartTimes
 from .plan import Plan, TileRun, choose_tiles, make_plan, read_tiled_recipe
-from .stages import COUNTS, RARE, TARGET, TOTALS, flow_folder, make_part, part_path, stage_names
+from .stages import COUNTS, DEMAND, RARE, TARGET, flow_folder, make_part, part_path, stage_names
 from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
 from .window import spread_rare
 
@@ -375,7 +376,7 @@ def _collect_survey(run: TileRun, plan: Plan, tiles: int) -> None:
             )
     _save(run.work / "integral.npy", integral)
     _save(run.work / TARGET, target)
-    _save(run.work / TOTALS, totals)
+    write_demand(run.work / DEMAND, find_demand(plan.groups, plan.grid, target, totals))
 
 
 def _count_bodies(run: TileRun, plan: Plan) -> None:
@@ -383,19 +384,28 @@ def _count_bodies(run: TileRun, plan: Plan) -> None:
     integral = np.load(run.work / "integral.npy")
     order = hilbert_order(*plan.layout.tiles)
     result = np.zeros((2, plan.groups.number, integral.shape[1]), np.int64)
+    target = np.load(run.work / TARGET)
+    demand = find_demand(plan.groups, plan.grid, target, integral.sum(axis=1))
+    free_count = plan.groups.free_count
     for g, c in enumerate(plan.groups.class_index.tolist()):
-        share = np.cumsum(integral[c, order])
+        here = integral[c]
+        if g in demand.left:
+            # Cells reach beyond what a tile's density is.
+            here = np.where(here > 0.0, integrals_of_tiles(demand.left[g], plan.grid, plan.layout), 0.0)
+        share = np.cumsum(here[order])
+        if not free_count[g]:
+            continue
         share /= share[-1]
         if g in plan.rare:
             continue
         phase = (0.5 + GOLDEN * g) % 1.0
-        count = int(plan.groups.count[g])
+        count = int(free_count[g])
         # The curve ends with all of them, whatever rounding says.
         end = np.minimum(np.floor(count * share + phase).astype(np.int64), count)
         end[share >= share[-1]] = count
         result[0, g, order] = np.concatenate([[0], end[:-1]])
         result[1, g, order] = end
-    identity, position = spread_rare(plan, np.load(run.work / TARGET), run.device)
+    identity, position = spread_rare(plan, target, run.device)
     file = io.BytesIO()
     np.savez(file, identity=identity, position=position)
     write_atomically(run.work / RARE, file.getvalue())
@@ -409,6 +419,7 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
         return
     groups, grid = plan.groups, plan.grid
     target = np.load(run.work / TARGET, mmap_mode="r")
+    demand = read_demand(run.work / DEMAND)
     layer_of = groups.layer if what == "sizes" else np.zeros(groups.number, np.int64)
     there = np.zeros((groups.number, *grid.shape), np.int64)
     for number in range(parts):
@@ -421,7 +432,9 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
         weight = groups.mean_area / mean
         for g in own.tolist():
             density = np.array(target[groups.class_index[g]])
-            wanted += weight[g] * int(groups.count[g]) / density.sum() * density
+            wanted += weight[g] * int(groups.count[g]) * float(demand.level[g]) / density.sum() * density
+            if g in demand.excess:
+                wanted += weight[g] * demand.excess[g]
             count += (weight[g] / SCALE) * there[g]
         spacing = math.sqrt(math.prod(grid.size) / int(groups.count[own].sum()))
         blur = max(BLUR * spacing, BLUR_IN_CELLS * max(grid.cell))
@@ -460,7 +473,7 @@ def _write_index(run: TileRun, plan: Plan) -> None:
         )
     listed = {
         "bodies": plan.groups.body_count,
-        "counted": int(counts.sum()) + rare,
+        "counted": int(counts.sum()) + rare + len(plan.groups.fixed_identity),
         "size": list(plan.layout.size),
         "classes": [
             {"name": c.name, "sizes": [{"name": s.name, "count": s.count} for s in c.sizes]}

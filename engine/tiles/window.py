@@ -29,12 +29,13 @@ from ..solver.state import State
 from ..space.density import move_into_support
 from ..space.support import images_for_kernels
 from .bodies import PartBodies
+from .demand import Demand
 from .density_windows import into_pixels
 from .groups import in_turns
 from .layout import Box, within
 from .part_times import PartTimes
 from .plan import Plan
-from .window_problem import MARGIN, model_of, pixels_of
+from .window_problem import MARGIN, between_pixels, model_of, pixels_of
 
 __all__ = ["launcher_on", "onto_densities", "relax", "spread_rare", "start_bodies"]
 
@@ -99,7 +100,13 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
 
 
 def start_bodies(
-    plan: Plan, box: Box, identity: np.ndarray, tile: int, device: str, rare: tuple[np.ndarray, np.ndarray]
+    plan: Plan,
+    box: Box,
+    identity: np.ndarray,
+    tile: int,
+    device: str,
+    rare: tuple[np.ndarray, np.ndarray],
+    demand: Demand,
 ) -> PartBodies:
     """Put bodies of a tile where its density asks for them.
 
@@ -110,16 +117,18 @@ def start_bodies(
         tile: Number of the tile, from which what is random about it follows.
         device: Where to run.
         rare: Numbers and positions [m] of rare bodies, which are there already.
+        demand: What the whole domain asks of every group.
     """
+    fixed = _fixed_bodies(plan, plan.groups.fixed_identity[box.holds(plan.groups.fixed.position)])
     identity = np.concatenate([identity, rare[0]])
     order = np.argsort(identity, kind="stable")
     identity = identity[order]
     if not len(identity):
-        return PartBodies.none()
+        return fixed
     launcher = launcher_on(device, os.getpid())
     seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
     bodies = _resting(plan, identity)
-    model = model_of(plan, box, bodies, np.zeros(len(identity), np.int32), seed)
+    model = model_of(plan, box, bodies, np.zeros(len(identity), np.int32), seed, demand.vacancy)
     # The ways out of empty pixels take long to find; whoever would need one is brought to the next full pixel below.
     images = images_for_kernels(launcher, model.supports, model.size, to_support=False)
     images.to_support = launcher.zeros(int(images.pixel.shape[0]), wp.vec2)
@@ -135,7 +144,30 @@ def start_bodies(
         pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
     everybody = np.ones(len(identity), bool)
     position = _settled(plan, box, model, pose[:, :2] * model.unit, everybody)
-    return replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
+    started = replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
+    return PartBodies.joined([started, fixed])
+
+
+def _fixed_bodies(plan: Plan, identity: np.ndarray) -> PartBodies:
+    """Fixed bodies of these numbers, as they are given."""
+    if not len(identity):
+        return PartBodies.none()
+    groups = plan.groups
+    given = groups.fixed_at(identity)
+    angle, length = np.zeros(len(identity)), np.zeros(len(identity))
+    group = groups.group_of(identity)
+    for g in np.unique(group).tolist():
+        line = groups.sizes[g].line
+        if line is None:
+            continue
+        own = np.flatnonzero(group == g)
+        asked = np.atleast_2d(np.asarray(line.length, np.float64))
+        share = given.position[own] / plan.layout.size
+        row = np.clip(((1.0 - share[:, 1]) * asked.shape[0]).astype(int), 0, asked.shape[0] - 1)
+        column = np.clip((share[:, 0] * asked.shape[1]).astype(int), 0, asked.shape[1] - 1)
+        angle[own] = given.angle[own]
+        length[own] = np.where(np.isnan(given.length[own]), asked[row, column], given.length[own])
+    return replace(_resting(plan, identity), position=given.position, angle=angle, length=length)
 
 
 def _resting(plan: Plan, identity: np.ndarray) -> PartBodies:
@@ -156,7 +188,7 @@ def relax(
     box: Box,
     bodies: PartBodies,
     length_factor: np.ndarray,
-    totals: np.ndarray,
+    demand: Demand,
     steps: int,
     part: bool,
     device: str,
@@ -169,7 +201,7 @@ def relax(
         box: The window.
         bodies: Its bodies.
         length_factor: What made up for the pressure on lines before, of every size; no window has the steps to find it.
-        totals: Integral of every class's density over the whole domain, in m² times density, shape ``[classes]``.
+        demand: What the whole domain asks of every group.
         steps: Of the descent.
         part: Whether to part footprints at the end.
         device: Where to run.
@@ -184,6 +216,7 @@ def relax(
     flags = np.zeros(len(bodies), np.int32)
     margin, taper = _margins(plan, box, len(bodies))
     pinned = (box.depth(bodies.position) < margin + longest) | _held(plan, bodies.identity)
+    pinned |= plan.groups.is_fixed(bodies.identity)
     flags[pinned] = BodyFlags.PINNED
     if pinned.all():
         return bodies, length_factor
@@ -200,7 +233,7 @@ def relax(
         pose[:, 2], pose[:, 3] = bodies.angle, bodies.length / model.unit
         pose[:, :2] = _in_support(model, pose[:, :2] * model.unit, ~pinned) / model.unit
         present = np.unique(plan.groups.group_of(bodies.identity))
-        targets = _targets(plan, box, model, present, totals, scale, taper)
+        targets = _targets(plan, box, model, present, demand, scale, taper)
         descent = Descent(model, launcher, pose=pose, targets=targets, whole_charge=whole_charge)
         factors = _LengthFactors.of(plan, model, present)
         factors.give(length_factor, descent.state)
@@ -337,7 +370,7 @@ def onto_densities(plan: Plan, box: Box, bodies: PartBodies) -> PartBodies:
     class_index = plan.groups.class_index[plan.groups.group_of(bodies.identity)]
     width, height = plan.layout.size
     for c in np.unique(class_index).tolist():
-        own = np.flatnonzero(class_index == c)
+        own = np.flatnonzero((class_index == c) & ~plan.groups.is_fixed(bodies.identity))
         source = plan.sources[c]
         scale = np.array([source.shape[1] / width, source.shape[0] / height])
         before = np.stack([position[own, 0], height - position[own, 1]], axis=1) * scale
@@ -373,7 +406,7 @@ def _fading(box: Box, bodies: PartBodies, model: Model, taper: float) -> np.ndar
 
 
 def _targets(
-    plan: Plan, box: Box, model: Model, present: np.ndarray, totals: np.ndarray, scale: float, taper: float
+    plan: Plan, box: Box, model: Model, present: np.ndarray, demand: Demand, scale: float, taper: float
 ) -> list[FieldTarget]:
     """What attracts every group: its share of the whole problem's charge that belongs here, faded as the charges are."""
     names = [c.name for c in plan.problem.classes]
@@ -392,11 +425,28 @@ def _targets(
             pixel = box.size[0] * box.size[1] / dim.size
             faded[c] = image, dim, float(dim.sum(dtype=np.float64)) * pixel
         image, dim, held = faded[c]
-        whole = totals[names.index(model.problem.classes[c].name)]
+        whole = demand.totals[names.index(model.problem.classes[c].name)]
         share = held / whole if whole > 0.0 else 0.0
-        charge = scale * float(plan.groups.count[group]) * float(plan.groups.mean_area[group]) * share
-        result.append(FieldTarget(dim, charge, class_index=c, whole=image))
+        per_body = scale * float(plan.groups.mean_area[group])
+        charge = per_body * float(plan.groups.count[group]) * share * float(demand.level[group])
+        more: tuple[FieldTarget, ...] = ()
+        if group in demand.excess:
+            more = _excess_in(plan, box, demand.excess[group], per_body, taper)
+        result.append(FieldTarget(dim, charge, more, class_index=c, whole=image))
     return result
+
+
+def _excess_in(plan: Plan, box: Box, excess: np.ndarray, per_body: float, taper: float) -> tuple[FieldTarget, ...]:
+    """What attracts bodies because fixed ones are too many there, of a box; faded as charges are."""
+    rows, columns = (max(2, math.ceil(2.0 * side / min(plan.grid.cell))) for side in box.size[::-1])
+    image = between_pixels(excess[::-1, :, None], box, plan.problem.rectangle.size, (rows, columns))[..., 0]
+    x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
+    y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
+    dim = (image * box.fade(x[None, :], y[:, None], taper)).astype(np.float32)
+    # Of cells of the coarse grid in a pixel.
+    pixel = box.size[0] * box.size[1] / dim.size / math.prod(plan.grid.cell)
+    charge = per_body * float(dim.sum(dtype=np.float64)) * pixel
+    return (FieldTarget(dim, charge, whole=image.astype(np.float32)),) if charge > 0.0 else ()
 
 
 def _in_support(model: Model, local: np.ndarray, chosen: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -24,7 +25,7 @@ from .density_windows import sample_source
 from .layout import Box
 from .plan import Plan, uncut
 
-__all__ = ["MARGIN", "density_of_class", "model_of", "pixels_of"]
+__all__ = ["MARGIN", "between_pixels", "density_of_class", "model_of", "pixels_of"]
 
 # Pixels of a window's densities over the typical spacing.
 PIXELS_PER_SPACING = 4.0
@@ -47,8 +48,18 @@ def density_of_class(plan: Plan, class_index: int, box: Box) -> np.ndarray:
         return np.zeros((1, 1), np.float32)
 
 
-def model_of(plan: Plan, box: Box, bodies: PartBodies, flags: np.ndarray, seed: int) -> Model:
-    """The model of some bodies in a box; in order of their numbers they are in class, then size order."""
+def model_of(
+    plan: Plan,
+    box: Box,
+    bodies: PartBodies,
+    flags: np.ndarray,
+    seed: int,
+    vacancy: Mapping[int, np.ndarray] | None = None,
+) -> Model:
+    """The model of some bodies in a box; in order of their numbers they are in class, then size order.
+
+    Where ``vacancy`` says of a class's density how much is left in the cells of the coarse grid, only that is followed.
+    """
     tiles, identity = plan.groups, bodies.identity
     drawn = tiles.outlines(identity) if tiles.outlined else None
     group = tiles.group_of(identity)
@@ -66,9 +77,10 @@ def model_of(plan: Plan, box: Box, bodies: PartBodies, flags: np.ndarray, seed: 
         if sizes:
             # With the room and the gap that it keeps.
             uncut_class = uncut(body_class)
-            classes.append(
-                replace(uncut_class, sizes=tuple(sizes), density_image=_density(plan, c, box), asked=None, base=None)
-            )
+            image = _density(plan, c, box)
+            if vacancy is not None and c in vacancy:
+                image = _left_of(plan, box, image, vacancy[c])
+            classes.append(replace(uncut_class, sizes=tuple(sizes), density_image=image, asked=None, base=None))
     whole = plan.problem.rectangle
     domain = Domain(box.size, whole.boundary if at_edge else "open", inset=whole.inset and at_edge)
     obstacles = _obstacles_near(plan, box, classes[0].density_image.shape)
@@ -98,16 +110,29 @@ def model_of(plan: Plan, box: Box, bodies: PartBodies, flags: np.ndarray, seed: 
     raise AssertionError
 
 
+def _left_of(plan: Plan, box: Box, image: np.ndarray, vacancy: np.ndarray) -> np.ndarray:
+    """What of a density is left in a box, by the cells of the coarse grid, row 0 at the bottom."""
+    rows, columns = image.shape if image.size > 1 else pixels_of(plan, box)
+    share = between_pixels(vacancy[::-1, :, None], box, plan.problem.rectangle.size, (rows, columns))[..., 0]
+    left = (image * share).astype(np.float32)
+    return left if left.any() else image
+
+
 def _size_in(
     plan: Plan, box: Box, place: tuple[int, int], size: Size, area: np.ndarray, drawn: DrawnFootprints | None
 ) -> Size:
     """A size as it is in a box: as many bodies as have these areas [m²] and outlines, and its line's images cut."""
     line = None if size.line is None else _line_in(plan, box, place, size.line, size)
     outlines = None if drawn is None else _outlines_in(plan, box, size, drawn)
-    if isinstance(size.area, tuple):
-        low, high = size.area
-        listed = np.clip(area, low, high)
-        return replace(size, count=len(area), share=None, distribution=listed, line=line, footprint=outlines)
+    span = size.area if isinstance(size.area, tuple) else None
+    if isinstance(size.area, float) and not (area == size.area).all():
+        # Fixed bodies may have other areas than their size says.
+        span = (size.area, size.area)
+    if span is not None:
+        low, high = min(span[0], float(area.min())), max(span[1], float(area.max()))
+        return replace(
+            size, count=len(area), share=None, area=(low, high), distribution=area, line=line, footprint=outlines
+        )
     # Arrays of outlines that are given for all bodies do not fit so few: both change at once.
     return replace(size, count=len(area), share=None, line=line, footprint=outlines)
 
@@ -158,7 +183,7 @@ def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Siz
     if isinstance(length, np.ndarray):
         length = _part_of(length, box, shape)
     if place in plan.directions:
-        doubled = _between_pixels(plan.directions[place], box, plan.problem.rectangle.size, (shape[0], shape[1]))
+        doubled = between_pixels(plan.directions[place], box, plan.problem.rectangle.size, (shape[0], shape[1]))
         weight = np.hypot(doubled[..., 0], doubled[..., 1])
         angle = 0.5 * np.arctan2(doubled[..., 1], doubled[..., 0])
         vectors = np.minimum(weight, 1.0)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -166,7 +191,7 @@ def _line_in(plan: Plan, box: Box, place: tuple[int, int], line: Line, size: Siz
     return replace(line, length=length, direction=direction, width=width)
 
 
-def _between_pixels(image: np.ndarray, box: Box, size: tuple[float, float], shape: tuple[int, int]) -> np.ndarray:
+def between_pixels(image: np.ndarray, box: Box, size: tuple[float, float], shape: tuple[int, int]) -> np.ndarray:
     """An image over the domain at the middles of pixels of a box, linearly; shape ``[*shape, channels]``."""
     places = []
     for axis, (pixels, count) in enumerate(zip(image.shape[:2], shape, strict=True)):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 
 import pytest
 import warp as wp
 from esh.engine.device.launcher import gpu_environments
+from esh.engine.scenes import warm_pools
 from esh.engine.scenes.worker_pool import WorkerPool
 
 
@@ -58,3 +60,41 @@ def test_processes_on_several_gpus_see_one_each(monkeypatch):
     assert gpu_environments("cuda") == [{"CUDA_VISIBLE_DEVICES": "2"}, {"CUDA_VISIBLE_DEVICES": "GPU-ab"}]
     monkeypatch.setattr(wp, "get_cuda_devices", lambda: ["cuda:0"])
     assert gpu_environments("auto") == []
+
+
+def pids(pool: WorkerPool) -> set[int]:
+    look = "__import__('time').sleep(0.4) or __import__('os').getpid()"
+    return {answer for _, answer in pool.map(eval, [(look,)] * 2, first_alone=False)}
+
+
+def alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_processes_stay_for_the_next_use_and_go_after_a_while(monkeypatch):
+    monkeypatch.setattr(warm_pools, "PATIENCE", 1.0)
+    with warm_pools.warm_pool(2, 1) as (pool, is_warm):
+        assert not is_warm
+        first = pids(pool)
+    with warm_pools.warm_pool(2, 1) as (pool, is_warm):
+        assert is_warm and pids(pool) == first
+        # Whoever else wants some meanwhile gets others.
+        with warm_pools.warm_pool(2, 1) as (other, was_used):
+            assert not was_used and not pids(other) & first
+    deadline = time.time() + 10.0
+    while any(alive(process) for process in first) and time.time() < deadline:
+        time.sleep(0.1)
+    assert not any(alive(process) for process in first)
+
+
+def test_processes_of_a_use_that_failed_do_not_stay():
+    with pytest.raises(RuntimeError), warm_pools.warm_pool(2, 1) as (pool, _):
+        gone = pids(pool)
+        raise RuntimeError
+    with warm_pools.warm_pool(2, 1) as (pool, is_warm):
+        assert not is_warm and not pids(pool) & gone
+    warm_pools.close_warm_pools()

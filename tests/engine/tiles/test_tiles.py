@@ -297,7 +297,6 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
         (("size = [64.0, 48.0]", 'size = [64.0, 48.0]\nboundary = "periodic"'), "periodic"),
         (('name = "beech"', 'name = "beech"\nclustering = 0.5'), "`clustering`"),
         (('name = "beech"', 'name = "beech"\nlook_at = { point = [1.0, 2.0, 0.0] }'), "`look_at`"),
-        (('[[class]]\nname = "beech"', '[[fixed]]\nposition = [[1.0, 1.0]]\n[[class]]\nname = "beech"'), "`fixed`"),
     ],
 )
 def test_what_tiles_do_not_know_is_refused(recipe, tmp_path, change, message):
