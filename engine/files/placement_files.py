@@ -73,7 +73,7 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
         path: Ends in ``.npz`` (``position`` [m], shape ``[n, 2]``; ``class_index``, ``size_index``, ``angle`` [rad], ``length`` and
             ``width`` [m], ``area`` [m²], ``variant`` and ``scale`` of the outline, shape ``[n]``; ``class_name``, shape ``[k]``;
             ``bends`` [m], shape ``[n, charges, 2]``, where lines may bend; ``id``, ``fixed`` and ``size_name``, shape ``[n]``, where
-            bodies are fixed or were edited; on a surface ``position`` has three columns, and ``normal``, ``tangent``, ``mesh``,
+            bodies are fixed or were edited; on a surface these places have three columns, and ``normal``, ``tangent``, ``mesh``,
             ``triangle`` and ``barycentric`` are there; readable without pickle; equal placements give equal bytes), in ``.csv`` (one
             line per body, its columns named in the first; a name that a spreadsheet would take for a formula has a ``'`` in front),
             or in ``.usd``, ``.usdc``, ``.usda``, ``.glb``, ``.ply``, ``.parquet`` or ``.geojson`` (for other programs).

@@ -79,8 +79,6 @@ def check_known_in_rectangles(classes: Sequence[PreparedClass], obstacles: Seque
 def _check_line_on_surface(line: Line, where: str) -> None:
     if isinstance(line.length, np.ndarray):
         raise ProblemError(f"`line.length` of {where} must be one number on a surface; got an image")
-    if line.straightness is not None:
-        raise ProblemError(f"`line.straightness` of {where} must be None on a surface, where lines do not bend")
     if not (isinstance(line.direction, str) or callable(line.direction)):
         raise ProblemError(
             f'`line.direction` of {where} must be "density", "none", "slope" or a function of points on a surface; got '

@@ -33,7 +33,8 @@ class Placement:
         width: Thickness of a line body [m], a capsule around its axis, shape ``[n]``, float64; 0 for dots.
         report: What was reached; None before it is measured.
         bends: None where no line may bend. Otherwise the places of the charges along every body [m], shape
-            ``[n, charges, 2]``; NaN for bodies that do not bend, and beyond the charges of those that have fewer.
+            ``[n, charges, 2]``, on a surface ``[n, charges, 3]``; NaN for bodies that do not bend, and beyond the charges of those
+            that have fewer.
         id: Identity of every body, shape ``[n]``, int64: a body keeps it from one edit to the next, and a fixed one brings its own.
         fixed: Whether a body was fixed, shape ``[n]``, bool; of every size those come last.
         variant: Which of the outlines of its size every body has, shape ``[n]``, int32; 0 where there are none.

@@ -336,15 +336,12 @@ def depth_of_cores(
 
 
 @wp.func
-def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
-    """How far two outlines lie in each other: the shortest way that parts them; below 0 where they are apart.
-
-    Of bent lines it is that of the two pieces that lie deepest in each other.
-    """
+def depth_from_corners(i: int, j: int, first: int, d: wp.vec2d, shapes: Shapes):
+    """How far outline i and outline j, whose corners are taken from ``first`` on, lie in each other."""
     a = shapes.first_corner[i]
     a_end = shapes.first_corner[i + 1]
-    b = shapes.first_corner[j]
-    b_end = shapes.first_corner[j + 1]
+    b = first
+    b_end = first + shapes.first_corner[j + 1] - shapes.first_corner[j]
     r = shapes.rounding[i] + shapes.rounding[j]
     own = shapes.pieces[i]
     other = shapes.pieces[j]
@@ -357,10 +354,19 @@ def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
             a_end = a + 2
         for m in range(wp.max(other, 1)):
             if other > 0:
-                b = shapes.first_corner[j] + 2 * m
+                b = first + 2 * m
                 b_end = b + 2
             depth = wp.max(depth, depth_of_cores(shapes.corner, a, a_end, b, b_end, r, d))
     return depth
+
+
+@wp.func
+def depth_of_overlap(i: int, j: int, d: wp.vec2d, shapes: Shapes):
+    """How far two outlines lie in each other: the shortest way that parts them; below 0 where they are apart.
+
+    Of bent lines it is that of the two pieces that lie deepest in each other.
+    """
+    return depth_from_corners(i, j, shapes.first_corner[j], d, shapes)
 
 
 @wp.func

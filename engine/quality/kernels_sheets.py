@@ -6,7 +6,7 @@ import math
 
 import warp as wp
 
-from .kernels_overlaps import ONE, ZERO, Shapes, depth_of_cores
+from .kernels_overlaps import ONE, ZERO, Shapes, depth_from_corners
 
 wp.set_module_options({"enable_backward": False})
 
@@ -75,8 +75,7 @@ def depth_on_sheet(i: int, j: int, way: wp.vec3d, distance: wp.float64, sheets: 
         shapes.corner[to + k] = wp.vec4d(
             c * v[0] - s * v[1], s * v[0] + c * v[1], c * v[2] - s * v[3], s * v[2] + c * v[3]
         )
-    r = shapes.rounding[i] + shapes.rounding[j]
-    return depth_of_cores(shapes.corner, shapes.first_corner[i], shapes.first_corner[i + 1], to, to + count, r, at)
+    return depth_from_corners(i, j, to, at, shapes)
 
 
 @wp.func

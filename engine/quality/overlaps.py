@@ -186,7 +186,9 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     smooth = points.smooth_normal
     along = _turned_with(placement.tangent, placement.normal, smooth)
     device, footprints = launcher.device, footprints_of_placement(placement)
-    most_corners = max([2, *(len(outline.corners) for outline in footprints.shapes)])
+    bends = None if placement.bends is None else _laid_flat(placement.bends, placement.position, smooth, along)
+    pieces = 0 if bends is None else bends.shape[1] - 1
+    most_corners = max([2, 2 * pieces, *(len(outline.corners) for outline in footprints.shapes)])
     shapes = _laid_out(
         footprints,
         launcher.zeros(n, wp.vec2d),
@@ -195,27 +197,20 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
         placement.width,
         np.minimum(footprints.room, 1.0),
         None,
-        _bent_lines(footprints, np.zeros((n, 2)), None),
+        _bent_lines(footprints, np.zeros((n, 2)), bends),
         launcher,
         spare_corners=n * most_corners,
     )
     shapes.fixed = wp.array(placement.fixed.astype(np.int32), dtype=wp.int32, device=device)
     reach = shapes.reach.numpy()
     unit = float(reach.max())
-    middle = 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
+    place = placement.position - 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
     # Only cells are in units.
-    in_units = wp.array(((placement.position - middle) / unit).astype(np.float32), dtype=wp.vec3, device=device)
+    in_units = wp.array((place / unit).astype(np.float32), dtype=wp.vec3, device=device)
     grid = wp.HashGrid(HASHED_CELLS, HASHED_CELLS, HASHED_CELLS, device=device)
     grid.build(in_units, 2.0)
-    sheets = kernels_sheets.Sheets()
-    for name, values in (
-        ("position", placement.position - middle),
-        ("normal", smooth),
-        ("along", along),
-    ):
-        setattr(sheets, name, launcher.array(np.ascontiguousarray(values, np.float64), wp.vec3d))
+    sheets = _sheets(place, smooth, along, launcher)
     sheets.copies, sheets.most_corners = len(shapes.corner) - n * most_corners, most_corners
-    sheets.sheet = launcher.zeros(n, wp.int32)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
 
     def count_them() -> bool:
@@ -241,6 +236,15 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     return overlaps_from(found.numpy(), depth, (one, other), between)
 
 
+def _sheets(place: np.ndarray, normal: np.ndarray, along: np.ndarray, launcher: Launcher) -> kernels_sheets.Sheets:
+    """Bodies on a surface as kernels take them, all on one sheet of it."""
+    sheets = kernels_sheets.Sheets()
+    for name, values in (("position", place), ("normal", normal), ("along", along)):
+        setattr(sheets, name, launcher.array(np.ascontiguousarray(values, np.float64), wp.vec3d))
+    sheets.sheet = launcher.zeros(len(place), wp.int32)
+    return sheets
+
+
 def _turned_with(vector: np.ndarray, normal: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Vectors, turned as their normals must be turned the shortest way to become others, shape ``[n, 3]``."""
     axis = np.cross(normal, other)
@@ -248,6 +252,22 @@ def _turned_with(vector: np.ndarray, normal: np.ndarray, other: np.ndarray) -> n
     return (
         cosine * vector + np.cross(axis, vector) + axis * ((axis * vector).sum(axis=1, keepdims=True) / (1.0 + cosine))
     )
+
+
+def _laid_flat(bends: np.ndarray, position: np.ndarray, normal: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Points along lines that bend, in the planes that touch the surface at these: as far off as in a straight line.
+
+    Args:
+        bends: The points [m], shape ``[n, points, 3]``.
+        position: Where the lines are, shape ``[n, 3]``.
+        normal: Where the smooth surface looks to there.
+        along: x axes of the planes.
+    """
+    way = bends - position[:, None]
+    axes = np.stack([along, np.cross(normal, along)], axis=1)
+    flat = np.einsum("nkd,nad->nka", way, axes)
+    length, found = np.linalg.norm(way, axis=2), np.linalg.norm(flat, axis=2)
+    return flat * (length / np.where(found > 0.0, found, 1.0))[:, :, None]
 
 
 class _BentLines(NamedTuple):

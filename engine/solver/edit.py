@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from ..problem.image_filters import gaussian_blur
 from ..problem.problem import Problem
@@ -249,19 +250,24 @@ def _nearest(points: np.ndarray, position: np.ndarray, problem: Problem) -> np.n
 
 def carry_lines(old: Model, state: State, model: Model, new_state: State, carried: CarriedOver) -> None:
     """Bring what lines have beside their poses over to the state of another model: bends, and the factors of their lengths."""
+    carry_bends(old, state.bend, model, new_state.bend, carried.source)
+    if old.kinds and len(old.kinds) == len(model.kinds):
+        new_state.length_factor.assign(_length_factors(old, state.length_factor.numpy(), model))
+
+
+def carry_bends(old: Model, bent: wp.array, model: Model, bent_now: wp.array, source: np.ndarray) -> None:
+    """Bring the bends of lines over to those of another model; ``source`` is every body's number before, -1 for new ones."""
     if not old.kinds or not model.kinds:
         return
     count, count_before = np.diff(model.charge.first), np.diff(old.charge.first)
-    same = np.flatnonzero((carried.source >= 0) & (count == count_before[carried.source]) & ~model.fixed)
-    bend, bend_before = new_state.bend.numpy(), state.bend.numpy()
+    same = np.flatnonzero((source >= 0) & (count == count_before[source]) & ~model.fixed)
+    bend, bend_before = bent_now.numpy(), bent.numpy()
     for charges in np.unique(count[same]).tolist():
         rows = same[count[same] == charges]
         number = np.arange(charges)
-        before = old.charge.first[carried.source[rows]][:, None] + number
+        before = old.charge.first[source[rows]][:, None] + number
         bend[model.charge.first[rows][:, None] + number] = bend_before[before] * (old.unit / model.unit)
-    new_state.bend.assign(bend)
-    if len(old.kinds) == len(model.kinds):
-        new_state.length_factor.assign(_length_factors(old, state.length_factor.numpy(), model))
+    bent_now.assign(bend)
 
 
 def _length_factors(old: Model, factor: np.ndarray, model: Model) -> np.ndarray:

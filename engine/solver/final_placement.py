@@ -44,7 +44,7 @@ def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
         # As they were given, not as float32 holds them.
         position[model.fixed], angle[model.fixed] = fixed.position, fixed.angle
         length[model.fixed] = np.where(np.isnan(fixed.length), length[model.fixed], fixed.length)
-    bends = _bends(model, state, position)
+    bends = bends_of(model, _charge_positions(model, state, position)) if model.may_bend.any() else None
     has_ghosts = bool(body.flags.any()) and bool((body.flags & BodyFlags.GHOST).any())
     ghosts = (body.flags & BodyFlags.GHOST) != 0 if has_ghosts else body.flags
 
@@ -110,12 +110,20 @@ def position_in_meters(model: Model, state: State, launcher: Launcher) -> np.nda
     return position.numpy()
 
 
-def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | None:
-    """Positions of the charges on bodies that may bend; see :class:`Placement`."""
-    most = max((kind.line.charges for kind in model.kinds if kind.line.straightness is not None), default=0)
-    if most == 0:
-        return None
-    first, body = model.charge.first, model.charge.body
+def bends_of(model: Model, charges: np.ndarray) -> np.ndarray:
+    """Positions of the charges on bodies that may bend, of those of all bodies; see :class:`Placement`."""
+    most = max(kind.line.charges for kind in model.kinds if kind.line.straightness is not None)
+    body = model.charge.body
+    bends = np.full((model.body_count, most, charges.shape[1]), np.nan)
+    may_bend = model.may_bend[body]
+    order = np.arange(len(body)) - model.charge.first[body]
+    bends[body[may_bend], order[may_bend]] = charges[may_bend]
+    return bends
+
+
+def _charge_positions(model: Model, state: State, position: np.ndarray) -> np.ndarray:
+    """Where all charges are [m], of bodies at positions, shape ``[charge_count, 2]``."""
+    body = model.charge.body
     pose = state.pose.numpy()[body]
     along = 0.5 * pose[:, 3] * model.charge.axial.astype(np.float32)
     across = state.bend.numpy()
@@ -123,11 +131,7 @@ def _bends(model: Model, state: State, position: np.ndarray) -> np.ndarray | Non
     offset = np.stack(
         [along * np.cos(angle) - across * np.sin(angle), along * np.sin(angle) + across * np.cos(angle)], axis=1
     )
-    bends = np.full((len(position), most, 2), np.nan)
-    may_bend = model.may_bend[body]
-    order = np.arange(len(body)) - first[body]
-    bends[body[may_bend], order[may_bend]] = position[body[may_bend]] + offset[may_bend] * model.unit
-    return bends
+    return position[body] + offset * model.unit
 
 
 def _settled(model: Model, position: np.ndarray) -> np.ndarray:

@@ -34,6 +34,16 @@ def find_bends(
 
 
 @wp.func
+def share_of_gap(distance: float, own: float, other: float, lightness: float):
+    """How far a body may reach towards another one, if it would reach ``own`` and the other one ``other``."""
+    gap = wp.max(distance, 0.0)
+    if lightness == 0.0:
+        # The other one stays as it is.
+        return wp.max(gap - other, 0.0)
+    return gap * own / (own + other)
+
+
+@wp.func
 def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest: wp.array(dtype=float)):
     """What there was before, or less: what body j and its images leave to body i of the ground between the two."""
     outlines = crowd.outlines
@@ -48,12 +58,7 @@ def room_beside(before: float, i: int, at: wp.vec2, j: int, crowd: Crowd, widest
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within:
                 contact = touch(i, j, d, outlines, own + other, 0)
-                gap = wp.max(contact.distance, 0.0)
-                if outlines.lightness[j] == 0.0:
-                    # It stays as it is.
-                    room = wp.min(room, wp.max(gap - other, 0.0))
-                else:
-                    room = wp.min(room, gap * own / (own + other))
+                room = wp.min(room, share_of_gap(contact.distance, own, other, outlines.lightness[j]))
     return room
 
 

@@ -393,6 +393,24 @@ def weigh_stretch(kind: int, axis: Axis, fit: RigidMove, preferred_length: float
 
 
 @wp.func
+def bent_by(rest: float, bend: float, straightness: float, largest: float):
+    """How far a charge stands beside its line's axis next, which the forces want to move by ``rest`` from it."""
+    return wp.clamp((1.0 - straightness) * (bend + rest), -largest, largest)
+
+
+@wp.func
+def take_rigid_part(begin: int, end: int, charge: float, inertia: float, bodies: Bodies, bend: wp.array(dtype=float)):
+    """Take from bends whatever is a shift or a turn: it belongs to the pose. Charge and moment of inertia are the line's."""
+    mean = float(0.0)
+    slope = float(0.0)
+    for j in range(begin, end):
+        mean += bodies.charge[j] * bend[j] / charge
+        slope += bodies.charge[j] * bodies.axial[j] * bend[j] / inertia
+    for j in range(begin, end):
+        bend[j] = bend[j] - mean - slope * bodies.axial[j]
+
+
+@wp.func
 def bend_line(
     axis: Axis,
     fit: RigidMove,
@@ -409,15 +427,8 @@ def bend_line(
     largest = LARGEST_BEND * axis.length
     for j in range(axis.begin, axis.end):
         rest = wp.dot(pull_on(j, axis, charges, steps) - shift, axis.across) - spin * bodies.axial[j]
-        bend[j] = wp.clamp((1.0 - straightness) * (bend[j] + rest), -largest, largest)
-    # Whatever of the bends is a shift or a turn belongs to the pose.
-    mean = float(0.0)
-    slope = float(0.0)
-    for j in range(axis.begin, axis.end):
-        mean += bodies.charge[j] * bend[j] / fit.charge
-        slope += bodies.charge[j] * bodies.axial[j] * bend[j] / fit.inertia
-    for j in range(axis.begin, axis.end):
-        bend[j] = bend[j] - mean - slope * bodies.axial[j]
+        bend[j] = bent_by(rest, bend[j], straightness, largest)
+    take_rigid_part(axis.begin, axis.end, fit.charge, fit.inertia, bodies, bend)
 
 
 @wp.kernel

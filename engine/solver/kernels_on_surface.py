@@ -62,11 +62,15 @@ class Charges:
 
 @wp.struct
 class Poses:
-    """Where bodies are: facet, weights of its second and third corner, and half the axis of a line along the surface."""
+    """Where bodies are: facet, weights of its second and third corner, and half the axis of a line along the surface.
+
+    And how far every charge stands beside its line's axis.
+    """
 
     facet: wp.array(dtype=wp.int32)
     weight: wp.array(dtype=wp.vec2)
     axis: wp.array(dtype=wp.vec3)
+    bend: wp.array(dtype=float)
 
 
 @wp.struct

@@ -16,6 +16,7 @@ from ..surface.kernels_facets import (
     without_outward,
 )
 from .kernels_descent import (
+    LARGEST_BEND,
     LARGEST_TURN,
     LONGEST_LINE,
     PINNED,
@@ -25,7 +26,9 @@ from .kernels_descent import (
     WEIGHING_SHARE,
     Bodies,
     Lines,
+    bent_by,
     squared_residual,
+    take_rigid_part,
 )
 from .kernels_direction import LENGTHS, Sums, add, add_all
 from .kernels_on_surface import Charges, Ground, Motion, Poses, may_be, put_charge, remembered, shortened, walk
@@ -66,9 +69,17 @@ class RigidMove:
 
 
 @wp.func
-def place_along(facet: int, weight: wp.vec2, axis: wp.vec3, axial: float, facets: Facets):
-    """Where a charge is that lies at ``axial`` (-1..1) along the axis of a line."""
+def way_along(facet: int, axis: wp.vec3, axial: float, beside: float, facets: Facets):
+    """The way from a line's middle to a charge at ``axial`` (-1..1) along its axis and ``beside`` it."""
     way = axial * axis
+    if beside != 0.0:
+        way = way + beside * wp.normalize(wp.cross(facets.normal[facet], axis))
+    return way
+
+
+@wp.func
+def place_along(facet: int, weight: wp.vec2, way: wp.vec3, facets: Facets):
+    """Where a charge is that lies this way from the middle of a line."""
     if wp.length_sq(way) > 0.0:
         return step_along(facet, weight, way, facets)
     return spot_at(facet, weight, facets)
@@ -90,27 +101,33 @@ def over_the_end(spot: Spot, wanted: wp.vec3, facets: Facets):
 
 
 @wp.func
-def way_back(facet: int, weight: wp.vec2, axis: wp.vec3, i: int, bodies: Bodies, ground: Ground):
+def way_back(
+    facet: int, weight: wp.vec2, axis: wp.vec3, i: int, bodies: Bodies, bend: wp.array(dtype=float), ground: Ground
+):
     """By how much a line must move so that the farthest of its charges beyond the surface's end is on it."""
     middle = spot_at(facet, weight, ground.facets)
     farthest = wp.vec3(0.0, 0.0, 0.0)
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        spot = place_along(facet, weight, axis, bodies.axial[j], ground.facets)
-        back = over_the_end(spot, middle.position + bodies.axial[j] * axis, ground.facets)
+        way = way_along(facet, axis, bodies.axial[j], bend[j], ground.facets)
+        spot = place_along(facet, weight, way, ground.facets)
+        back = over_the_end(spot, middle.position + way, ground.facets)
         if wp.length_sq(back) > wp.length_sq(farthest):
             farthest = back
     return tangential(farthest, ground.facets.normal[facet])
 
 
 @wp.func
-def line_fits(facet: int, weight: wp.vec2, axis: wp.vec3, i: int, bodies: Bodies, ground: Ground):
+def line_fits(
+    facet: int, weight: wp.vec2, axis: wp.vec3, i: int, bodies: Bodies, bend: wp.array(dtype=float), ground: Ground
+):
     """Whether all charges of a line are where its class may be."""
     clear = float(0.0)
     if ground.ball_count > 0:
         clear = ground.clear[i]
     fits = bool(True)
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        spot = place_along(facet, weight, axis, bodies.axial[j], ground.facets)
+        way = way_along(facet, axis, bodies.axial[j], bend[j], ground.facets)
+        spot = place_along(facet, weight, way, ground.facets)
         if not may_be(spot, bodies.support[i], clear, ground):
             fits = False
     return fits
@@ -125,12 +142,13 @@ def place_lines(
     # outputs
     charges: Charges,
 ):
-    """Put the charges of lines along their axes."""
+    """Put the charges of lines along their axes, and beside them where they bend."""
     i = first + wp.tid()
     if bodies.kind[i] < 0:
         return
     for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
-        spot = place_along(poses.facet[i], poses.weight[i], poses.axis[i], bodies.axial[j], ground.facets)
+        way = way_along(poses.facet[i], poses.axis[i], bodies.axial[j], poses.bend[j], ground.facets)
+        spot = place_along(poses.facet[i], poses.weight[i], way, ground.facets)
         put_charge(j, spot.facet, spot.weight, ground, charges)
 
 
@@ -178,6 +196,24 @@ def fit_rigid_move(axis: Axis, charges: Charges, bodies: Bodies, ground: Ground)
         fit.tension += q * s * wp.dot(pull, axis.along)
     fit.shift = shortened(tangential(fit.shift / fit.charge, axis.normal), axis.limit)
     return fit
+
+
+@wp.func
+def bend_on_surface(
+    axis: Axis,
+    fit: RigidMove,
+    turn: float,
+    straightness: float,
+    charges: Charges,
+    bodies: Bodies,
+    ground: Ground,
+    bend: wp.array(dtype=float),
+):
+    """Bend a line by what its shift and its turn leave of the moves across the axis, as :func:`.bend_line` does in the plane."""
+    for j in range(axis.begin, axis.end):
+        rest = wp.dot(pull_on(j, axis, charges, ground) - fit.shift, axis.across) - turn * axis.half * bodies.axial[j]
+        bend[j] = bent_by(rest, bend[j], straightness, LARGEST_BEND * 2.0 * axis.half)
+    take_rigid_part(axis.begin, axis.end, fit.charge, fit.inertia, bodies, bend)
 
 
 @wp.func
@@ -254,6 +290,7 @@ def propose_lines(
     in_contact: int,
     # outputs
     motion: Motion,
+    bend: wp.array(dtype=float),
     sums: wp.array3d(dtype=wp.int64),
 ):
     """The shift, turn and stretch that forces and preferences ask for on every line, and what they changed by."""
@@ -265,6 +302,8 @@ def propose_lines(
     fit = fit_rigid_move(axis, charges, bodies, ground)
     turn = weigh_turn(kind, axis, fit, preferred[kind * ground.tile_count + axis.tile], lines)
     stretch = weigh_stretch(kind, axis, fit, lines)
+    if lines.straightness[kind] >= 0.0:
+        bend_on_surface(axis, fit, turn, lines.straightness[kind], charges, bodies, ground, bend)
     new = fit.shift / WEIGHING_SHARE
     new_turn = wp.vec2(turn, stretch) / WEIGHING_SHARE
     motion.change[i] = motion.move[i] - new
@@ -315,28 +354,30 @@ def shifted(i: int, lying: Lying, way: wp.vec3, bodies: Bodies, ground: Ground):
 
 
 @wp.func
-def fits(i: int, lying: Lying, bodies: Bodies, ground: Ground):
+def fits(i: int, lying: Lying, bodies: Bodies, bend: wp.array(dtype=float), ground: Ground):
     """Whether all charges of a line are where its class may be."""
-    return line_fits(lying.middle.facet, lying.middle.weight, lying.axis, i, bodies, ground)
+    return line_fits(lying.middle.facet, lying.middle.weight, lying.axis, i, bodies, bend, ground)
 
 
 @wp.func
-def allowed(i: int, old: Lying, turned: Lying, way: wp.vec3, bodies: Bodies, ground: Ground):
+def allowed(
+    i: int, old: Lying, turned: Lying, way: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), ground: Ground
+):
     """How line ``i`` lies after a turn and a shift: whole on the surface, and where its class may be."""
     new = shifted(i, turned, way, bodies, ground)
     # Where the surface ends, lines stay on it as a whole.
-    back = way_back(new.middle.facet, new.middle.weight, new.axis, i, bodies, ground)
+    back = way_back(new.middle.facet, new.middle.weight, new.axis, i, bodies, bend, ground)
     if wp.length_sq(back) > 0.0:
         new = shifted(i, new, back, bodies, ground)
-    if fits(i, new, bodies, ground):
+    if fits(i, new, bodies, bend, ground):
         return new
     # The shift alone, then the turn alone.
     normal = ground.facets.normal[old.middle.facet]
     new.axis = carried(old.axis, normal, ground.facets.normal[new.middle.facet])
     new.turned = wp.vec2(0.0, 0.0)
-    if fits(i, new, bodies, ground):
+    if fits(i, new, bodies, bend, ground):
         return new
-    if fits(i, turned, bodies, ground):
+    if fits(i, turned, bodies, bend, ground):
         return turned
     return old
 
@@ -364,7 +405,12 @@ def move_lines(
     d = direction[0] * motion.move[i] + direction[1] * motion.displacement[i] + direction[2] * motion.change[i]
     way = shortened(d, ground.step_limit[home])
     turned = wanted_lying(i, kind, direction, old, lines, ground, motion)
-    new = allowed(i, old, turned, way, bodies, ground)
+    new = allowed(i, old, turned, way, bodies, poses.bend, ground)
+    if lines.straightness[kind] >= 0.0:
+        if not fits(i, new, bodies, poses.bend, ground):
+            # The old pose with a new bend.
+            for j in range(bodies.first_charge[i], bodies.first_charge[i + 1]):
+                poses.bend[j] = 0.0
 
     normal = ground.facets.normal[old.middle.facet]
     new_normal = ground.facets.normal[new.middle.facet]

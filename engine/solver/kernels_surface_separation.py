@@ -348,7 +348,7 @@ def asked_by_neighbors(i: int, lightness: float, ease: float, pairs: Pairs, turn
 
 
 @wp.func
-def moved_on_surface(i: int, move: wp.vec3, bodies: Bodies, crowd: SurfaceCrowd):
+def moved_on_surface(i: int, move: wp.vec3, bodies: Bodies, bend: wp.array(dtype=float), crowd: SurfaceCrowd):
     """How body i lies in the plane of a facet after a move along its x axis, across it, and a turn: no farther than it may."""
     body = crowd.outlines.body[i]
     ground = crowd.ground
@@ -375,7 +375,7 @@ def moved_on_surface(i: int, move: wp.vec3, bodies: Bodies, crowd: SurfaceCrowd)
         turned.middle = old.middle
         turned.axis = half * after
         turned.turned = wp.vec2(move[2], 0.0)
-        new = allowed(body, old, turned, way, bodies, ground)
+        new = allowed(body, old, turned, way, bodies, bend, ground)
     # Turning into another plane keeps lengths but for rounding.
     new.axis = wp.normalize(tangential(new.axis, ground.facets.normal[new.middle.facet]))
     return new
@@ -388,6 +388,7 @@ def move_apart_on_surface(
     pairs: Pairs,
     turned: wp.array(dtype=wp.vec2),
     bodies: Bodies,
+    bend: wp.array(dtype=float),
     settings: wp.array(dtype=float),
     # outputs
     crowd: SurfaceCrowd,
@@ -411,7 +412,7 @@ def move_apart_on_surface(
         back = in_plane(moves.home[i] - position, along, wp.cross(normal, along))
         move = wp.vec3(move[0] + pull * back[0], move[1] + pull * back[1], move[2])
     move = limited(move, outlines.reach[i])
-    new = moved_on_surface(i, move, bodies, crowd)
+    new = moved_on_surface(i, move, bodies, bend, crowd)
     new_normal = smooth_normal(new.middle.facet, new.middle.weight, facets)
     new_along = carried(new.axis, facets.normal[new.middle.facet], new_normal)
     # What it has turned, beside what the surface has turned it.

@@ -563,7 +563,8 @@ class Solver:
         """
         self._cut()
         if isinstance(self.descent, SurfaceDescent):
-            placement = placement_on_surface(self.model, self.descent.facets, self.descent.state)
+            charges = self.descent.charge_positions() if self.model.may_bend.any() else None
+            placement = placement_on_surface(self.model, self.descent.facets, self.descent.state, charges)
         else:
             placement = placement_of(self.model, self.descent.state, self.launcher)
         # One that is not makes their sum so, too.

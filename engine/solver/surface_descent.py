@@ -25,6 +25,7 @@ from . import kernels_on_surface, kernels_surface_lines
 from .contact import keeps_apart
 from .descent import SMALLEST_DENSITY, STEP_LIMIT, bodies_for_kernels
 from .direction import Direction
+from .edit import carry_bends
 from .initial_placement import body_starts
 from .model import Model
 from .surface_contact import SurfaceContact
@@ -157,6 +158,11 @@ class SurfaceDescent:
         parting = SurfaceSeparation(self.model, self.launcher, self.bodies, self.ground, self.facets, self.state)
         return parting.run(go_on, again=again)
 
+    def charge_positions(self) -> np.ndarray:
+        """Where all charges are [m], shape ``[charge_count, 3]``."""
+        self.place_charges()
+        return self.charges.points.position.numpy().astype(np.float64) * self.model.unit + self.facets.middle
+
     def place_charges(self) -> None:
         """Put the charges of all bodies where these are."""
         n = self.model.body_count
@@ -188,7 +194,7 @@ class SurfaceDescent:
                 kernels_surface_lines.propose_lines,
                 n,
                 [self._poses, self.charges, self.bodies, rules.lines, rules.preferred, self.ground, in_contact],
-                [self._motion, self.direction.sums],
+                [self._motion, self.state.bend, self.direction.sums],
                 per_thread=True,
             )
 
@@ -283,7 +289,8 @@ class SurfaceDescent:
         self._put(np.arange(len(source)), spots)
         came = np.flatnonzero((source >= 0) & (self.model.body.kind >= 0))
         if len(came):
-            self._lay(came, before.axis.numpy()[source[came]])
+            self._lay(came, before.axis.numpy()[source[came]] * (old.unit / self.model.unit))
+        carry_bends(old, before.bend, self.model, self.state.bend, source)
         outlined = np.flatnonzero((source >= 0) & self.model.footprints.is_outline & ~self.model.fixed)
         outlined = outlined[old.footprints.is_outline[source[outlined]]]
         if len(outlined):
@@ -357,6 +364,7 @@ class SurfaceDescent:
             displacement=launcher.zeros(n, wp.vec3),
             move=launcher.zeros(n, wp.vec3),
             axis=wp.array(axis.astype(np.float32), dtype=wp.vec3, device=device),
+            bend=launcher.zeros(model.charge_count, float),
             heading=launcher.array(model.footprints.turn.astype(np.float32), float),
             turned=launcher.zeros(n, wp.vec2),
             turn=launcher.zeros(n, wp.vec2),

@@ -55,7 +55,7 @@ class SurfaceLineRules:
         lines.turn_by_preference = numbers_of([line.turn_weights[1] for line in rules])
         lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
         lines.stretch_by_preference = numbers_of([line.stretch_weights[1] for line in rules])
-        lines.straightness = numbers_of([-1.0] * len(rules))
+        lines.straightness = numbers_of([-1.0 if line.straightness is None else line.straightness for line in rules])
         lines.length_factor = numbers_of([1.0] * len(rules))
         lines.length = numbers_of([line.longest / model.unit for line in rules])
         lines.length_start = wp.array(whole, dtype=wp.int32, device=device)

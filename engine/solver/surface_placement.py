@@ -9,7 +9,7 @@ from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
-from .final_placement import angle_within, looks_at_point
+from .final_placement import angle_within, bends_of, looks_at_point
 from .model import Model
 from .surface_line_rules import tangent_frame
 from .surface_state import SurfaceState
@@ -43,8 +43,11 @@ def facing_headings(model: Model, points: PointsOnSurface) -> np.ndarray:
     return angle
 
 
-def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> Placement:
-    """The bodies of a state, less the ghosts; the report is still to be measured."""
+def placement_on_surface(model: Model, facets: Facets, state: SurfaceState, charges: np.ndarray | None) -> Placement:
+    """The bodies of a state, less the ghosts; the report is still to be measured.
+
+    ``charges`` is where all charges are [m], shape ``[charge_count, 3]``, if lines may bend.
+    """
     points = points_of(facets, state)
     body = model.body
     shown = (body.flags & BodyFlags.GHOST) == 0
@@ -79,6 +82,7 @@ def placement_on_surface(model: Model, facets: Facets, state: SurfaceState) -> P
         angle[shown],
         length[shown],
         width[shown],
+        bends=None if charges is None else bends_of(model, charges)[shown],
         id=body.identity[shown].astype(np.int64),
         fixed=model.fixed[shown],
         variant=model.footprints.variant[shown],

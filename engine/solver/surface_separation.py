@@ -12,9 +12,11 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from ..surface.facets import Facets
 from . import (
+    kernels_bends,
     kernels_descent,
     kernels_on_surface,
     kernels_outlines,
+    kernels_surface_bends,
     kernels_surface_contact,
     kernels_surface_separation,
 )
@@ -163,7 +165,7 @@ class SurfaceSeparation(Separation):
         self.launcher.launch(
             kernels_surface_separation.move_apart_on_surface,
             self._count,
-            [self._pairs, self._other_turned, self._bodies, self._settings],
+            [self._pairs, self._other_turned, self._bodies, self._state.bend, self._settings],
             [self._crowd, self._moves],
             grain=GRAIN_OF_NEIGHBORS,
             per_thread=True,
@@ -265,6 +267,23 @@ class SurfaceSeparation(Separation):
         state.weight.assign(weight)
         state.axis.assign(axis)
         state.heading.assign(heading)
+        if self._model.may_bend.any():
+            self._straighten()
+
+    def _straighten(self) -> None:
+        """Let lines bend no farther than there is room: they were parted as if they were straight."""
+        n, bend = self._count, self._state.bend
+        widest, room = self.launcher.zeros(n, float), self.launcher.zeros(n, float)
+        self.launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, bend], [widest])
+        self._sort()
+        self.launcher.launch(
+            kernels_surface_bends.find_room_on_surface,
+            n,
+            [self._crowd, widest, float(widest.numpy().max())],
+            [room],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        self.launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [bend])
 
 
 def _carried(vector: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ class SurfaceState(StateArrays):
         displacement: What the last step changed of the positions, ``wp.vec3``.
         move: What the forces asked for in the last step, ``wp.vec3``.
         axis: Half the axis of every body along the surface, ``wp.vec3``; 0 for a dot.
+        bend: How far every charge stands beside its body's axis, float, shape ``[charge_count]``.
         heading: How every outline is turned [rad], float: from the direction along the surface that is nearest to x (to y where it
             looks along x), of a line from its axis.
         turned: What the last step changed of angle and length, ``wp.vec2``.
@@ -37,6 +38,7 @@ class SurfaceState(StateArrays):
     displacement: wp.array
     move: wp.array
     axis: wp.array
+    bend: wp.array
     heading: wp.array
     turned: wp.array
     turn: wp.array
@@ -49,6 +51,7 @@ class SurfaceState(StateArrays):
         "displacement": wp.vec3,
         "move": wp.vec3,
         "axis": wp.vec3,
+        "bend": float,
         "heading": float,
         "turned": wp.vec2,
         "turn": wp.vec2,
@@ -59,6 +62,7 @@ class SurfaceState(StateArrays):
         """Where the bodies are, as kernels take it."""
         poses = kernels_on_surface.Poses()
         poses.facet, poses.weight, poses.axis = self.facet, self.weight, self.axis
+        poses.bend = self.bend
         return poses
 
     def motion(self, change: wp.array, turn_change: wp.array) -> kernels_on_surface.Motion:

@@ -32,10 +32,12 @@ class CoarseGrid:
     Attributes:
         size: Extent of the domain along x and y [m].
         shape: Rows and columns, 2 of either at least.
+        periodic: Whether the domain wraps.
     """
 
     size: tuple[float, float]
     shape: tuple[int, int]
+    periodic: bool = False
 
     @property
     def cell(self) -> tuple[float, float]:
@@ -61,7 +63,9 @@ class CoarseGrid:
         # What lies beyond an edge of the domain is mirrored, as cosines are.
         around = [corner[:, axis] + np.arange(-1, 3)[:, None] for axis in (0, 1)]
         places = [
-            np.where(place < 0, -1 - place, np.where(place < cells, place, 2 * cells - 1 - place))
+            place % cells
+            if self.periodic
+            else np.where(place < 0, -1 - place, np.where(place < cells, place, 2 * cells - 1 - place))
             for place, cells in zip(around, self.shape[::-1], strict=True)
         ]
         low = [int(place.min()) for place in places]
@@ -147,6 +151,8 @@ def solve_flow(
         Flow along x through the edges between columns, shape ``[rows, columns + 1]``, and along y through those between rows, shape
         ``[rows + 1, columns]``; and the density that it flows in, shape ``[rows, columns]``; all per m², float32.
     """
+    if grid.periodic:
+        return _periodic_flow(grid, count, target, blur)
     (rows, columns), (width, height) = grid.shape, grid.cell
     along_x = 2.0 * np.sin(0.5 * np.pi * np.arange(columns) / columns) / width
     along_y = 2.0 * np.sin(0.5 * np.pi * np.arange(rows) / rows) / height
@@ -169,6 +175,27 @@ def solve_flow(
     return flow_x, flow_y, np.maximum(density, LEAST_DENSITY * density.mean()).astype(np.float32)
 
 
+def _periodic_flow(grid: CoarseGrid, count: np.ndarray, target: np.ndarray, blur: float) -> tuple[np.ndarray, ...]:
+    """What :func:`solve_flow` returns, in a domain that wraps: flows through its edges are those that come in on the other side."""
+    (rows, columns), (width, height) = grid.shape, grid.cell
+    turn_x, turn_y = np.arange(columns // 2 + 1) / columns, np.fft.fftfreq(rows)
+    along_x, along_y = 2.0 * np.sin(np.pi * turn_x) / width, 2.0 * np.sin(np.pi * turn_y) / height
+    squared = along_x[None, :] ** 2 + along_y[:, None] ** 2
+    squared[0, 0] = 1.0
+    factor = np.exp(-0.5 * blur**2 * squared) / squared
+    factor[0, 0] = 0.0
+    area = width * height
+    of_cells = np.sinc(turn_x)[None, :] * np.sinc(turn_y)[:, None]
+    difference = np.fft.rfft2(count) / of_cells**4 - np.fft.rfft2(target) / of_cells
+    potential = np.fft.irfft2(difference * (-factor / area), grid.shape)
+    flow_x = np.diff(np.concatenate([potential[:, -1:], potential, potential[:, :1]], axis=1), axis=1) / width
+    flow_y = np.diff(np.concatenate([potential[-1:], potential, potential[:1]], axis=0), axis=0) / height
+    pad = min(4, rows, columns)
+    density = gaussian_blur(np.pad(target, pad, mode="wrap"), 1.0)[pad:-pad, pad:-pad] / area
+    density = np.maximum(density, LEAST_DENSITY * density.mean())
+    return flow_x.astype(np.float32), flow_y.astype(np.float32), density.astype(np.float32)
+
+
 def displacement(folder: Path, grid: CoarseGrid, position: np.ndarray, most: float) -> np.ndarray:
     """How far a flow moves bodies [m], shape ``[n, 2]``.
 
@@ -178,24 +205,29 @@ def displacement(folder: Path, grid: CoarseGrid, position: np.ndarray, most: flo
         position: Of the bodies [m], shape ``[n, 2]``.
         most: No body is moved farther [m].
     """
-    scaled = position / grid.cell
+    x, y = (position / grid.cell).T
+    # Of what lies in the middles of cells, those on the other side of a domain that wraps are next to those at its edge.
+    wraps = grid.periodic
     flow = np.stack(
         [
-            _between(np.load(folder / "x.npy", mmap_mode="r"), scaled[:, 0], scaled[:, 1] - 0.5),
-            _between(np.load(folder / "y.npy", mmap_mode="r"), scaled[:, 0] - 0.5, scaled[:, 1]),
+            _between(np.load(folder / "x.npy", mmap_mode="r"), x, y - 0.5, (False, wraps)),
+            _between(np.load(folder / "y.npy", mmap_mode="r"), x - 0.5, y, (wraps, False)),
         ],
         axis=1,
     )
-    density = _between(np.load(folder / "density.npy", mmap_mode="r"), scaled[:, 0] - 0.5, scaled[:, 1] - 0.5)
+    density = _between(np.load(folder / "density.npy", mmap_mode="r"), x - 0.5, y - 0.5, (wraps, wraps))
     moved = flow / density[:, None]
     far = np.hypot(moved[:, 0], moved[:, 1])
     longest = np.minimum(LIMIT / np.sqrt(density), most)
     return moved * np.minimum(1.0, longest / np.maximum(far, 1e-300))[:, None]
 
 
-def _between(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Values of a grid between its points, linearly; beyond them those at its edges."""
+def _between(values: np.ndarray, x: np.ndarray, y: np.ndarray, wraps: tuple[bool, bool]) -> np.ndarray:
+    """Values of a grid between its points, linearly; beyond them those at its edges, or along axes that wrap on its other side."""
     rows, columns = values.shape
+    if any(wraps):
+        padded = np.pad(values, [(int(wraps[1]), int(wraps[1])), (int(wraps[0]), int(wraps[0]))], mode="wrap")
+        return _between(padded, x + wraps[0], y + wraps[1], (False, False))
     x, y = np.clip(x, 0.0, columns - 1.0), np.clip(y, 0.0, rows - 1.0)
     left, low = np.minimum(x.astype(np.int64), columns - 1), np.minimum(y.astype(np.int64), rows - 1)
     right, high = np.minimum(left + 1, columns - 1), np.minimum(low + 1, rows - 1)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["ArraySource", "Axis", "Source", "into_pixels", "sample_source", "units_along"]
+__all__ = ["ArraySource", "Axis", "Source", "WrappedSource", "into_pixels", "sample_source", "units_along"]
 
 # Cuts between tiles lie between pixels of the finest density, which is divided until a tile has so many.
 FEWEST_UNITS = 16
@@ -43,6 +43,38 @@ class ArraySource:
     def read(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
         """Values of rows and columns, float32."""
         return self.image[top:bottom, left:right]
+
+
+@dataclass(frozen=True, eq=False)
+class WrappedSource:
+    """An image that repeats itself: rows and columns beyond its ends are those of its other side."""
+
+    source: Source
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the image itself."""
+        return self.source.shape
+
+    def read(self, top: int, bottom: int, left: int, right: int) -> np.ndarray:
+        """Values of rows and columns, float32, wherever they are."""
+        rows, columns = self.source.shape
+        strips = [
+            np.concatenate([self.source.read(a, b, c, d) for c, d in _wrapped(left, right, columns)], axis=1)
+            for a, b in _wrapped(top, bottom, rows)
+        ]
+        return np.concatenate(strips, axis=0)
+
+
+def _wrapped(begin: int, end: int, count: int) -> list[tuple[int, int]]:
+    """The parts of a repeated axis of ``count`` pixels that make up ``begin`` to ``end - 1``."""
+    result = []
+    while begin < end:
+        first = begin % count
+        last = min(count, first + end - begin)
+        result.append((first, last))
+        begin += last - first
+    return result
 
 
 @dataclass(frozen=True)
@@ -97,7 +129,10 @@ def into_pixels(source: Source, down: Axis, across: Axis, wanted: tuple[int, int
     if rows.edge is None and columns.edge is None:
         return place
     result = place.copy()
-    at = np.minimum(place.astype(np.int64), [source.shape[1] - 1, source.shape[0] - 1])
+    wraps = isinstance(source, WrappedSource)
+    at = np.floor(place).astype(np.int64)
+    if not wraps:
+        at = np.minimum(at, [source.shape[1] - 1, source.shape[0] - 1])
     reach = np.ceil([2.0 * columns.per_result, 2.0 * rows.per_result]).astype(np.int64)
     step = max(1, PIXELS_AT_ONCE // max(columns.last - columns.first, 1))
     for top in range(rows.first, rows.last, step):
@@ -109,8 +144,9 @@ def into_pixels(source: Source, down: Axis, across: Axis, wanted: tuple[int, int
         own = own[inside]
         empty = own[values[at[own, 1] - top, at[own, 0] - columns.first] <= 0.0]
         for body in empty.tolist():
-            low = np.maximum(at[body] - reach, 0)
-            high = np.minimum(at[body] + reach + 1, source.shape[::-1])
+            low, high = at[body] - reach, at[body] + reach + 1
+            if not wraps:
+                low, high = np.maximum(low, 0), np.minimum(high, source.shape[::-1])
             near = np.argwhere(source.read(low[1], high[1], low[0], high[0]) > 0.0)[:, ::-1] + low
             if len(near):
                 within = np.clip(place[body], near + 1e-3, near + (1.0 - 1e-3))

@@ -23,6 +23,7 @@ class Box:
         low: Lower left corner [m].
         high: Upper right corner [m].
         cut: Whether the left, right, lower and upper sides are cuts, rather than edges of the domain.
+        period: Extent of a periodic domain [m], beyond whose upper right edges a part may reach; None of one that ends.
     """
 
     across: Axis
@@ -30,6 +31,14 @@ class Box:
     low: tuple[float, float]
     high: tuple[float, float]
     cut: tuple[bool, bool, bool, bool]
+    period: tuple[float, float] | None = None
+
+    def framed(self, position: np.ndarray) -> np.ndarray:
+        """Positions in a periodic domain [m], shape ``[n, 2]``, where this part sees them: from its lower left corner on."""
+        if self.period is None:
+            return position
+        # Those that lie here as they are stay as they are, to the last bit.
+        return np.where(position < self.low, position + self.period, position)
 
     @property
     def size(self) -> tuple[float, float]:
@@ -84,17 +93,31 @@ class Layout:
         size: Extent of the domain along x and y [m].
         tiles: Columns and rows of tiles.
         units: Units along x and y; cuts lie between units.
+        periodic: Whether the domain wraps; it then has one tile, or several along both axes.
     """
 
     size: tuple[float, float]
     tiles: tuple[int, int]
     units: tuple[int, int]
+    periodic: bool = False
+
+    def in_domain(self, position: np.ndarray) -> np.ndarray:
+        """Positions [m], shape ``[n, 2]``, that a part may have seen beyond the edges of a periodic domain, inside it."""
+        if not self.periodic:
+            return position
+        size = np.array(self.size)
+        wrapped = np.where(position >= size, position - size, np.where(position < 0.0, position + size, position))
+        # What is below 0 by less than a rounding ends on the far edge.
+        return np.where(wrapped >= size, 0.0, wrapped)
 
     def cuts(self, axis: int, shift: float) -> np.ndarray:
         """Units at which windows that are shifted by a share of a tile begin, and the last one ends."""
         tiles, units = self.tiles[axis], self.units[axis]
         if tiles == 1:
             return np.array([0, units])
+        if self.periodic:
+            begin = np.floor((np.arange(tiles) + shift) * units / tiles + 0.5).astype(np.int64)
+            return np.append(begin, begin[0] + units)
         inner = np.arange(0 if shift else 1, tiles)
         between = np.floor((inner + shift) * units / tiles + 0.5).astype(np.int64)
         return np.unique(np.concatenate([[0], between, [units]]))
@@ -111,12 +134,14 @@ class Layout:
             edges = self.cuts(axis, shift[axis])
             begin, end = int(edges[place]), int(edges[place + 1])
             axes.append(Axis(begin, end, self.units[axis]))
-            cut += [begin > 0, end < self.units[axis]]
+            wraps = self.periodic and self.tiles[axis] > 1
+            cut += [wraps or begin > 0, wraps or end < self.units[axis]]
         low, high = (
             tuple(self.size[k] * unit / self.units[k] for k, unit in enumerate(ends))
             for ends in ((axes[0].begin, axes[1].begin), (axes[0].end, axes[1].end))
         )
-        return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), (cut[0], cut[1], cut[2], cut[3]))
+        period = self.size if self.periodic else None
+        return Box(axes[0], axes[1], (low[0], low[1]), (high[0], high[1]), (cut[0], cut[1], cut[2], cut[3]), period)
 
     def near(self, shift: tuple[float, float], box: Box, reach: float) -> Iterator[int]:
         """Numbers of the windows that a box comes upon, or comes nearer to than ``reach`` [m]."""
@@ -124,9 +149,15 @@ class Layout:
         ranges = []
         for axis in (0, 1):
             edges = self.cuts(axis, shift[axis]) * (self.size[axis] / self.units[axis])
+            if self.periodic:
+                around = np.arange(-1, 2)[:, None] * self.size[axis]
+                begin, end = edges[:-1] + around, edges[1:] + around
+                meets = (begin < box.high[axis] + reach) & (end > box.low[axis] - reach)
+                ranges.append(np.flatnonzero(meets.any(axis=0)).tolist())
+                continue
             first = int(np.searchsorted(edges, box.low[axis] - reach, side="right")) - 1
             last = int(np.searchsorted(edges, box.high[axis] + reach, side="left"))
-            ranges.append(range(max(first, 0), min(last, len(edges) - 1)))
+            ranges.append(list(range(max(first, 0), min(last, len(edges) - 1))))
         for row in ranges[1]:
             for column in ranges[0]:
                 yield row * columns + column

@@ -19,7 +19,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..space.density import box_integrals
 from .coarse import CoarseGrid
-from .density_windows import ArraySource, Source, units_along
+from .density_windows import ArraySource, Source, WrappedSource, units_along
 from .groups import TileGroups, group_tiles
 from .layout import Layout
 
@@ -135,8 +135,8 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     problem = scene.problem
     if not isinstance(problem.domain, Domain):
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
-    if problem.domain.boundary in ("periodic", "natural"):
-        raise ProblemError(f'`domain.boundary` must be "open" or "mirror" for tiles; got "{problem.domain.boundary}"')
+    if problem.domain.boundary == "natural":
+        raise ProblemError('`domain.boundary` must be "open", "mirror" or "periodic" for tiles; got "natural"')
     for c in problem.classes:
         if c.look_at is not None:
             raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
@@ -168,7 +168,16 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
     fewest = FEWEST_SPACINGS[problem.avoid_overlap]
     if not (math.isfinite(length) and length >= fewest * fine) and length < max(size):
         raise ProblemError(f"`tile` must be at least {fewest:g} spacings long, {fewest * fine:.4g} m; got {length:g}")
-    return max(1, int(size[0] / length + 1e-9)), max(1, int(size[1] / length + 1e-9))
+    columns, rows = max(1, int(size[0] / length + 1e-9)), max(1, int(size[1] / length + 1e-9))
+    if problem.rectangle.periodic and (columns == 1) != (rows == 1):
+        # Windows do not wrap: along either axis there are cuts, or along none.
+        columns, rows = max(2, columns), max(2, rows)
+        if min(size[0] / columns, size[1] / rows) < fewest * fine:
+            raise ProblemError(
+                f"a periodic `domain` must be at least {2.0 * fewest * fine:.4g} m wide and high for tiles, "
+                f"{2.0 * fewest:g} spacings; got {size[0]:g} by {size[1]:g} m"
+            )
+    return columns, rows
 
 
 def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tuple[int, ...]) -> tuple[Pass, ...]:
@@ -206,8 +215,8 @@ def make_plan(run: TileRun) -> Plan:
         problem,
         sources,
         groups,
-        Layout(size, run.tiles, (units[0], units[1])),
-        CoarseGrid(size, (shape[0], shape[1])),
+        Layout(size, run.tiles, (units[0], units[1]), problem.rectangle.periodic),
+        CoarseGrid(size, (shape[0], shape[1]), problem.rectangle.periodic),
         spacing,
         fine,
         passes_of(problem, int(groups.layer.max()) + 1, run.tiles, run.steps),
@@ -239,10 +248,11 @@ def uncut(body_class: PreparedClass) -> PreparedClass:
 
 
 def _sources(scene: WindowedRecipe) -> tuple[Source, ...]:
-    return tuple(
+    sources: list[Source] = [
         scene.windowed[c] if c in scene.windowed else ArraySource(uncut(k).density_image)
         for c, k in enumerate(scene.problem.classes)
-    )
+    ]
+    return tuple(WrappedSource(source) if scene.problem.rectangle.periodic else source for source in sources)
 
 
 def _directions(problem: Problem, lines: dict[tuple[int, int], Line]) -> dict[tuple[int, int], np.ndarray]:

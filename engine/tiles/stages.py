@@ -115,6 +115,7 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
     with times.of("read"):
         for other in plan.layout.near(earlier, box, plan.spacing):
             found = read_bodies(part_path(run, before, other))
+            found = found.at(box.framed(found.position))
             parts.append(found.chosen(box.holds(found.position)))
             factors.append(read_length_factor(part_path(run, before, other)))
         factor = _mean_factor(plan, parts, factors)
@@ -123,6 +124,7 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
         bodies = _warped(run, plan, stage, this.warp, box, bodies)
     demand = read_demand(run.work / DEMAND)
     bodies, factor = relax(plan, box, bodies, factor, demand, this.steps, this.part, run.device, times)
+    bodies = _at_home(plan, bodies)
     last = place + 1 == len(plan.passes)
     if last:
         with times.of("tiles"):
@@ -130,6 +132,16 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
     with times.of("parts"):
         _write(run, plan, place + 1, number, bodies, factor)
     return len(bodies)
+
+
+def _at_home(plan: Plan, bodies: PartBodies) -> PartBodies:
+    """Bodies of a window inside the domain, of which those that are fixed are where they were given, to the last bit."""
+    position = plan.layout.in_domain(bodies.position)
+    fixed = plan.groups.is_fixed(bodies.identity)
+    if fixed.any():
+        position = position.copy()
+        position[fixed] = plan.groups.fixed_at(bodies.identity[fixed]).position
+    return bodies.at(position)
 
 
 def _mean_factor(plan: Plan, parts: list[PartBodies], factors: list[np.ndarray]) -> np.ndarray:
@@ -173,10 +185,15 @@ def _warped(run: TileRun, plan: Plan, stage: str, what: str, box: Box, bodies: P
     for g in np.unique(group).tolist():
         own = group == g
         folder = flow_folder(run, stage, int(plan.groups.layer[g]) if what == "sizes" else 0)
-        moved[own] = displacement(folder, plan.grid, bodies.position[own], most * plan.spacing)
+        place = plan.layout.in_domain(bodies.position[own])
+        moved[own] = displacement(folder, plan.grid, place, most * plan.spacing)
     # The last warp, a small fraction of a spacing, leaves all bodies in their tiles.
     last = stage == stage_names(len(plan.passes))[-1]
-    target = box.confine(bodies.position + moved) if last else np.clip(bodies.position + moved, 0.0, plan.layout.size)
+    target = bodies.position + moved
+    if last:
+        target = box.confine(target)
+    elif not plan.layout.periodic:
+        target = np.clip(target, 0.0, plan.layout.size)
     allowed = _may_be_at(plan, target, plan.groups.class_index[group], box) & ~plan.groups.is_fixed(bodies.identity)
     return bodies.at(np.where(allowed[:, None], target, bodies.position))
 

@@ -198,9 +198,12 @@ def between_pixels(image: np.ndarray, box: Box, size: tuple[float, float], shape
         low, high = (box.low[1], box.high[1]) if axis == 0 else (box.low[0], box.high[0])
         middle = (low + (np.arange(count) + 0.5) * (high - low) / count) / size[1 - axis]
         middle = 1.0 - middle[::-1] if axis == 0 else middle
-        at = np.clip(middle * pixels - 0.5, 0.0, pixels - 1.0)
-        first = np.minimum(at.astype(np.int64), pixels - 1)
-        places.append((first, np.minimum(first + 1, pixels - 1), at - first))
+        at = middle * pixels - 0.5
+        if box.period is None:
+            at = np.clip(at, 0.0, pixels - 1.0)
+        first = np.floor(at).astype(np.int64)
+        after = np.minimum(first + 1, pixels - 1) if box.period is None else (first + 1) % pixels
+        places.append((first % pixels, after, at - first))
     (top, bottom, v), (left, right, u) = places
     u, v = u[None, :, None], v[:, None, None]
     upper = (1.0 - u) * image[top[:, None], left] + u * image[top[:, None], right]
@@ -212,6 +215,9 @@ def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstac
     """Obstacles that reach into a box or its neighborhood, as seen from its corner."""
     reach = max(MARGIN * plan.fine, 2.0 * math.sqrt(float(plan.groups.mean_area.max())))
     result = []
+    # A domain that wraps has each of them again beyond its edges.
+    around = (-1, 0, 1) if plan.layout.periodic else (0,)
+    ways = [np.array([right, up]) * plan.layout.size for up in around for right in around]
     for obstacle in plan.problem.obstacles:
         most = reach + obstacle.margin
         if obstacle.image is not None:
@@ -220,18 +226,19 @@ def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstac
             if part.any():
                 result.append(Obstacle(image=part, margin=obstacle.margin))
             continue
-        if obstacle.disc is not None:
-            x, y, radius = obstacle.disc
-            low, high = np.array([x, y]) - radius, np.array([x, y]) + radius
-        else:
-            corners = np.asarray(obstacle.polygon)
-            low, high = corners.min(axis=0), corners.max(axis=0)
-        if (low > np.array(box.high) + most).any() or (high < np.array(box.low) - most).any():
-            continue
-        if obstacle.disc is not None:
-            result.append(Obstacle(disc=(x - box.low[0], y - box.low[1], radius), margin=obstacle.margin))
-        else:
-            result.append(Obstacle(polygon=corners - box.low, margin=obstacle.margin))
+        corners = np.array([obstacle.disc[:2]]) if obstacle.disc is not None else np.asarray(obstacle.polygon)
+        radius = obstacle.disc[2] if obstacle.disc is not None else 0.0
+        for way in ways:
+            here = corners + way
+            low, high = here.min(axis=0) - radius, here.max(axis=0) + radius
+            if (low > np.array(box.high) + most).any() or (high < np.array(box.low) - most).any():
+                continue
+            here = here - box.low
+            if obstacle.disc is not None:
+                disc = (float(here[0, 0]), float(here[0, 1]), radius)
+                result.append(Obstacle(disc=disc, margin=obstacle.margin))
+            else:
+                result.append(Obstacle(polygon=here, margin=obstacle.margin))
     return result
 
 
@@ -239,7 +246,9 @@ def _pixels_under(begin: int, end: int, units: int, pixels: int, least: int) -> 
     """Pixels of an image under the middles of so many steps, or more, of a part of an axis."""
     count = max(least, math.ceil((end - begin) * pixels / units))
     middle = begin + (np.arange(count) + 0.5) * (end - begin) / count
-    return np.minimum((middle * pixels / units).astype(np.int64), pixels - 1)
+    # A part reaches beyond the ends of an axis only where that wraps.
+    under = np.floor(middle * pixels / units).astype(np.int64)
+    return np.where((under >= pixels) & (end <= units), pixels - 1, under % pixels)
 
 
 @lru_cache(maxsize=8)

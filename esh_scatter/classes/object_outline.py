@@ -9,8 +9,12 @@ from ...engine.errors import ProblemError
 from ...engine.surface.mesh_outline import Outline, outline_from_above
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..targets.target import members_of, read_triangles, world_matrix
+from .shown_geometry import is_shown_as_it_is, realized, repeats_by
 
 __all__ = ["measure_footprint", "outline_of", "read_source"]
+
+# Types of objects whose instances may show more than themselves: meshes by nodes and modifiers, empties by collections.
+MEASURED = {"MESH", "EMPTY"}
 
 
 def measure_footprint(
@@ -39,7 +43,19 @@ def read_source(item: bpy.types.Object | bpy.types.Collection, context: bpy.type
     Raises:
         ProblemError: It has no faces.
     """
-    if isinstance(item, bpy.types.Collection):
+    as_one = isinstance(item, bpy.types.Collection)
+    objects = list(item.all_objects) if as_one else [item]
+    for one in objects:
+        by = repeats_by(one)
+        if by is not None:
+            raise ProblemError(
+                f'{key} must be given in m²: object "{one.name}" repeats others by its {by}, which nothing measures; make them real'
+            )
+    if not all(is_shown_as_it_is(one, context) for one in objects if one.type in MEASURED):
+        with realized(item, context) as mesh:
+            if mesh is not None and len(mesh.polygons):
+                return read_triangles(mesh, np.eye(4), f'{"collection" if as_one else "object"} "{item.name}"')
+    if as_one:
         return _read_as_one(item, context, key)
     matrix = world_matrix(item, context)
     matrix[:3, 3] = 0.0

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from ..classes.node_tree import Socket, Tree
+from ..classes.shown_geometry import as_it_stands, source_instance
 from ..targets.target import RESULT_TAG
-from .node_tree import Socket, Tree
 
 __all__ = [
     "ALIGN",
@@ -264,17 +265,7 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
             corner = there if corner is None else tree.switch("VECTOR", own, corner, there)
         corners.append(corner)
     tree.column(3)
-    a, b, c = corners
-    edge = tree.vector("SUBTRACT", b, a)
-    side = tree.vector("SUBTRACT", c, a)
-    # From one corner: far from the origin sums of whole coordinates would lose what differences keep.
-    ground = a
-    for way, weight in zip((edge, side), tree.parts(weights)[1:], strict=True):
-        ground = tree.vector("ADD", ground, tree.scaled(way, weight))
-    ground_before = tree.attribute(GROUND_POINT, "FLOAT_VECTOR")
-    moved = tree.vector("LENGTH", tree.vector("SUBTRACT", ground, ground_before))
-    rounding = tree.math("MULTIPLY", tree.vector("LENGTH", ground_before), ROUNDING)
-    ground = tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), ground_before, ground)
+    ground, edge, side = _ground_now(tree, corners, weights)
     tree.column(4)
     normal = tree.vector("CROSS_PRODUCT", edge, side)
     edge_before, normal_before = tree.attribute(EDGE, "FLOAT_VECTOR"), tree.attribute(FACE_NORMAL, "FLOAT_VECTOR")
@@ -289,7 +280,7 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
         tree.link(value, socket)
     mixed = next(socket for socket in mix.outputs if socket.enabled)
     new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
-    away = tree.vector("SUBTRACT", position, ground_before)
+    away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
     away = tree.call("FunctionNodeRotateVector", away, turned)
     tree.column(7)
     # Kept before the points are moved, with which all that is asked of the ground would change.
@@ -303,6 +294,21 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
     tree.link(follows, move.inputs["Selection"])
     tree.link(tree.vector("ADD", ground, away), move.inputs["Position"])
     return move.outputs[0], tree.attribute(ROTATION, "QUATERNION")
+
+
+def _ground_now(tree: Tree, corners: Sequence[Socket], weights: Socket) -> tuple[Socket, Socket, Socket]:
+    """Return the points of triangles where objects stand now, and the two edges from the first corner."""
+    a, b, c = corners
+    edge = tree.vector("SUBTRACT", b, a)
+    side = tree.vector("SUBTRACT", c, a)
+    # From one corner: far from the origin sums of whole coordinates would lose what differences keep.
+    ground: Any = a
+    for way, weight in zip((edge, side), tree.parts(weights)[1:], strict=True):
+        ground = tree.vector("ADD", ground, tree.scaled(way, weight))
+    before = tree.attribute(GROUND_POINT, "FLOAT_VECTOR")
+    moved = tree.vector("LENGTH", tree.vector("SUBTRACT", ground, before))
+    rounding = tree.math("MULTIPLY", tree.vector("LENGTH", before), ROUNDING)
+    return tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), before, ground), edge, side
 
 
 def _display(tree: Tree, limited: Socket) -> Socket:
@@ -322,27 +328,19 @@ def _instances(
     tree: Tree, source: bpy.types.Object | bpy.types.Collection, as_bounds: Socket, placed: Placed
 ) -> Socket:
     """Return the instances of one object, or of a collection as one, or of their bounds."""
-    as_one = isinstance(source, bpy.types.Collection)
-    info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
-    info.inputs["Collection" if as_one else "Object"].default_value = source
-    if not as_one:
-        info.inputs["As Instance"].default_value = True
-    geometry = info.outputs["Instances" if as_one else "Geometry"]
+    geometry = source_instance(tree, source)
     tree.column(14)
     bounds = tree.call("GeometryNodeBoundBox", geometry)
     boxed = tree.call("GeometryNodeGeometryToInstance", bounds)
     tree.column(15)
     shown = tree.switch("GEOMETRY", as_bounds, geometry, boxed)
-    transform = tree.add("GeometryNodeTransform")
-    tree.link(shown, transform.inputs["Geometry"])
-    for name in () if as_one else ("Rotation", "Scale"):
-        tree.link(info.outputs[name], transform.inputs[name])
+    standing = as_it_stands(tree, geometry, shown)
     tree.column(16)
     instance = tree.add("GeometryNodeInstanceOnPoints")
     # Picking the one instance, rather than wrapping it, keeps the instances flat: one level, one object each.
     instance.inputs["Pick Instance"].default_value = True
     for name, value in (
-        *(("Points", placed.points), ("Selection", placed.chosen), ("Instance", transform.outputs["Geometry"])),
+        *(("Points", placed.points), ("Selection", placed.chosen), ("Instance", standing)),
         *(("Rotation", placed.rotation), ("Scale", placed.scale)),
     ):
         tree.link(value, instance.inputs[name])

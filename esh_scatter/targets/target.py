@@ -33,8 +33,9 @@ _RESULT_ATTRIBUTES = {"instance_index": "INT", "rotation": "QUATERNION", "scale"
 _WIDTH = {"FLOAT": 1, "INT": 1, "INT8": 1, "BOOLEAN": 1, "FLOAT_COLOR": 4, "BYTE_COLOR": 4}
 _READ_AS = {"BOOLEAN": bool, "INT": np.int32, "INT8": np.int32}
 _DOMAINS = ("POINT", "FACE", "CORNER")
-# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over.
-_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
+# Objects that have a geometry to instance; lights, cameras and empties in a collection are passed over. Blender's nodes give
+# nothing of metaballs.
+_INSTANCED_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
 
 def members_of(source: bpy.types.Object | bpy.types.Collection | None) -> list[bpy.types.Object]:

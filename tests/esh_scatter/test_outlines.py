@@ -46,10 +46,10 @@ def disc(name: str, radius: float, corners: int = 24) -> bpy.types.Object:
 
 
 def outlines_in_the_scene() -> list[Polygon]:
-    """The outline of every instance, as Blender shows it."""
+    """The outline of every instance that a scatter placed, as Blender shows it."""
     found = []
     for entry in bpy.context.evaluated_depsgraph_get().object_instances:
-        if entry.is_instance:
+        if entry.is_instance and entry.object.type == "MESH" and entry.parent.original.get("esh_scatter"):
             matrix = np.array(entry.matrix_world, float)
             points = np.array([vertex.co for vertex in entry.object.data.vertices], float)
             found.append(MultiPoint((points @ matrix[:3, :3].T + matrix[:3, 3])[:, :2]).convex_hull)
@@ -121,6 +121,118 @@ def test_far_from_the_origin_the_report_counts_what_blender_shows(shape):
     assert result.report.overlaps == seen
     assert result.report.converged == (seen == 0)
     assert any("0.5 m" in note for note in result.report.notes)
+
+
+def excluded(item: bpy.types.Object) -> bpy.types.Object:
+    """Put an object into a collection of a library, which the view layer leaves out."""
+    library = bpy.data.collections.new("Library")
+    bpy.context.scene.collection.children.link(library)
+    library.objects.link(item)
+    bpy.context.collection.objects.unlink(item)
+    bpy.context.view_layer.layer_collection.children["Library"].exclude = True
+    return item
+
+
+def arrayed() -> bpy.types.Object:
+    item = rectangle("Box", 0.8, 0.6)
+    item.modifiers.new("Array", "ARRAY").count = 3
+    return item
+
+
+def with_key() -> bpy.types.Object:
+    item = rectangle("Box", 0.8, 0.6)
+    item.shape_key_add(name="Basis")
+    key = item.shape_key_add(name="Long")
+    for point in key.data:
+        point.co.x *= 2.5
+    key.value = 1.0
+    return item
+
+
+def hidden(item: bpy.types.Object) -> bpy.types.Object:
+    item.hide_viewport = True
+    return item
+
+
+def sheared() -> bpy.types.Object:
+    parent = rectangle("Parent", 1.0, 1.0)
+    parent.scale = (3.0, 1.0, 1.0)
+    item = rectangle("Child", 1.0, 1.0)
+    item.parent = parent
+    item.rotation_euler.z = 0.25 * math.pi
+    return item
+
+
+def constrained() -> bpy.types.Object:
+    large = rectangle("Large", 1.0, 1.0)
+    large.scale = (2.0, 2.0, 1.0)
+    item = rectangle("Box", 0.8, 0.6)
+    item.constraints.new("COPY_SCALE").target = large
+    return item
+
+
+def leafy() -> bpy.types.Object:
+    """A plank with squares at its corners, instanced by its own nodes."""
+    item = rectangle("Plank", 1.0, 0.4)
+    tree = bpy.data.node_groups.new("Leaves", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    given, result = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    instances, square = tree.nodes.new("GeometryNodeInstanceOnPoints"), tree.nodes.new("GeometryNodeMeshGrid")
+    both = tree.nodes.new("GeometryNodeJoinGeometry")
+    tree.links.new(given.outputs[0], instances.inputs["Points"])
+    tree.links.new(square.outputs[0], instances.inputs["Instance"])
+    tree.links.new(given.outputs[0], both.inputs[0])
+    tree.links.new(instances.outputs[0], both.inputs[0])
+    tree.links.new(both.outputs[0], result.inputs[0])
+    item.modifiers.new("Leaves", "NODES").node_group = tree
+    return item
+
+
+def as_one() -> bpy.types.Collection:
+    """A plank, and an empty that shows another collection."""
+    inner = collection(rectangle("Inner", 0.5, 2.0))
+    empty = bpy.data.objects.new("Empty", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", inner
+    empty.location.x = 1.5
+    bpy.context.collection.objects.link(empty)
+    return collection(rectangle("Plank", 1.0, 0.4), empty)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        *(arrayed, with_key, constrained, sheared, leafy, as_one),
+        *(lambda make=make: excluded(make()) for make in (arrayed, with_key, constrained, sheared, leafy)),
+        lambda: hidden(arrayed()),
+    ],
+    ids=lambda make: make.__name__,
+)
+def test_what_is_measured_is_what_is_shown(make):
+    """Modifiers of objects outside of the view layer, instances by nodes and shear were left out, and objects overlapped."""
+    source = make()
+    bpy.context.view_layer.update()
+    ground = rectangle("Ground", 40.0, 40.0)
+    before = {kind: len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "node_groups")}
+    measured = esh.measure_footprint(source)
+    assert before == {kind: len(getattr(bpy.data, kind)) for kind in before}
+    size = esh.ScatterSize("all", 1, source, as_one=isinstance(source, bpy.types.Collection))
+    esh.scatter(ground, [esh.ScatterClass("all", [size])], device="cpu")
+    points = [point for part in outlines_in_the_scene() for point in part.exterior.coords]
+    hull = MultiPoint(points).convex_hull
+    outline = Polygon(measured.corners)
+    assert (outline.area, outline.length) == pytest.approx((hull.area, hull.length), rel=1e-3)
+
+
+def test_what_repeats_others_or_is_never_shown_is_refused():
+    ground = rectangle("Ground", 10.0, 10.0)
+    parent, child = rectangle("Parent", 1.0, 1.0), rectangle("Child", 1.0, 1.0)
+    child.parent, parent.instance_type = parent, "VERTS"
+    ball = bpy.data.objects.new("Ball", bpy.data.metaballs.new("Ball"))
+    bpy.context.collection.objects.link(ball)
+    for source, said in ((parent, 'object "Parent" repeats others by its vertices'), (ball, "must have geometry")):
+        with pytest.raises(esh.EshError, match=said):
+            esh.scatter(ground, [esh.ScatterClass("all", [esh.ScatterSize("all", 3, source)])], device="cpu")
 
 
 def terrain(name: str, side: float, height) -> bpy.types.Object:

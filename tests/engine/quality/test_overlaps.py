@@ -17,7 +17,8 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
-from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, overlaps_of
+from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.quality.overlaps import TOLERANCE, find_overlaps, find_overlaps_on_surface, overlaps_of
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
 
@@ -202,6 +203,48 @@ def test_lines_that_bend_count_as_they_are_bent(launcher, boundary, seed):
     assert set(found.bodies) == {body for pair in expected for body in pair}
     assert found.pair in expected
     assert set(straight.bodies) != set(found.bodies)
+
+
+def test_lines_that_bend_on_a_flat_surface_count_as_in_the_plane(launcher):
+    line = Line(1.0, "none", width=0.15, charges=5, straightness=0.1)
+    sizes = [Size("bent", 0.2, 150, line=line), Size("disc", 0.05, 100)]
+    flat = scattered(Domain((10.0, 9.0), "open"), sizes, 4)
+    rng = np.random.default_rng(5)
+    bends = np.full((250, 5, 2), np.nan)
+    along = 0.5 * flat.length[:150, None] * np.linspace(-1.0, 1.0, 5)
+    across = rng.uniform(-0.25, 0.25, along.shape) * flat.length[:150, None]
+    c, s = np.cos(flat.angle[:150, None]), np.sin(flat.angle[:150, None])
+    bends[:150] = flat.position[:150, None] + np.stack([c * along - s * across, s * along + c * across], 2)
+    flat = dataclasses.replace(flat, bends=bends)
+    corner = np.array([[0.0, 0, 0], [10, 0, 0], [10, 9, 0], [0, 9, 0]])
+    surface = Surface(SurfaceMesh(corner, [[0, 1, 2], [0, 2, 3]]))
+    x, y = flat.position.T
+    # Of the triangle below the diagonal, and of that above.
+    below = y / 9.0 <= x / 10.0
+    weights = np.where(
+        below[:, None],
+        np.column_stack([1.0 - x / 10.0, x / 10.0 - y / 9.0, y / 9.0]),
+        np.column_stack([1.0 - y / 9.0, x / 10.0, y / 9.0 - x / 10.0]),
+    )
+    placement = Placement(
+        Problem(surface, [BodyClass("a", sizes)]),
+        np.column_stack([flat.position, np.zeros(250)]),
+        flat.class_index,
+        flat.size_index,
+        flat.angle,
+        flat.length,
+        flat.width,
+        bends=np.concatenate([bends, np.zeros((250, 5, 1))], axis=2),
+        normal=np.tile([0.0, 0.0, 1.0], (250, 1)),
+        tangent=np.column_stack([np.cos(flat.angle), np.sin(flat.angle), np.zeros(250)]),
+        mesh=np.zeros(250, np.int32),
+        triangle=np.where(below, 0, 1).astype(np.int32),
+        barycentric=weights,
+    )
+    found, expected = find_overlaps_on_surface(placement, launcher), overlapping_ribbons(flat)
+    assert found.count == len(expected) > 100
+    assert set(found.bodies) == {body for pair in expected for body in pair}
+    assert found.deepest == pytest.approx(overlaps_of(flat, launcher).deepest, rel=1e-6)
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])

@@ -26,8 +26,8 @@ def square(side=10):
     return esh.Surface(esh.SurfaceMesh(place, np.concatenate([quad[:, :3], quad[:, [0, 2, 3]]])))
 
 
-def sticks(surface, direction="none", count=150, length=0.24, width=0.04, density=1.0, **named):
-    line = esh.Line(length, direction, width=width)
+def sticks(surface, direction="none", count=150, length=0.24, width=0.04, density=1.0, bending=None, **named):
+    line = esh.Line(length, direction, width=width, **(bending or {}))
     size = esh.Size("stick", length * width, count, line=line)
     return esh.Problem(surface, [esh.BodyClass("wood", [size], density=density)], **named)
 
@@ -166,13 +166,119 @@ def test_fixed_lines_and_edits():
 
 
 def test_bytes_do_not_depend_on_threads(monkeypatch):
-    problem = sticks(ball(), "slope", 200, avoid_overlap=True)
+    bending = {"charges": 5, "straightness": 0.1}
+    problem = sticks(ball(), "slope", 200, avoid_overlap=True, bending=bending)
     found = []
     for threads in ("1", "3"):
         monkeypatch.setenv("ESH_THREADS", threads)
         found.append(esh.solve(problem, device="cpu", max_steps=5))
-    for name in ("position", "tangent", "length", "angle"):
+    for name in ("position", "tangent", "length", "angle", "bends"):
         np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name))
+
+
+def rings(place):
+    return 0.55 + 0.45 * np.sin(40.0 * np.linalg.norm(place[:, :2] - 0.5, axis=1))
+
+
+def longer_than_its_chord(bends):
+    chord = np.linalg.norm(bends[:, -1] - bends[:, 0], axis=1)
+    return np.linalg.norm(np.diff(bends, axis=1), axis=2).sum(axis=1) / chord
+
+
+def test_lines_bend_as_those_of_the_plane_do():
+    """Along the rings of a density on a square: as far."""
+    size = {"count": 200, "length": 0.07, "width": 0.008}
+    surface = square(40)
+    found = {}
+    for straightness in (None, 0.02, 0.9):
+        bending = {"charges": 5, "straightness": straightness}
+        asked = sticks(surface, "none", density=lambda points: rings(points.position), bending=bending, **size)
+        found[straightness] = esh.solve(asked, **RUN)
+    assert found[None].bends is None
+    bent = found[0.02]
+    assert bent.bends.shape == (200, 5, 3)
+    np.testing.assert_allclose(bent.bends[:, :, 2], 0.0, atol=1e-6)
+    assert bent.bends.min() > -1e-6 and bent.bends.max() < 1.0 + 1e-6
+    # What a bend adds is neither a shift nor a turn.
+    share = np.array([1.0, 1.0, 6.0, 1.0, 1.0]) / 10.0
+    np.testing.assert_allclose(np.einsum("k,nkd->nd", share, bent.bends), bent.position, atol=2e-4)
+    y, x = (np.mgrid[0:128, 0:128] + 0.5) / 128.0
+    image = rings(np.column_stack([x.ravel(), y.ravel()])).reshape(128, 128)
+    line = esh.Line(0.07, "none", width=0.008, charges=5, straightness=0.02)
+    in_plane = esh.BodyClass("wood", [esh.Size("stick", 0.07 * 0.008, 200, line=line)], image)
+    flat = esh.solve(esh.Problem(esh.Domain((1, 1)), [in_plane]), **RUN)
+    here, there = longer_than_its_chord(bent.bends).mean() - 1.0, longer_than_its_chord(flat.bends).mean() - 1.0
+    assert 0.5 * there < here < 2.0 * there
+    assert there > 0.003
+    assert longer_than_its_chord(found[0.9].bends).mean() < 1.0 + 0.5 * here
+    assert bent.report.coverage_error < 1.3 * found[None].report.coverage_error
+
+
+def test_lines_that_bend_lie_on_a_ball_as_a_whole():
+    bending = {"charges": 7, "straightness": 0.1}
+    placement = esh.solve(sticks(ball(), "slope", 60, 0.5, 0.02, bending=bending), **RUN)
+    away = np.linalg.norm(placement.bends, axis=2)
+    # The ball is one of flat triangles.
+    assert away.max() < 1.0 + 1e-6 and away.min() > 0.98
+    assert longer_than_its_chord(placement.bends).mean() > 1.01
+    way = placement.bends - placement.position[:, None]
+    share = np.array([1.0, 1.0, 1.0, 6.0, 1.0, 1.0, 1.0]) / 12.0
+    across = np.cross(placement.normal, placement.tangent)
+    for axis in (placement.tangent, across):
+        assert np.abs(np.einsum("k,nkd,nd->n", share, way, axis)).max() < 0.02
+    # The one end lies ahead of the middle, the other one behind it.
+    along = np.einsum("nkd,nd->nk", way, placement.tangent)
+    assert (along[:, 0] < -0.1).all() and (along[:, -1] > 0.1).all()
+
+
+def segments_apart(bends):
+    """Smallest distance between the polylines of every two lines on a plane, by points on them, shape [n, n]."""
+    steps = np.linspace(0.0, 1.0, 24, endpoint=False)[:, None]
+    points = np.concatenate([bends[:, k, None] + steps * (bends[:, k + 1] - bends[:, k])[:, None] for k in range(4)], 1)
+    far = np.full((len(bends), len(bends)), np.inf)
+    for i in range(len(bends)):
+        way = points[i][None, :, None, :2] - points[:, None, :, :2]
+        far[i] = np.sqrt((way**2).sum(axis=3)).min(axis=(1, 2))
+    np.fill_diagonal(far, np.inf)
+    return far
+
+
+def test_lines_that_bend_do_not_overlap_as_they_are_bent():
+    line = {"charges": 5, "straightness": 0.02, "turn_weights": (0.4, 0.0)}
+
+    def inside(points):
+        # Where the surface ends, a charge that would be beyond it lies on its end.
+        return rings(points.position) * (np.abs(points.position[:, :2] - 0.5).max(axis=1) < 0.45)
+
+    problem = sticks(square(41), "none", 50, 0.16, 0.02, inside, avoid_overlap=True, bending=line)
+    with esh.Solver(problem, device="cpu") as solver:
+        solver.run(40)
+        before = solver.state.bend.numpy().copy()
+        assert segments_apart(solver.placement().bends).min() < 0.018
+        assert solver.separate()
+        placement = solver.placement()
+        after = solver.state.bend.numpy()
+        assert measure(placement, solver.launcher).overlaps == 0
+    assert segments_apart(placement.bends).min() > 0.98 * 0.02
+    # Some have no room, and others as much as they want.
+    widest, left = (np.abs(bend).reshape(-1, 5).max(axis=1) for bend in (before, after))
+    kept = left[widest > 1e-3] / widest[widest > 1e-3]
+    assert len(kept) > 30
+    assert kept.min() < 0.3
+    assert 0.7 < kept.max() < 1.001
+
+
+def test_an_edit_leaves_lines_as_long_and_as_bent_as_they_were():
+    surface, bending = ball(), {"charges": 5, "straightness": 0.0}
+    with esh.Solver(sticks(surface, "slope", 100, bending=bending), device="cpu") as solver:
+        solver.run(30)
+        before = solver.placement()
+        solver.edit(sticks(surface, "slope", 160, bending=bending), steps=0)
+        after = solver.placement()
+        _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+        assert len(i) == 100
+        np.testing.assert_allclose(after.length[j], before.length[i], rtol=1e-4)
+        np.testing.assert_allclose(after.bends[j], before.bends[i], atol=1e-4)
 
 
 def test_what_lines_cannot_do_on_a_surface_is_said():
@@ -182,8 +288,6 @@ def test_what_lines_cannot_do_on_a_surface_is_said():
 
     with pytest.raises(EshError, match=r"`line.length` of size .* must be one number on a surface; got an image"):
         asked(length=np.full((2, 2), 0.2))
-    with pytest.raises(EshError, match=r"`line.straightness` of size .* must be None on a surface"):
-        asked(straightness=0.5)
     with pytest.raises(EshError, match='must be "density", "none", "slope" or a function of points on a surface'):
         asked(direction=0.3)
     for direction in ("slope", lambda points: points.position):

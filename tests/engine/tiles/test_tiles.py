@@ -294,7 +294,7 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("size = [64.0, 48.0]", 'size = [64.0, 48.0]\nboundary = "periodic"'), "periodic"),
+        (("size = [64.0, 48.0]", 'size = [64.0, 48.0]\nboundary = "natural"'), "natural"),
         (('name = "beech"', 'name = "beech"\nclustering = 0.5'), "`clustering`"),
         (('name = "beech"', 'name = "beech"\nlook_at = { point = [1.0, 2.0, 0.0] }'), "`look_at`"),
     ],

@@ -1,0 +1,114 @@
+"""What Blender shows of an object that a scatter places, where that is more than the object's own mesh.
+
+Instances of an object carry what its geometry nodes instance, and of its matrix only rotation and scale. Objects of excluded or
+hidden collections are evaluated only where something shown uses them. So they are looked at through the same nodes that a result
+places them with, on an object that is there for a moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from .node_tree import Socket, Tree
+
+__all__ = ["as_it_stands", "is_shown_as_it_is", "realized", "repeats_by", "source_instance"]
+
+# Cosine between two axes of an object, above which it is sheared: its instances are turned and scaled, but not sheared.
+SHEARED = 1e-5
+# How an object repeats others that are its children, or its particles.
+_INSTANCERS = {"VERTS": "vertices", "FACES": "faces"}
+
+
+def repeats_by(item: bpy.types.Object) -> str | None:
+    """Say by what an object repeats others, which no measurement sees; None if it does not."""
+    if item.instance_type in _INSTANCERS and item.children:
+        return _INSTANCERS[item.instance_type]
+    systems = [system.settings for system in item.particle_systems]
+    return "particles" if any(one.render_type in {"OBJECT", "COLLECTION"} for one in systems) else None
+
+
+def is_shown_as_it_is(item: bpy.types.Object, context: bpy.types.Context) -> bool:
+    """Tell whether instances of an object show its evaluated mesh, turned and scaled as its matrix says, and nothing else."""
+    if item.type == "EMPTY":
+        return item.instance_collection is None
+    if any(modifier.type == "NODES" for modifier in item.modifiers):
+        return False
+    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+    if not evaluated.is_evaluated:
+        return not _differs_evaluated(item)
+    axes = np.array(evaluated.matrix_world)[:3, :3].T
+    axes = axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-30)
+    return bool(np.abs((axes @ axes.T)[[0, 0, 1], [1, 2, 2]]).max() < SHEARED)
+
+
+def _differs_evaluated(item: bpy.types.Object) -> bool:
+    """Tell whether an object may be another one once it is evaluated."""
+    keys = getattr(item.data, "shape_keys", None)
+    moved = item.parent or item.constraints or item.animation_data or item.delta_scale[:] != (1.0, 1.0, 1.0)
+    return bool(moved or item.modifiers or keys or any(item.delta_rotation_euler) or item.rotation_mode != "XYZ")
+
+
+@contextmanager
+def realized(
+    item: bpy.types.Object | bpy.types.Collection, context: bpy.types.Context
+) -> Iterator[bpy.types.Mesh | None]:
+    """Give what instances of an object, or of a collection as one, show: as a mesh around its origin, turned and scaled as it is.
+
+    None where Blender does not let anything be made at the moment, as while it draws, or where there is no mesh.
+    """
+    try:
+        tree = Tree("ESH Scatter Measure")
+    except (AttributeError, RuntimeError):
+        yield None
+        return
+    mesh = bpy.data.meshes.new("ESH Scatter Measure")
+    looking = bpy.data.objects.new("ESH Scatter Measure", mesh)
+    try:
+        _build(tree, item)
+        looking.modifiers.new("Measure", "NODES").node_group = tree.group
+        context.scene.collection.objects.link(looking)
+        evaluated = looking.evaluated_get(context.evaluated_depsgraph_get())
+        try:
+            yield evaluated.to_mesh() if evaluated.is_evaluated else None
+        finally:
+            evaluated.to_mesh_clear()
+    finally:
+        bpy.data.objects.remove(looking)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.node_groups.remove(tree.group)
+
+
+def source_instance(tree: Tree, source: bpy.types.Object | bpy.types.Collection) -> Socket:
+    """Add the nodes that give an object, or a collection as one, as an instance around its origin; see :func:`as_it_stands`."""
+    as_one = isinstance(source, bpy.types.Collection)
+    info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
+    info.inputs["Collection" if as_one else "Object"].default_value = source
+    if not as_one:
+        info.inputs["As Instance"].default_value = True
+    return info.outputs["Instances" if as_one else "Geometry"]
+
+
+def as_it_stands(tree: Tree, instance: Socket, shown: Socket) -> Socket:
+    """Turn and scale geometry as the object of an instance that :func:`source_instance` gave is turned and scaled."""
+    transform = tree.add("GeometryNodeTransform")
+    tree.link(shown, transform.inputs["Geometry"])
+    for name in ("Rotation", "Scale"):
+        if name in instance.node.outputs:
+            tree.link(instance.node.outputs[name], transform.inputs[name])
+    return transform.outputs["Geometry"]
+
+
+def _build(tree: Tree, item: bpy.types.Object | bpy.types.Collection) -> None:
+    """Make a tree that gives the geometry of all that a result shows of ``item``."""
+    tree.group.is_modifier = True
+    for direction in ("INPUT", "OUTPUT"):
+        tree.group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    tree.begin()
+    instance = source_instance(tree, item)
+    real = tree.add("GeometryNodeRealizeInstances")
+    tree.link(as_it_stands(tree, instance, instance), real.inputs["Geometry"])
+    tree.link(real.outputs["Geometry"], tree.add("NodeGroupOutput").inputs["Geometry"])
