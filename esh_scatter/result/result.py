@@ -65,7 +65,9 @@ def write_result(
     classes: Sequence[str] = (),
     followed: Sequence[Followed] = (),
 ) -> bpy.types.Object:
-    """Make the result object, or give ``replaced`` new points and a new node group; both old ones are removed if unused.
+    """Make the result object, or give ``replaced`` new points, and a new node group where it is to show other things.
+
+    Old points and groups are removed if unused.
 
     Args:
         scene: Where a new object is linked.
@@ -80,11 +82,10 @@ def write_result(
         followed: What the points follow.
     """
     ingredients = made_of(classes, followed)
-    if (
-        replaced is not None
-        and _shows(replaced, name, sources, ingredients)
-        and _move_points(replaced.data, position, attributes)
-    ):
+    if replaced is not None and _shows(replaced, name, sources, ingredients):
+        # To build the same group once more takes longer than all the rest.
+        if not _move_points(replaced.data, position, attributes):
+            _swap_mesh(replaced, _point_mesh(name, position, attributes))
         return replaced
     mesh = _point_mesh(name, position, attributes)
     group = build_node_group(name, sources, classes, followed)

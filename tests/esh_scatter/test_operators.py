@@ -130,6 +130,29 @@ def test_a_deleted_result_is_made_anew(scatter):
     assert bpy.context.scene.objects.get(name) == scatter.result
 
 
+def test_the_node_group_is_built_anew_only_for_other_things(scatter):
+    """To build it takes longer than all else that is written, and Live writes with every count that is dragged."""
+
+    def group():
+        return next(m.node_group for m in scatter.result.modifiers if m.type == "NODES")
+
+    def shown():
+        instances = bpy.context.evaluated_depsgraph_get().object_instances
+        return sum(1 for one in instances if one.is_instance)
+
+    bpy.ops.esh.scatter()
+    first, mesh = group().session_uid, scatter.result.data.name
+    scatter.classes["Pine"].show_viewport = False
+    scatter.classes["Beech"].sizes[0].count = 70
+    bpy.ops.esh.scatter()
+    assert group().session_uid == first and shown() == 70 and scatter.result.data.name == mesh
+    assert len(scatter.result.data.vertices) == 100 and len(bpy.data.node_groups) == 1
+    assert len([one for one in bpy.data.meshes if one.name.startswith(mesh)]) == 1
+    scatter.classes["Beech"].sizes[0].source_object = new_object("Oak", 2.0)
+    bpy.ops.esh.scatter()
+    assert group().session_uid != first and shown() == 70 and len(bpy.data.node_groups) == 1
+
+
 def test_undo_brings_back_what_was_there(scatter):
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.esh.scatter()
