@@ -368,6 +368,8 @@ class _KnownKernel:
 
     def __init__(self, launch: wp.Launch, given: Sequence[Any]) -> None:
         self.address = ctypes.cast(launch.hooks.forward, ctypes.c_void_p).value
+        # Warp unloads a module's code once nobody holds it, and loads another when a kernel is added to the module.
+        self._code = launch.module_exec
         taken = [type(value) for value in launch.params[1:]]
         self._layout = _structure(launch.kernel, tuple(taken))
         self._size = -(-ctypes.sizeof(self._layout) // 8) * 8

@@ -130,3 +130,24 @@ def test_a_recording_holds_the_arrays_of_every_launch(launcher):
     recording.play()
     for number, each in enumerate(result):
         assert np.array_equal(each.numpy(), 10.0 * number + np.arange(20_000.0)), len(others)
+
+
+def kernel_that_adds(addend: float) -> wp.Kernel:
+    @wp.kernel(module="esh_test_grows")
+    def add(first: int, values: wp.array(dtype=float), result: wp.array(dtype=float)):
+        i = first + wp.tid()
+        result[i] = values[i] + wp.static(addend)
+
+    return add
+
+
+def test_a_kernel_is_launched_again_when_its_module_has_got_another(launcher):
+    """Its code was let go with the module's, and was carried out nevertheless."""
+    result, values = launcher.zeros(9, float), launcher.zeros(9, float)
+    kernels = []
+    for number in range(4):
+        kernels.append(kernel_that_adds(float(number)))
+        for addend, kernel in enumerate(kernels):
+            launcher.launch(kernel, 9, [values], [result])
+            np.testing.assert_array_equal(result.numpy(), np.full(9, addend))
+            gc.collect()
