@@ -15,14 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import EshError
-from ..problem.placement import Placement
-from ..problem.validation import as_path, check_is
-from .bodies import Bodies
 from .body_formats import FORMATS, BodyFormat
 from .placement_columns import is_marked, size_names
 
 if TYPE_CHECKING:
-    from .bodies import AssetFiles
+    from ..problem.placement import Placement
+    from .bodies import AssetFiles, Bodies
 
 __all__ = [
     "WRITERS",
@@ -87,6 +85,8 @@ def write_placement(path: str | Path, placement: Placement, *, assets: AssetFile
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
+    from ..problem.validation import as_path
+
     path = as_path(path)
     write_files({path: placement_writer(path, placement, assets=assets)})
 
@@ -101,6 +101,9 @@ def write_bodies(path: str | Path, bodies: Bodies) -> None:
     Raises:
         EshError: Another ending, a file that cannot be written, or a library that the format needs and that is not installed.
     """
+    from ..problem.validation import as_path, check_is
+    from .bodies import Bodies
+
     path, bodies = as_path(path), check_is(bodies, Bodies, "`bodies`")
     body_format = FORMATS[check_ending(path, FORMATS)]
     body_format.check()
@@ -109,6 +112,10 @@ def write_bodies(path: str | Path, bodies: Bodies) -> None:
 
 def placement_writer(path: str | Path, placement: Placement, *, assets: AssetFiles | None = None) -> Writer:
     """Return what writes ``placement`` in the format that the ending of ``path`` names, for :func:`write_files`."""
+    # Not with the module: the command waits for neither as long as it only reads what it was asked.
+    from ..problem.placement import Placement
+    from ..problem.validation import check_is
+
     placement = check_is(placement, Placement, "`placement`")
     if assets is not None:
         assets = check_is(assets, dict, "`assets`")

@@ -83,6 +83,12 @@ class Balance(Settings):
     def _key(self, name: str) -> str:
         return f"`balance.{name}`"
 
+    @property
+    def classes_apart(self) -> np.ndarray | None:
+        """Which classes keep apart in contact, shape ``[class_count, class_count]``, bool; None where all do."""
+        apart = None if self.non_overlap is None else np.asarray(self.non_overlap) > 0.0
+        return None if apart is None or apart.all() else apart
+
     def class_factors(self, counts: Sequence[int]) -> np.ndarray:
         """Factors between classes of so many bodies, shape ``[class_count, class_count]``, float64.
 

@@ -64,17 +64,22 @@ def cover_of(problem: Problem) -> Cover:
     fits = _fits(footprints, area)
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
+    # Of classes that may lie on each other, those that keep apart from one of them share the ground.
+    kept = problem.balance.classes_apart
+    apart = np.ones((len(of_class), len(of_class))) if kept is None else kept.astype(np.float64)
+    most = float((apart @ of_class).max())
     if isinstance(problem.domain, Surface):
         # Where on a surface it is crowded, only the run tells.
         sample = problem.domain.sample()
         share = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
-        return Cover(float(area.sum() / max(share * problem.domain.area, 1e-300)), fits, 0.0)
+        return Cover(most / max(float(share) * problem.domain.area, 1e-300), fits, 0.0)
     shape = _cells(problem, float(area.mean()))
     shares = [in_cells(c.density_image, shape) for c in problem.classes]
     free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)
     cell = problem.domain.area / (shape[0] * shape[1])
-    asked = np.sum([total * share / share.sum() for total, share in zip(of_class, shares, strict=True)], axis=0)
-    covered = float(area.sum() / max(free.sum() * cell, 1e-300))
+    of_cells = [total * share / share.sum() for total, share in zip(of_class, shares, strict=True)]
+    asked = np.max(np.tensordot(apart, np.stack(of_cells), axes=1), axis=0)
+    covered = most / max(float(free.sum()) * cell, 1e-300)
     too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
     crowded = float(asked[too_much].sum() / asked.sum())
     return Cover(covered, fits, crowded)

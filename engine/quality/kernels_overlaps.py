@@ -15,6 +15,8 @@ HALF = wp.constant(wp.float64(0.5))
 class Shapes:
     """What lies where: position, first corner (one more at the end), radius around the core, reach, smallest width, 1 if it is fixed.
 
+    And the class of each, and for every two of so many ``classes`` whether they keep apart, row by row; all do where there are none.
+
     Corners are seen from the position, each with the outward normal of the edge that begins there.
     """
 
@@ -26,6 +28,17 @@ class Shapes:
     width: wp.array(dtype=wp.float64)
     fixed: wp.array(dtype=wp.int32)
     pieces: wp.array(dtype=wp.int32)
+    of_class: wp.array(dtype=wp.int32)
+    apart: wp.array(dtype=wp.int32)
+    classes: wp.int32
+
+
+@wp.func
+def may_overlap(i: int, j: int, shapes: Shapes):
+    """Whether the classes of two bodies are said to be free to overlap, or both bodies are fixed."""
+    if shapes.fixed[i] * shapes.fixed[j] != 0:
+        return True
+    return shapes.classes > 0 and shapes.apart[shapes.of_class[i] * shapes.classes + shapes.of_class[j]] == 0
 
 
 @wp.struct
@@ -445,8 +458,8 @@ def look_into_cell(
         j = lattice.member[s]
         way = shortest_way(shapes.position[i], shapes.position[j], lattice)
         touching = shapes.reach[i] + shapes.reach[j]
-        movable = shapes.fixed[i] * shapes.fixed[j] == 0
-        if found.count < most and movable and wp.dot(way, way) < touching * touching:
+        counts = not may_overlap(i, j, shapes)
+        if found.count < most and counts and wp.dot(way, way) < touching * touching:
             depth = deepest_of_images(i, j, way, images, shapes, lattice.size)
             if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
                 # An image of itself counts twice, as each of a couple counts once.

@@ -6,7 +6,7 @@ import math
 
 import warp as wp
 
-from .kernels_overlaps import ONE, ZERO, Shapes, depth_from_corners
+from .kernels_overlaps import ONE, ZERO, Shapes, depth_from_corners, may_overlap
 
 wp.set_module_options({"enable_backward": False})
 
@@ -117,8 +117,8 @@ def count_on_sheets(
     query = wp.hash_grid_query(grid, in_units[i], 1.001 * (1.0 + float(shapes.reach[i] / unit)))
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        movable = shapes.fixed[i] * shapes.fixed[j] == 0
-        if j != i and found < most and movable and sheets.sheet[i] == sheets.sheet[j]:
+        counts = not may_overlap(i, j, shapes)
+        if j != i and found < most and counts and sheets.sheet[i] == sheets.sheet[j]:
             depth = depth_of_pair(i, j, sheets, shapes)
             if depth > tolerance * wp.min(shapes.width[i], shapes.width[j]):
                 found += 1

@@ -6,7 +6,7 @@ import warp as wp
 
 from ..space.kernels_cells import CellGrid
 from ..space.kernels_images import Images, density_pixel
-from ..space.kernels_space import Space, difference, number_across, numbers_beside
+from ..space.kernels_space import Space, difference, number_across, numbers_beside, numbers_within
 
 wp.set_module_options({"enable_backward": False})
 
@@ -130,16 +130,6 @@ def with_neighbor(before: Six, way: wp.vec2):
 
 
 @wp.func
-def around(number: int, reach: int, count: int, space: Space):
-    """First and last of the cells along an axis that lie within ``reach`` of one, unwrapped, none of them twice."""
-    if space.periodic == 0:
-        return wp.vec2i(wp.max(number - reach, 0), wp.min(number + reach, count - 1))
-    if 2 * reach + 1 >= count:
-        return wp.vec2i(0, count - 1)
-    return wp.vec2i(number - reach, number + reach)
-
-
-@wp.func
 def nearest_six(
     i: int,
     reach: int,
@@ -154,8 +144,8 @@ def nearest_six(
     cy = wp.clamp(int(p[1] * grid.inverse_size[1]), 0, grid.count_y - 1)
     six = Six()
     six.distance = vec6(NOBODY, NOBODY, NOBODY, NOBODY, NOBODY, NOBODY)
-    rows = around(cy, reach, grid.count_y, grid.space)
-    columns = around(cx, reach, grid.count_x, grid.space)
+    rows = numbers_within(cy, reach, grid.count_y, grid.space)
+    columns = numbers_within(cx, reach, grid.count_x, grid.space)
     for y in range(rows[0], rows[1] + 1):
         row = number_across(y, grid.count_y, grid.space)
         for x in range(columns[0], columns[1] + 1):

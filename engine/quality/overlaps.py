@@ -83,6 +83,8 @@ def overlaps_of(
         bends=placement.bends,
         tilt=footprints.tilts(placement.id, placement.problem.seed),
         on_device=on_device,
+        apart=placement.problem.balance.classes_apart,
+        class_index=placement.class_index,
     )
 
 
@@ -100,6 +102,8 @@ def find_overlaps(
     bends: np.ndarray | None = None,
     tilt: np.ndarray | None = None,
     on_device: wp.array | None = None,
+    apart: np.ndarray | None = None,
+    class_index: np.ndarray | None = None,
 ) -> Overlaps:
     """Return what overlaps.
 
@@ -116,6 +120,8 @@ def find_overlaps(
         bends: Points along lines that bend [m], see :class:`~esh.engine.problem.placement.Placement`; capsules are bent as they are.
         tilt: How far outlines lean over, see :meth:`.body_footprints.BodyFootprints.tilts`.
         on_device: ``position`` on the device, ``wp.vec2d``, where it is there already.
+        apart: Which classes keep apart, shape ``[classes, classes]``, bool; overlaps of others do not count. None where all do.
+        class_index: Of every body, shape ``[n]``; asked for where ``apart`` is given.
     """
     n = len(position)
     if n == 0:
@@ -127,6 +133,7 @@ def find_overlaps(
     shapes = _laid_out(footprints, place, angle, length, width, factor, slope, bent, launcher)
     stays = of_all(np.int32(0), n) if fixed is None or not fixed.any() else fixed.astype(np.int32)
     shapes.fixed = launcher.alike(stays, wp.int32)
+    _note_classes(shapes, apart, class_index, launcher)
     largest, lattice = _lattice(shapes, domain, launcher)
     space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
@@ -202,6 +209,7 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
         spare_corners=n * most_corners,
     )
     shapes.fixed = wp.array(placement.fixed.astype(np.int32), dtype=wp.int32, device=device)
+    _note_classes(shapes, placement.problem.balance.classes_apart, placement.class_index, launcher)
     reach = shapes.reach.numpy()
     unit = float(reach.max())
     place = placement.position - 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
@@ -268,6 +276,17 @@ def _laid_flat(bends: np.ndarray, position: np.ndarray, normal: np.ndarray, alon
     flat = np.einsum("nkd,nad->nka", way, axes)
     length, found = np.linalg.norm(way, axis=2), np.linalg.norm(flat, axis=2)
     return flat * (length / np.where(found > 0.0, found, 1.0))[:, :, None]
+
+
+def _note_classes(
+    shapes: kernels_overlaps.Shapes, apart: np.ndarray | None, class_index: np.ndarray | None, launcher: Launcher
+) -> None:
+    """Say which classes keep apart."""
+    shapes.classes = 0 if apart is None else len(apart)
+    whose = np.zeros(1, np.int32) if apart is None or class_index is None else class_index.astype(np.int32)
+    shapes.of_class = launcher.array(whose, wp.int32)
+    table = np.zeros(1, np.int32) if apart is None else apart.astype(np.int32).ravel()
+    shapes.apart = launcher.array(table, wp.int32)
 
 
 class _BentLines(NamedTuple):

@@ -88,6 +88,7 @@ class Contact:
             contact_radii(model, longest) / model.unit,
             half / model.unit,
             mass,
+            model.meeting(launcher),
         )
         n = model.body_count
         self._pushed = launcher.empty(n, wp.vec4)

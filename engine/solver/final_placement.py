@@ -105,7 +105,7 @@ def position_in_meters(model: Model, state: State, launcher: Launcher) -> np.nda
     """Positions of all bodies [m], shape ``[n, 2]``, float64, inside the domain; a periodic one's far edges are not."""
     n, domain = model.body_count, model.problem.rectangle
     position = launcher.empty(n, wp.vec2d)
-    where = [state.pose, model.unit, wp.vec2d(*domain.size), int(domain.periodic)]
+    where = [state.pose, model.unit, wp.vec2d(*domain.size), model.space.for_kernels()]
     launcher.launch(kernels_end.place_in_meters, n, where, [position])
     return position.numpy()
 

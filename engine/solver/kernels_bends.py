@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import difference
 from .kernels_descent import Bodies
@@ -73,7 +74,7 @@ def room_among(
         while found != 0:
             j = crowd.neighbors.bodies.body[start + lowest_bit(found)]
             found = found & (found - 1)
-            if j != i:
+            if j != i and keep_apart(i, j, crowd.neighbors.footprints.meeting):
                 room = room_beside(room, i, at, j, crowd, widest)
     return room
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..space.kernels_images import Images
+from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import (
     LANES,
     SAFELY,
@@ -140,7 +141,7 @@ def add_pushes_of_run(
             s = start + lowest_bit(found)
             found = found & (found - 1)
             j = near.body[s]
-            if j != i:
+            if j != i and keep_apart(i, j, footprints.meeting):
                 other = pose[j]
                 between = difference(at, wp.vec2(other[0], other[1]), neighbors.grid.space)
                 wanted = (own.radius + footprints.radius[j]) * (1.0 + slack)
@@ -162,6 +163,9 @@ _PUSH_DISCS = f"""
     const float* __restrict__ reaches = near.reach.data;
     const int* __restrict__ bodies = near.body.data;
     const float* __restrict__ masses = footprints.mass.data;
+    const int* __restrict__ whose = footprints.meeting.of_body.data;
+    const int* __restrict__ apart = footprints.meeting.apart.data;
+    const int classes = footprints.meeting.classes;
     const float farther = 1.0f + slack, wider = farther * {SAFELY}f;
     for (int s = start; s < end; ++s)
     {{
@@ -196,6 +200,7 @@ _PUSH_DISCS = f"""
                     {{
                         const int other = k + __builtin_ctz(found), j = bodies[other];
                         if (other == s) continue;
+                        if (classes != 0 && apart[whose[i] * classes + whose[j]] == 0) continue;
                         const float way_x = xs[other] - x, way_y = ys[other] - y;
                         const float distance = sqrtf(way_x * way_x + way_y * way_y);
                         const float both = radius + reaches[other], wanted = both * farther;

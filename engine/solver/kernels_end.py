@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_space import Space, from_far_edges
+
 wp.set_module_options({"enable_backward": False})
 
 
@@ -13,18 +15,11 @@ def place_in_meters(
     pose: wp.array(dtype=wp.vec4),
     unit: wp.float64,
     size: wp.vec2d,
-    periodic: int,
+    space: Space,
     # outputs
     position: wp.array(dtype=wp.vec2d),
 ):
     """Positions [m] of bodies; beyond the far edges, where rounding leaves some, they go onto these, or round to the near ones."""
     i = first + wp.tid()
     at = wp.vec2d(wp.float64(pose[i][0]) * unit, wp.float64(pose[i][1]) * unit)
-    for axis in range(2):
-        # What is no number stays none.
-        if periodic != 0:
-            if at[axis] >= size[axis]:
-                at[axis] = wp.float64(0.0)
-        elif at[axis] > size[axis]:
-            at[axis] = size[axis]
-    position[i] = at
+    position[i] = from_far_edges(at, size, space)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import (
     LANES,
     SAFELY,
@@ -136,7 +137,8 @@ def pairs_of_run(
             s = start + lowest_bit(found)
             found = found & (found - 1)
             j = crowd.neighbors.bodies.body[s]
-            if (smaller or j > i) and count < room and outlines.lightness[i] + outlines.lightness[j] > 0.0:
+            movable = outlines.lightness[i] + outlines.lightness[j] > 0.0
+            if (smaller or j > i) and count < room and movable and keep_apart(i, j, crowd.neighbors.footprints.meeting):
                 count = pairs_with(count, room, i, j, crowd, fill, pairs)
     return count
 

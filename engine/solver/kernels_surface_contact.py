@@ -5,6 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell, slot_of
+from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import carried, spot_at, tangential
 from .kernels_contact import Capsule, Push, capsule, push_between, scale_of_pushes
 from .kernels_descent import PINNED, Bodies
@@ -18,7 +19,7 @@ class Footprints:
     """What is known of footprints.
 
     Level, radius (half the thickness of a capsule), farthest reach and mass of every body; and of every level the largest reach and
-    the inverse size of its cells.
+    the inverse size of its cells; and who keeps apart from whom.
     """
 
     level_count: wp.int32
@@ -28,6 +29,7 @@ class Footprints:
     mass: wp.array(dtype=float)
     level_reach: wp.array(dtype=float)
     inverse_cell: wp.array(dtype=float)
+    meeting: Meeting
 
 
 @wp.struct
@@ -205,7 +207,8 @@ def add_pushes_of_cell(
     slot = slot_of_level(cell, level, slots.mask)
     for s in range(slots.start[slot], slots.start[slot + 1]):
         j = slots.order[s]
-        if j != i and footprints.level[j] == level and same_cell(cell_at(slots.sorted_at[j], inverse), cell):
+        wanted = j != i and footprints.level[j] == level and keep_apart(i, j, footprints.meeting)
+        if wanted and same_cell(cell_at(slots.sorted_at[j], inverse), cell):
             push = pushed_by(i, j, here, poses.facet[j], position[j], poses.axis[j], footprints, ground, slack)
             total.shift += push.shift
             total.turn += push.turn

@@ -11,6 +11,7 @@ import math
 import warp as wp
 
 from ..cascade.kernels_points import cell_at, same_cell
+from ..space.kernels_meeting import Meeting, keep_apart
 from ..surface.kernels_facets import carried, smooth_normal, spot_at, tangential
 from .kernels_descent import Bodies
 from .kernels_on_surface import Ground, walk
@@ -37,7 +38,7 @@ class SurfaceCrowd:
     to there, and the direction of the x axis of their outlines along that. Turns that were given, from the direction along the
     surface that every facet has in ``frame``. Outlines, whose corners are seen along these x axes; behind them there is room for the
     ``most_corners`` of somebody else for each body, from ``copies`` on. Levels of size, with the largest reach and the inverse size
-    of the cells of each; and who is in which cell.
+    of the cells of each; and who is in which cell. And who keeps apart from whom.
     """
 
     facet: wp.array(dtype=wp.int32)
@@ -51,6 +52,7 @@ class SurfaceCrowd:
     copies: wp.int32
     most_corners: wp.int32
     ground: Ground
+    meeting: Meeting
     level_count: wp.int32
     level: wp.array(dtype=wp.int32)
     level_reach: wp.array(dtype=float)
@@ -229,6 +231,7 @@ def pairs_of_cell(
         j = crowd.slots.order[s]
         within = outlines.reach[i] + outlines.reach[j] + outlines.skin[i] + outlines.skin[j]
         wanted = (smaller or j > i) and outlines.lightness[i] + outlines.lightness[j] > 0.0
+        wanted = wanted and keep_apart(i, j, crowd.meeting)
         near = wp.length_sq(crowd.position[j] - crowd.position[i]) < within * within
         if wanted and near and count < room and in_cell(j, cell, m, crowd):
             if fill == 0:
@@ -481,7 +484,7 @@ def cost_with_cell(
     for s in range(crowd.slots.start[slot], crowd.slots.start[slot + 1]):
         j = crowd.slots.order[s]
         within = outlines.reach[i] + outlines.reach[j]
-        near = wp.length_sq(crowd.position[j] - here.position) < within * within
+        near = wp.length_sq(crowd.position[j] - here.position) < within * within and keep_apart(i, j, crowd.meeting)
         if near and j != i and j != without and total < most and in_cell(j, cell, m, crowd):
             total += squared_overlap(i, room_of, here, j, crowd)
     return total

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import confine, difference
 from .kernels_outlines import Outlines, apart, turned_corner, wall_contact
@@ -65,7 +66,7 @@ def cost_with_run(
             s = start + lowest_bit(found)
             found = found & (found - 1)
             j = crowd.neighbors.bodies.body[s]
-            if j != i and j != without:
+            if j != i and j != without and keep_apart(i, j, crowd.neighbors.footprints.meeting):
                 total = cost_with(total, i, corners, at, j, crowd)
     return total
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..device.launcher import Launcher
 from ..problem.body_charges import BodyCharges, charges_of
 from ..problem.body_footprints import BodyFootprints, footprints_of
 from ..problem.interaction import Groups, group_bodies
@@ -19,6 +20,8 @@ from ..problem.of_bodies import of_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.surface import Surface
+from ..space.kernels_meeting import Meeting
+from ..space.meeting import meeting_of
 from ..space.space import Space
 from .body_flags import BodyFlags
 from .carried_over import CarriedOver
@@ -149,6 +152,12 @@ class Model:
         flags[came] |= kept[carried.source[came]]
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
         self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
+
+    def meeting(self, launcher: Launcher, order: np.ndarray | None = None) -> Meeting:
+        """Which bodies keep apart, in this order, for kernels. Lines whose footprints may overlap do not cross others all the same."""
+        apart = self.problem.balance.classes_apart if self.problem.avoid_overlap else None
+        class_index = self.body.class_index
+        return meeting_of(launcher, class_index if order is None else class_index[order], apart)
 
     @property
     def space(self) -> Space:

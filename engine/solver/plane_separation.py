@@ -60,7 +60,8 @@ class PlaneSeparation(Separation):
         order = spatial_order(launcher, pose, model.space.size)
         super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
         reach = tables.reach / unit + SKIN * np.sqrt(tables.area) / unit
-        self._near = Neighborhood(launcher, model.space, reach, np.zeros(n), np.ones(n))
+        meeting = model.meeting(launcher, order)
+        self._near = Neighborhood(launcher, model.space, reach, np.zeros(n), np.ones(n), meeting)
         self._near.footprints.radius.assign(reach[order].astype(np.float32))
         level = self._near.footprints.level.numpy()[order]
         self._near.footprints.level.assign(level)
@@ -244,7 +245,8 @@ class PlaneSeparation(Separation):
         launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
         # Bodies as they lie in space; those that are bent are looked for as far as they reach.
         reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
-        near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n))
+        meeting = self._near.footprints.meeting
+        near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n), meeting)
         # Cells know only places inside of a periodic domain.
         launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
         near.sort(self._crowd_pose)

@@ -57,6 +57,7 @@ class SurfaceContact:
         footprints.mass = wp.array(mass / mass[np.isfinite(mass)].mean(), dtype=float, device=device)
         footprints.level_reach = wp.array(level_reach, dtype=float, device=device)
         footprints.inverse_cell = wp.array(0.5 / level_reach, dtype=float, device=device)
+        footprints.meeting = model.meeting(launcher)
         self._footprints = footprints
         slots = 1 << max(4, (SLOTS_PER_BODY * n - 1).bit_length())
         self._sort = CellSort(launcher, n, slots)

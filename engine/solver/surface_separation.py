@@ -77,6 +77,7 @@ class SurfaceSeparation(Separation):
         crowd.frame = wp.array(first.astype(np.float32), dtype=wp.vec3, device=device)
         crowd.outlines, crowd.ground = self._outlines, ground
         crowd.copies, crowd.most_corners = self._corner_count, self._trial_corners
+        crowd.meeting = model.meeting(launcher, order)
         crowd.level_count = len(level_reach)
         crowd.level = launcher.array(level, wp.int32)
         crowd.level_reach = wp.array(level_reach, dtype=float, device=device)

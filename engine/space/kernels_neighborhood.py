@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from .kernels_meeting import Meeting
 from .kernels_space import Space, wrap
 
 wp.set_module_options({"enable_backward": False})
@@ -31,11 +32,12 @@ class ContactGrid:
 
 @wp.struct
 class Footprints:
-    """Level, radius (half the thickness of a capsule) and mass (area) of every body."""
+    """Level, radius (half the thickness of a capsule) and mass (area) of every body; and who keeps apart from whom."""
 
     level: wp.array(dtype=wp.int32)
     radius: wp.array(dtype=float)
     mass: wp.array(dtype=float)
+    meeting: Meeting
 
 
 @wp.func

@@ -54,6 +54,30 @@ def difference(start: wp.vec2, end: wp.vec2, space: Space):
 
 
 @wp.func
+def numbers_within(number: int, reach: int, count: int, space: Space):
+    """First and last of the cells along an axis that lie within ``reach`` of one, unwrapped, none of them twice."""
+    if space.periodic == 0:
+        return wp.vec2i(wp.max(number - reach, 0), wp.min(number + reach, count - 1))
+    if 2 * reach + 1 >= count:
+        return wp.vec2i(0, count - 1)
+    return wp.vec2i(number - reach, number + reach)
+
+
+@wp.func
+def from_far_edges(position: wp.vec2d, size: wp.vec2d, space: Space):
+    """Where a position goes that rounding has left beyond the far edges of ``size``: onto these, or round to the near ones."""
+    at = position
+    for axis in range(2):
+        # What is no number stays none.
+        if space.periodic != 0:
+            if at[axis] >= size[axis]:
+                at[axis] = wp.float64(0.0)
+        elif at[axis] > size[axis]:
+            at[axis] = size[axis]
+    return at
+
+
+@wp.func
 def overhang(position: wp.vec2, space: Space):
     """How far ``position`` lies before the lower edges of an open space (x, y), and behind the upper ones (z, w); below 0 inside."""
     if space.periodic != 0:

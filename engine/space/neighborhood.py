@@ -14,6 +14,8 @@ import warp as wp
 from ..device.launcher import Launcher
 from . import kernels_neighborhood
 from .cell_sort import CellSort
+from .kernels_meeting import Meeting
+from .meeting import meeting_of
 from .space import Space
 
 __all__ = ["Neighborhood"]
@@ -31,6 +33,7 @@ class Neighborhood:
         radius: Of every body's disc, or half the thickness of its capsule, shape ``[n]``.
         half_length: Half the longest axis that it may have, shape ``[n]``.
         mass: Of every body, shape ``[n]``; infinite for one that others cannot push.
+        meeting: Which of them keep apart; None where all do.
 
     Attributes:
         footprints: Level, radius and mass of every body, on the device.
@@ -44,6 +47,7 @@ class Neighborhood:
         radius: np.ndarray,
         half_length: np.ndarray,
         mass: np.ndarray,
+        meeting: Meeting | None = None,
     ) -> None:
         self.launcher = launcher
         device = launcher.device
@@ -68,6 +72,7 @@ class Neighborhood:
         footprints.level = launcher.array(level, wp.int32)
         footprints.radius = launcher.array(radius, float)
         footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
+        footprints.meeting = meeting or meeting_of(launcher, np.zeros(0), None)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))

@@ -67,6 +67,7 @@ def model_of(
     area = tiles.areas(identity)
     at_edge = not all(box.cut)
     classes: list[PreparedClass] = []
+    of_plan: list[int] = []
     for c, body_class in enumerate(plan.problem.classes):
         sizes = []
         for s, size in enumerate(body_class.sizes):
@@ -75,6 +76,7 @@ def model_of(
                 outlines = None if drawn is None or size.footprint is None else drawn.chosen(of_size)
                 sizes.append(_size_in(plan, box, (c, s), size, area[of_size], outlines))
         if sizes:
+            of_plan.append(c)
             # With the room and the gap that it keeps.
             uncut_class = uncut(body_class)
             image = _density(plan, c, box)
@@ -88,6 +90,10 @@ def model_of(
     groups = Groups(own.ravel().astype(np.int32), class_index, tiles.matrix[np.ix_(present, present)])
     # Group factors are those of the whole problem; sizes are weighed nowhere else.
     balance = Balance(size_emphasis=1.0)
+    kept = plan.problem.balance.classes_apart
+    if kept is not None:
+        # Only contact asks for it.
+        balance = replace(balance, class_separation=0.0, non_overlap=kept[np.ix_(of_plan, of_plan)].astype(float))
 
     apart = plan.problem.avoid_overlap
     # Where obstacles leave a size no room in this window with its footprints, their centers keep off them, or nothing does.

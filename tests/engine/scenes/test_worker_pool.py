@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
+from pathlib import Path
 
 import pytest
 import warp as wp
@@ -13,25 +14,34 @@ from esh.engine.scenes import warm_pools
 from esh.engine.scenes.worker_pool import WorkerPool
 
 
-def test_processes_share_several_environments_evenly():
+def asked_of_each(pool: WorkerPool, count: int, folder: Path, expression: str) -> list:
+    """What an expression is in so many processes, of which each waits until all have been asked."""
+    folder.mkdir()
+    call = (
+        f"(lambda os, time: (open(os.path.join({str(folder)!r}, str(os.getpid())), 'w').close(), "
+        f"[time.sleep(0.05) for _ in range(1200) if len(os.listdir({str(folder)!r})) < {count}], {expression})[2])"
+        "(__import__('os'), __import__('time'))"
+    )
+    return [answer for _, answer in pool.map(eval, [(call,)] * count, first_alone=False)]
+
+
+def test_processes_share_several_environments_evenly(tmp_path):
     given = [{"PATH_OF_A_TEST": "a"}, {"PATH_OF_A_TEST": "b"}]
     pool = WorkerPool(3, environments=given, keep=True)
     try:
-        # Whoever is asked for a moment longer leaves the next call to another.
-        waits = [("__import__('time').sleep(1.0) or __import__('os').environ['PATH_OF_A_TEST']",)] * 3
-        seen = Counter(answer for _, answer in pool.map(eval, waits, first_alone=False))
+        seen = Counter(asked_of_each(pool, 3, tmp_path / "asked", "os.environ['PATH_OF_A_TEST']"))
         assert sorted(seen.values()) == [1, 2] and set(seen) == {"a", "b"}
     finally:
         pool.close()
 
 
-def test_a_process_that_is_lost_leaves_its_environment_to_the_next():
+def test_a_process_that_is_lost_leaves_its_environment_to_the_next(tmp_path):
     pool = WorkerPool(2, environments=[{"PATH_OF_A_TEST": "a"}, {"PATH_OF_A_TEST": "b"}], keep=True)
     look = "__import__('time').sleep(0.5) or __import__('os').environ['PATH_OF_A_TEST']"
     try:
         failed = dict(pool.map(eval, [("__import__('os')._exit(3)",), (look,), (look,)], first_alone=False))
         assert "3 times" in failed[0].text and {failed[1], failed[2]} <= {"a", "b"}
-        again = Counter(answer for _, answer in pool.map(eval, [(look,)] * 2, first_alone=False))
+        again = Counter(asked_of_each(pool, 2, tmp_path / "asked", "os.environ['PATH_OF_A_TEST']"))
         assert again == {"a": 1, "b": 1}
     finally:
         pool.close()
@@ -62,9 +72,8 @@ def test_processes_on_several_gpus_see_one_each(monkeypatch):
     assert gpu_environments("auto") == []
 
 
-def pids(pool: WorkerPool) -> set[int]:
-    look = "__import__('time').sleep(0.4) or __import__('os').getpid()"
-    return {answer for _, answer in pool.map(eval, [(look,)] * 2, first_alone=False)}
+def pids(pool: WorkerPool, folder: Path) -> set[int]:
+    return set(asked_of_each(pool, 2, folder, "os.getpid()"))
 
 
 def alive(process: int) -> bool:
@@ -75,26 +84,26 @@ def alive(process: int) -> bool:
     return True
 
 
-def test_processes_stay_for_the_next_use_and_go_after_a_while(monkeypatch):
-    monkeypatch.setattr(warm_pools, "PATIENCE", 1.0)
+def test_processes_stay_for_the_next_use_and_go_after_a_while(monkeypatch, tmp_path):
+    monkeypatch.setattr(warm_pools, "PATIENCE", 3.0)
     with warm_pools.warm_pool(2, 1) as (pool, is_warm):
         assert not is_warm
-        first = pids(pool)
+        first = pids(pool, tmp_path / "first")
     with warm_pools.warm_pool(2, 1) as (pool, is_warm):
-        assert is_warm and pids(pool) == first
+        assert is_warm and pids(pool, tmp_path / "again") == first
         # Whoever else wants some meanwhile gets others.
         with warm_pools.warm_pool(2, 1) as (other, was_used):
-            assert not was_used and not pids(other) & first
-    deadline = time.time() + 10.0
+            assert not was_used and not pids(other, tmp_path / "other") & first
+    deadline = time.time() + 30.0
     while any(alive(process) for process in first) and time.time() < deadline:
         time.sleep(0.1)
     assert not any(alive(process) for process in first)
 
 
-def test_processes_of_a_use_that_failed_do_not_stay():
+def test_processes_of_a_use_that_failed_do_not_stay(tmp_path):
     with pytest.raises(RuntimeError), warm_pools.warm_pool(2, 1) as (pool, _):
-        gone = pids(pool)
+        gone = pids(pool, tmp_path / "gone")
         raise RuntimeError
     with warm_pools.warm_pool(2, 1) as (pool, is_warm):
-        assert not is_warm and not pids(pool) & gone
+        assert not is_warm and not pids(pool, tmp_path / "new") & gone
     warm_pools.close_warm_pools()

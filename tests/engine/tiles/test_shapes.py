@@ -190,3 +190,16 @@ def test_the_gap_of_a_class_is_kept_across_cuts(tmp_path):
     bodies = solved(problem, tmp_path / "out", tile=63.0, steps=(10, 8, 8))
     nearest = spatial.cKDTree(bodies["position"]).query(bodies["position"], 2)[0][:, 1]
     assert nearest.min() > (2.0 * math.sqrt(0.3 / math.pi) + 0.25) * (1.0 - 1e-3)
+
+
+def test_classes_that_may_overlap_do_in_tiles_too(tmp_path):
+    pytest.importorskip("shapely")
+    disc = esh.Size("one", count=3600, footprint=esh.Footprint.disc(0.5))
+    domain, tile = domain_of(disc, 0.5)
+    classes = [esh.BodyClass(name, [disc]) for name in "ab"]
+    problem = esh.Problem(domain, classes, esh.Balance(non_overlap=np.eye(2)), avoid_overlap=True, seed=3)
+    bodies = solved(problem, tmp_path / "out", tile=tile)
+    tree = spatial.cKDTree(bodies["position"])
+    pairs = tree.query_pairs(0.998, output_type="ndarray")
+    same = bodies["class_index"][pairs[:, 0]] == bodies["class_index"][pairs[:, 1]]
+    assert same.sum() == 0 and len(pairs) > 300
