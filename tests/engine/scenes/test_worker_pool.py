@@ -14,6 +14,12 @@ from esh.engine.scenes import warm_pools
 from esh.engine.scenes.worker_pool import WorkerPool
 
 
+@pytest.fixture(autouse=True)
+def nobodys_processes():
+    """What other tests left for the next use is not used here."""
+    warm_pools.close_warm_pools()
+
+
 def asked_of_each(pool: WorkerPool, count: int, folder: Path, expression: str) -> list:
     """What an expression is in so many processes, of which each waits until all have been asked."""
     folder.mkdir()
