@@ -61,8 +61,8 @@ class Report:
         smallest_spacing: Smallest distance between two bodies' centers, over the hexagonal spacing of as many bodies
             of the same mean density at that place; 1 is a perfect lattice. None with fewer than two bodies.
         overlaps: Number of pairs of bodies whose outlines (discs of their area where they were given none) overlap by more than 1e-3
-            of the narrower one's width; at least so many, where a body overlaps more than 200 others. Pairs of fixed bodies do not
-            count.
+            of the narrower one's width; at least so many, where a body overlaps more than 200 others. Pairs of fixed bodies and of
+            classes that may overlap do not count, nor does what a ``room`` below 1 allows.
         covered: Sum of the footprints over the area where bodies may be (density above zero).
         classes: One entry per class.
         deepest_overlap: How deep the deepest overlap is [m]: the shortest way that parts the two; 0 where nothing overlaps.
