@@ -103,6 +103,9 @@ def edit_member():
 def replace_source():
     other = bpy.data.objects["Tree 2"].copy()
     bpy.context.scene.collection.objects.link(other)
+    # One that covers the same ground would take the other's place at once.
+    other.scale.x *= 2.0
+    bpy.context.view_layer.update()
     active().classes["Weights"].sizes[0].source_object = other
 
 
