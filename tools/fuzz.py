@@ -356,6 +356,11 @@ def _check_distances(placement: Any) -> None:
     if not placement.width.any() and not problem.avoid_overlap:
         radius = np.sqrt(placement.area / math.pi)
         touching = radius[i] + radius[j]
+        # Of classes that may overlap nothing counts.
+        matrix = problem.balance.non_overlap
+        if matrix is not None:
+            kept = np.asarray(matrix)[placement.class_index[i], placement.class_index[j]] > 0.0
+            touching, i, j, distance = touching[kept], i[kept], j[kept], distance[kept]
         # Positions are float32, in units of the spacing.
         rounding = 3e-5 * touching + 1e-6 * size.max()
         most = int((distance < touching + rounding).sum())
