@@ -51,43 +51,22 @@ def forget_unseen(
 def find_least(
     first: int,
     values: wp.array(dtype=float),
+    above: float,
     limit: float,
     block: int,
     # outputs
     least: wp.array(dtype=float),
     below: wp.array(dtype=wp.int32),
 ):
-    """Least value of every block, and how many of them are below a limit."""
+    """Least value of every block that is ``above`` another, and how many of all are below a limit."""
     b = first + wp.tid()
     found = float(wp.inf)
     number = int(0)
     for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
         value = values[i]
-        found = wp.min(found, value)
+        if value > above:
+            found = wp.min(found, value)
         if value < limit:
-            number += 1
-    least[b] = found
-    below[b] = number
-
-
-@wp.kernel
-def find_next(
-    first: int,
-    values: wp.array(dtype=float),
-    value: float,
-    block: int,
-    # outputs
-    least: wp.array(dtype=float),
-    below: wp.array(dtype=wp.int32),
-):
-    """Least number above ``value`` in every block, and how many are not above it."""
-    b = first + wp.tid()
-    found = float(wp.inf)
-    number = int(0)
-    for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
-        if values[i] > value:
-            found = wp.min(found, values[i])
-        else:
             number += 1
     least[b] = found
     below[b] = number

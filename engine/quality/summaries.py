@@ -16,7 +16,7 @@ BLOCK_ON_CPU, BLOCK_ON_GPU = 4096, 128
 
 def least_and_number(launcher: Launcher, values: wp.array, limit: float) -> tuple[float, int]:
     """Return the least of some floats, and how many of them are below a limit."""
-    return _both(launcher, kernels_summaries.find_least, values, limit)
+    return _least_and_number(launcher, values, -np.inf, limit)
 
 
 def median_of_least(launcher: Launcher, values: wp.array, number: int) -> float:
@@ -27,7 +27,7 @@ def median_of_least(launcher: Launcher, values: wp.array, number: int) -> float:
     value = _ordered(launcher, bits, low)
     if number % 2:
         return float(value)
-    above, not_above = _both(launcher, kernels_summaries.find_next, values, float(value))
+    above, not_above = _least_and_number(launcher, values, float(value), float(np.nextafter(value, np.float32(np.inf))))
     # As NumPy's median: in float32.
     return float(np.mean(np.array([value, value if not_above > low + 1 else above], np.float32)))
 
@@ -54,10 +54,11 @@ def _blocks(launcher: Launcher, count: int) -> tuple[int, int]:
     return -(-count // block), block
 
 
-def _both(launcher: Launcher, kernel: wp.Kernel, values: wp.array, limit: float) -> tuple[float, int]:
+def _least_and_number(launcher: Launcher, values: wp.array, above: float, limit: float) -> tuple[float, int]:
+    """The least of some floats that are above a value, and how many of all are below a limit."""
     blocks, block = _blocks(launcher, len(values))
     least, number = launcher.empty(blocks, float), launcher.empty(blocks, wp.int32)
-    launcher.launch(kernel, blocks, [values, limit, block], [least, number], grain=1)
+    launcher.launch(kernels_summaries.find_least, blocks, [values, above, limit, block], [least, number], grain=1)
     return float(least.numpy().min()), int(number.numpy().sum())
 
 

@@ -16,7 +16,7 @@ from ..problem.image_filters import gaussian_blur
 from ..space.density import box_integrals
 from .model import Model
 
-__all__ = ["group_targets", "vacancy"]
+__all__ = ["group_targets", "vacancy", "water_level"]
 
 # Fixed bodies are counted in cells of the size of their group's spacing, blurred by so many of them: fluctuations of bodies that stand
 # at random are no excess.
@@ -60,7 +60,7 @@ def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
     image = model.problem.classes[class_index].density_image
     total = float(model.body_charge[of_class].sum())
     there, asked = _on_cells(model, image, own, int(of_class.sum()))
-    share = _water_level(asked, there, total)
+    share = water_level(asked, there, total, total)
     left = np.clip(1.0 - there / np.maximum(share * asked, 1e-300), 0.0, 1.0)[::-1]
     row, column = ((np.arange(cells) + 0.5) * n / cells for n in left.shape)
     return left[row.astype(int)[:, None], column.astype(int)]
@@ -69,14 +69,14 @@ def vacancy(model: Model, class_index: int, cells: int) -> np.ndarray | None:
 def _excess(model: Model, image: np.ndarray, own: np.ndarray, total: float, bodies: int) -> tuple[float, np.ndarray]:
     """Charge that the density stands for, and the excess of fixed bodies over it per cell, row 0 at the top."""
     there, asked = _on_cells(model, image, own, bodies)
-    share = _water_level(asked, there, total)
+    share = water_level(asked, there, total, total)
     excess = np.maximum(there - share * asked, 0.0)
     return total - float(excess.sum()), excess
 
 
-def _water_level(asked: np.ndarray, there: np.ndarray, total: float) -> float:
-    """The factor of ``asked`` with which max(asked, there) adds up to ``total``."""
-    low, high = 0.0, total
+def water_level(asked: np.ndarray, there: np.ndarray, total: float, most: float) -> float:
+    """The factor of ``asked``, at most ``most``, with which max(asked, there) adds up to ``total``."""
+    low, high = 0.0, most
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if np.maximum(middle * asked, there).sum() > total:

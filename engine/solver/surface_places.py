@@ -15,6 +15,7 @@ from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
 from ..surface.facets import Facets
+from .attraction import water_level
 from .model import Model
 
 __all__ = [
@@ -33,8 +34,6 @@ __all__ = [
 
 # Bodies that are fixed take the place of others in cells of about so many spacings of their class.
 CELL_OF_FIXED = 2.5
-# Halvings in which the level is found to which bodies fill up what is asked for.
-BISECTIONS = 60
 # How far from the surface a fixed body may be given, in units.
 NEAR = 1.0
 
@@ -152,13 +151,9 @@ def left_by_fixed(model: Model, facets: Facets, share: np.ndarray, spots: Spots)
         of_tile, of_body = key[: len(middle)], key[len(middle) :]
         asked = np.bincount(of_tile, share[k], len(number))
         there = np.bincount(of_body, charge[model.fixed][own], len(number)) / total
-        low, high = 0.0, 1.0
-        for _ in range(BISECTIONS):
-            level = 0.5 * (low + high)
-            over = np.maximum(level * asked, there)[asked > 0.0].sum() > 1.0
-            low, high = (low, level) if over else (level, high)
-        level = 0.5 * (low + high)
-        wanted = np.maximum(level * asked, np.where(asked > 0.0, there, 0.0))
+        wanted_there = asked > 0.0
+        level = water_level(asked[wanted_there], there[wanted_there], 1.0, 1.0)
+        wanted = np.maximum(level * asked, np.where(wanted_there, there, 0.0))
         followed[k] = share[k] * (wanted / np.maximum(asked, 1e-300))[of_tile]
         followed[k] /= followed[k].sum()
         started[k] = share[k] * np.clip(1.0 - there / np.maximum(level * asked, 1e-300), 0.0, 1.0)[of_tile]

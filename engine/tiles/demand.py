@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..problem.image_filters import gaussian_blur
+from ..solver.attraction import water_level
 from .bodies import written_atomically
 from .coarse import SCALE, CoarseGrid
 from .groups import TileGroups
@@ -22,8 +23,6 @@ __all__ = ["Demand", "find_demand", "integrals_of_tiles", "read_demand", "write_
 
 # Fixed bodies are blurred by so many spacings of their group: where they stand at random is no excess.
 BLUR_OF_FIXED = 1.5
-# Halvings of the interval in which the density's share lies.
-BISECTIONS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ def find_demand(groups: TileGroups, grid: CoarseGrid, target: np.ndarray, totals
         there *= len(position) / float(there.sum())
         density = target[groups.class_index[g]]
         asked = density * (count / float(density.sum()))
-        share = _water_level(asked, there, float(count))
+        share = water_level(asked, there, float(count), 1.0)
         over = np.maximum(there - share * asked, 0.0)
         left[g] = np.maximum(share * asked - there, 0.0)
         # What rounding leaves is no excess.
@@ -82,18 +81,6 @@ def find_demand(groups: TileGroups, grid: CoarseGrid, target: np.ndarray, totals
         there = sum(left.get(g, int(groups.count[g]) * density) for g in own)
         vacancy[c] = there / np.maximum(asked, 1e-300)
     return Demand(totals, level, excess, left, vacancy)
-
-
-def _water_level(asked: np.ndarray, there: np.ndarray, total: float) -> float:
-    """The factor of ``asked`` with which max(asked, there) adds up to ``total``."""
-    low, high = 0.0, 1.0
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        if np.maximum(middle * asked, there).sum() > total:
-            high = middle
-        else:
-            low = middle
-    return 0.5 * (low + high)
 
 
 def integrals_of_tiles(cells: np.ndarray, grid: CoarseGrid, layout: Layout) -> np.ndarray:
