@@ -5,6 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..cascade.kernels_points import cell_at
+from ..space.kernels_meeting import keep_apart
 from .kernels_bends import share_of_gap
 from .kernels_surface_contact import cell_of_block, slot_of_level
 from .kernels_surface_separation import Standing, SurfaceCrowd, copy_corners, glance_at, in_cell, standing_of
@@ -42,7 +43,7 @@ def room_in_cell(
         other = widest[j]
         within = outlines.reach[i] + outlines.reach[j] + own + other
         near = j != i and wp.length_sq(crowd.position[j] - here.position) < within * within
-        if near and in_cell(j, cell, m, crowd):
+        if near and in_cell(j, cell, m, crowd) and keep_apart(i, j, crowd.meeting):
             gap = gap_between(i, here, j, own + other, crowd)
             if gap < own + other:
                 room = wp.min(room, share_of_gap(gap, own, other, outlines.lightness[j]))

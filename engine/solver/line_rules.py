@@ -13,6 +13,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
+from ..space.density import sample_density
 from . import kernels_descent
 from .body_flags import BodyFlags
 from .model import LineKind, Model
@@ -94,11 +95,11 @@ class LineRules:
             own = np.flatnonzero(model.body.kind == kind)
             meters = position[own].astype(np.float64) * model.unit
             angle = rng.uniform(0.0, math.pi, len(own))
-            preferred = _at(self._directions[kind], meters, size)
+            preferred = sample_density(self._directions[kind], meters, size)
             led = (preferred**2).sum(axis=1) > 0.0
             angle[led] = 0.5 * np.arctan2(preferred[led, 1], preferred[led, 0])
             result[own, 0] = angle
-            result[own, 1] = share * _at(self._lengths[kind], meters, size) / model.unit
+            result[own, 1] = share * sample_density(self._lengths[kind], meters, size) / model.unit
         return result
 
     def fixed_angle_and_length(self) -> np.ndarray:
@@ -109,7 +110,7 @@ class LineRules:
         kinds = model.body.kind[model.fixed]
         for kind in range(self.kind_count):
             own = kinds == kind
-            asked = _at(self._lengths[kind], table.position[own], model.problem.rectangle.size)
+            asked = sample_density(self._lengths[kind], table.position[own], model.problem.rectangle.size)
             length = np.where(np.isnan(table.length[own]), asked, table.length[own])
             result[own] = np.stack([table.angle[own], length / model.unit], axis=1)
         return result
@@ -159,11 +160,3 @@ def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp
     numbers = ([first[id(image)] for image in images], *([image.shape[axis] for image in images] for axis in (0, 1)))
     start, height, width = (wp.array(np.array(n, np.int32), dtype=wp.int32, device=device) for n in numbers)
     return wp.array(pixels, dtype=kind, device=device), start, height, width
-
-
-def _at(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-    """Pixels under positions [m]."""
-    height, width = image.shape[:2]
-    column = np.clip((position[:, 0] / size[0] * width).astype(int), 0, width - 1)
-    row = np.clip(((1.0 - position[:, 1] / size[1]) * height).astype(int), 0, height - 1)
-    return image[row, column]

@@ -22,7 +22,7 @@ from ..problem.domain import Domain
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
-from ..space.density import move_into_support
+from ..space.density import move_into_support, sample_density
 from ..space.support import vectors_to_support
 from .model import Model
 
@@ -136,7 +136,7 @@ class NaturalBorder:
                 own = np.arange(taken, taken + many)
                 depth = np.minimum(within[own], size - within[own]).min(axis=1)
                 if beyond.depth is not None:
-                    depth = np.minimum(depth, _at(beyond.depth, position[own], self._size))
+                    depth = np.minimum(depth, sample_density(beyond.depth, position[own], self._size))
                 # Those that lie deepest, in the order that they have, which is one of neighbors.
                 chosen = np.sort(own[np.argsort(-depth, kind="stable")[:count]])
                 to = np.arange(first, first + count)
@@ -231,11 +231,3 @@ def _with_more(size: Size, count: int) -> Size:
         return replace(size, count=count, share=None)
     listed = np.quantile(size.distribution, (np.arange(count) + 0.5) / count)
     return replace(size, count=count, share=None, distribution=listed)
-
-
-def _at(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-    """Pixels under positions [m], of an image whose row 0 is the top."""
-    height, width = image.shape
-    column = np.clip((position[:, 0] / size[0] * width).astype(int), 0, width - 1)
-    row = np.clip(((1.0 - position[:, 1] / size[1]) * height).astype(int), 0, height - 1)
-    return image[row, column]

@@ -399,6 +399,8 @@ class Solver:
 
     def _take_outlines(self, variant: np.ndarray | None, scale: np.ndarray | None) -> None:
         """Give bodies that are not fixed other variants of their outlines, as far as there are so many, and other scales."""
+        if variant is None and scale is None:
+            return
         outlines, fixed = self.model.footprints, self.model.fixed
         if variant is not None:
             first = outlines.shape - outlines.variant

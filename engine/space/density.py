@@ -96,8 +96,8 @@ def spline_bands(
 
 
 def sample_density(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-    """Value of the pixel under every position (shape ``[n, 2]``), for positions inside the domain of ``size``."""
-    height, width = image.shape
+    """Value, or values, of the pixel under every position (shape ``[n, 2]``), for positions inside the domain of ``size``."""
+    height, width = image.shape[:2]
     column = np.clip((position[:, 0] / size[0] * width).astype(np.int64), 0, width - 1)
     row = np.clip(((1.0 - position[:, 1] / size[1]) * height).astype(np.int64), 0, height - 1)
     return image[row, column]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -61,7 +62,7 @@ class TileGroups:
         """Bodies of every group, int64, shape ``[g]``."""
         return np.diff(self.first)
 
-    @property
+    @cached_property
     def free_count(self) -> np.ndarray:
         """Bodies of every group that are not fixed, int64, shape ``[g]``: the first of each."""
         return self.count - np.bincount(self.group_of(self.fixed_identity), minlength=self.number)
@@ -132,17 +133,18 @@ class TileGroups:
         group = self.group_of(identity)
         n = len(identity)
         variant, scale, turn = np.zeros(n, np.int32), np.ones(n), np.zeros(n)
+        fixed = self.is_fixed(identity)
         for g in np.unique(group).tolist():
             size = self.sizes[g]
             if size.footprint is None:
                 continue
-            own = np.flatnonzero((group == g) & ~self.is_fixed(identity))
+            own = np.flatnonzero((group == g) & ~fixed)
             rank = identity[own] - self.first_of_size[g]
             c, s = self._class_and_size(g)
             area = self.areas(identity[own]) if isinstance(size.area, tuple) else None
             drawn = outlines_of_size(self._with_free(g), rank, (self.seed, 5, c, s), area)
             variant[own], scale[own], turn[own] = drawn.variant, drawn.scale, drawn.turn
-            own = np.flatnonzero((group == g) & self.is_fixed(identity))
+            own = np.flatnonzero((group == g) & fixed)
             place = np.searchsorted(self.fixed_identity, identity[own])
             variant[own] = np.minimum(self.fixed.variant[place], len(size.outlines) - 1)
             turn[own] = 0.0 if size.kind.has_axis else self.fixed.angle[place]

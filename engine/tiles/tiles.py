@@ -8,7 +8,6 @@ there as a whole or not at all; so a run that is killed goes on where it was, an
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
 import os
@@ -30,7 +29,7 @@ from ..scenes.ray_pool import RayPool
 from ..scenes.run_folder import make_folder, open_run_folder
 from ..scenes.worker import Failure, carry_out
 from ..scenes.worker_pool import WorkerPool
-from .bodies import read_patch, write_atomically
+from .bodies import read_patch, write_atomically, written_atomically
 from .coarse import SCALE, solve_flow
 from .demand import find_demand, integrals_of_tiles, read_demand, write_demand
 from .layout import hilbert_order
@@ -376,7 +375,6 @@ def _collect_survey(run: TileRun, plan: Plan, tiles: int) -> None:
             )
     _save(run.work / "integral.npy", integral)
     _save(run.work / TARGET, target)
-    write_demand(run.work / DEMAND, find_demand(plan.groups, plan.grid, target, totals))
 
 
 def _count_bodies(run: TileRun, plan: Plan) -> None:
@@ -386,6 +384,7 @@ def _count_bodies(run: TileRun, plan: Plan) -> None:
     result = np.zeros((2, plan.groups.number, integral.shape[1]), np.int64)
     target = np.load(run.work / TARGET)
     demand = find_demand(plan.groups, plan.grid, target, integral.sum(axis=1))
+    write_demand(run.work / DEMAND, demand)
     free_count = plan.groups.free_count
     for g, c in enumerate(plan.groups.class_index.tolist()):
         here = integral[c]
@@ -406,9 +405,8 @@ def _count_bodies(run: TileRun, plan: Plan) -> None:
         result[0, g, order] = np.concatenate([[0], end[:-1]])
         result[1, g, order] = end
     identity, position = spread_rare(plan, target, run.device)
-    file = io.BytesIO()
-    np.savez(file, identity=identity, position=position)
-    write_atomically(run.work / RARE, file.getvalue())
+    with written_atomically(run.work / RARE) as file:
+        np.savez(file, identity=identity, position=position)
     _save(run.work / COUNTS, result)
 
 
@@ -448,9 +446,8 @@ def _make_flows(run: TileRun, plan: Plan, stage: str, before: str, parts: int) -
 
 
 def _save(path: Path, values: np.ndarray) -> None:
-    file = io.BytesIO()
-    np.save(file, values, allow_pickle=False)
-    write_atomically(path, file.getvalue())
+    with written_atomically(path) as file:
+        np.save(file, values, allow_pickle=False)
 
 
 def _write_index(run: TileRun, plan: Plan) -> None:

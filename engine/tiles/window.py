@@ -26,7 +26,7 @@ from ..solver.initial_placement import first_pose
 from ..solver.line_rules import FIRST_LENGTH, LineRules, length_blocks
 from ..solver.model import Model
 from ..solver.state import State
-from ..space.density import move_into_support
+from ..space.density import move_into_support, sample_density
 from ..space.support import images_for_kernels
 from .bodies import PartBodies
 from .demand import Demand
@@ -162,11 +162,9 @@ def _fixed_bodies(plan: Plan, identity: np.ndarray) -> PartBodies:
             continue
         own = np.flatnonzero(group == g)
         asked = np.atleast_2d(np.asarray(line.length, np.float64))
-        share = given.position[own] / plan.layout.size
-        row = np.clip(((1.0 - share[:, 1]) * asked.shape[0]).astype(int), 0, asked.shape[0] - 1)
-        column = np.clip((share[:, 0] * asked.shape[1]).astype(int), 0, asked.shape[1] - 1)
+        there = sample_density(asked, given.position[own], plan.layout.size)
         angle[own] = given.angle[own]
-        length[own] = np.where(np.isnan(given.length[own]), asked[row, column], given.length[own])
+        length[own] = np.where(np.isnan(given.length[own]), there, given.length[own])
     return replace(_resting(plan, identity), position=given.position, angle=angle, length=length)
 
 
@@ -428,9 +426,8 @@ def _targets(
             image = image if image.any() else np.ones_like(image)
             # What is even fades all the same.
             rows, columns = image.shape if image.size > 1 else pixels_of(plan, box)
-            x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
-            y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
-            dim = image * np.maximum(box.fade(x[None, :], y[:, None], taper), LEAST_FADED, dtype=np.float32)
+            fade = _fade_of_pixels(box, rows, columns, taper)
+            dim = image * np.maximum(fade, LEAST_FADED, dtype=np.float32)
             pixel = box.size[0] * box.size[1] / dim.size
             faded[c] = image, dim, float(dim.sum(dtype=np.float64)) * pixel
         image, dim, held = faded[c]
@@ -445,13 +442,18 @@ def _targets(
     return result
 
 
+def _fade_of_pixels(box: Box, rows: int, columns: int, taper: float) -> np.ndarray:
+    """How much counts at the middles of pixels of a box, row 0 at the top."""
+    x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
+    y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
+    return box.fade(x[None, :], y[:, None], taper)
+
+
 def _excess_in(plan: Plan, box: Box, excess: np.ndarray, per_body: float, taper: float) -> tuple[FieldTarget, ...]:
     """What attracts bodies because fixed ones are too many there, of a box; faded as charges are."""
     rows, columns = (max(2, math.ceil(2.0 * side / min(plan.grid.cell))) for side in box.size[::-1])
     image = between_pixels(excess[::-1, :, None], box, plan.problem.rectangle.size, (rows, columns))[..., 0]
-    x = box.low[0] + (np.arange(columns) + 0.5) / columns * box.size[0]
-    y = box.high[1] - (np.arange(rows) + 0.5) / rows * box.size[1]
-    dim = (image * box.fade(x[None, :], y[:, None], taper)).astype(np.float32)
+    dim = (image * _fade_of_pixels(box, rows, columns, taper)).astype(np.float32)
     # Of cells of the coarse grid in a pixel.
     pixel = box.size[0] * box.size[1] / dim.size / math.prod(plan.grid.cell)
     charge = per_body * float(dim.sum(dtype=np.float64)) * pixel

@@ -164,7 +164,7 @@ def _outlines_in(plan: Plan, box: Box, size: Size, drawn: DrawnFootprints) -> Fo
 
 def _with_turns(model: Model, bodies: PartBodies) -> Model:
     """A model whose outlines are turned as bodies are, and whose bodies have the numbers from which all that is random follows."""
-    if model.footprints.is_outline.any():
+    if model.footprints.has_outlines:
         turn = np.where(model.footprints.is_outline, bodies.turn, model.footprints.turn)
         model.footprints = replace(model.footprints, turn=turn)
         model.body = replace(model.body, identity=(bodies.identity % 2**31).astype(np.int32))
