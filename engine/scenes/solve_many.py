@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import lru_cache
 
-from ..device.launcher import Launcher, core_count, gpu_environments, resolve_device
+from ..device.launcher import core_count, gpu_environments, launcher_of_process, processes_on_gpus, resolve_device
 from ..errors import EshError, ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem
@@ -20,8 +19,8 @@ __all__ = ["make_pool", "solve_many"]
 
 # Fewer are solved sooner in this process than others are started.
 WORTH_PROCESSES = 8
-# Of a GPU's memory so much is given to processes: to each what CUDA takes, and what a charge of the largest problem takes [bytes].
-GPU_SHARE, GPU_PROCESS, GPU_CHARGE = 0.8, 0.8e9, 4000.0
+# What a charge of the largest problem takes of a GPU's memory [bytes].
+GPU_CHARGE = 4000.0
 
 
 def solve_many(
@@ -92,8 +91,7 @@ def _process_count(workers: int | None, device: str, problems: list[Problem]) ->
     if not found.is_cuda or len(problems) < WORTH_PROCESSES or not _can_start():
         return 0
     largest = max(problem.charge_count for problem in problems)
-    on_each = int(GPU_SHARE * found.total_memory / (GPU_PROCESS + GPU_CHARGE * largest))
-    many = min(core_count(), len(problems), max(1, len(gpu_environments(device))) * on_each)
+    many = min(len(problems), processes_on_gpus(device, GPU_CHARGE * largest))
     return many if many > 1 else 0
 
 
@@ -120,13 +118,7 @@ def _can_start() -> bool:
     return not (__package__ or "").startswith("bl_ext.")
 
 
-@lru_cache(maxsize=1)
-def _launcher(device: str) -> Launcher:
-    """The threads, or the GPU, of a process that solves many."""
-    return Launcher(resolve_device(device))
-
-
 def _solve(problem: Problem, device: str, max_steps: int) -> Placement:
-    placement = solve_on(_launcher(device), problem, max_steps)
+    placement = solve_on(launcher_of_process(device), problem, max_steps)
     # Whoever asked has the problem; its images need not travel back.
     return replace(placement, problem=None)  # type: ignore[arg-type]
