@@ -15,6 +15,7 @@ import re
 import reprlib
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn, Protocol, TypeVar
 
@@ -34,6 +35,8 @@ __all__ = [
     "Until",
     "core_count",
     "gpu_environments",
+    "launcher_of_process",
+    "processes_on_gpus",
     "resolve_device",
 ]
 
@@ -46,6 +49,8 @@ GRAIN_OF_NEIGHBORS = 96
 # From so many bytes on NumPy asks the system for large pages, of which fewer are to be looked up: a seventh less time for 1,000,000
 # bodies. Warp does not.
 LARGE_ARRAY = 1 << 22
+# Of a GPU's memory so much is given to processes that share it; and what CUDA takes for each of them [bytes].
+GPU_SHARE, GPU_PROCESS = 0.8, 0.8e9
 # Things that a launcher keeps to use them again: an edit needs what a run needed, and little else.
 MOST_KEPT = 12
 Kept = TypeVar("Kept")
@@ -92,6 +97,20 @@ def gpu_environments(name: str) -> list[dict[str, str]]:
     given = [entry.strip() for entry in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if entry.strip()]
     seen = given if len(given) == count else [str(number) for number in range(count)]
     return [{"CUDA_VISIBLE_DEVICES": entry} for entry in seen]
+
+
+def processes_on_gpus(name: str, each: float) -> int:
+    """Number of processes that the GPUs which ``name`` stands for have the memory and this machine the processors for, >= 1.
+
+    Args:
+        name: A device, as of :func:`resolve_device`, that is a GPU.
+        each: What each process takes of a GPU's memory beside what CUDA takes [bytes].
+    """
+    device = resolve_device(name)
+    # The GPUs of another machine are not known here: there is one process then.
+    memory = device.total_memory if device.is_cuda else 0
+    on_each = int(GPU_SHARE * memory / (GPU_PROCESS + each))
+    return max(1, min(core_count(), max(1, len(gpu_environments(name))) * on_each))
 
 
 def core_count() -> int:
@@ -302,6 +321,16 @@ class Launcher:
         wp.launch(
             kernel, dim=count, inputs=list(inputs), outputs=list(outputs), device=self.device, block_dim=BLOCK_DIM
         )
+
+
+@lru_cache(maxsize=1)
+def _launcher_of(device: str, process: int) -> Launcher:
+    return Launcher(resolve_device(device))
+
+
+def launcher_of_process(device: str) -> Launcher:
+    """The threads, or the GPU, that this process uses for one problem after the other; a forked process has its own."""
+    return _launcher_of(device, os.getpid())
 
 
 def _is_single(values: np.ndarray) -> bool:

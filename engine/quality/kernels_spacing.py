@@ -190,3 +190,22 @@ def find_order(
             cosines += wp.cos(angle)
             sines += wp.sin(angle)
         result[k] = wp.float64(wp.sqrt(cosines * cosines + sines * sines) / 6.0)
+
+
+@wp.kernel
+def forget_unseen(
+    first: int,
+    share: wp.array(dtype=float),
+    nobody: float,
+    limit: float,
+    # outputs
+    nearest: wp.array(dtype=float),
+):
+    """Take distances to be those of ``nobody`` where no neighbor is within ``limit`` of the spacings that are asked for.
+
+    Bodies that ask for no spacing, whose share is that of nobody, have the mean one of all, which is the unit.
+    """
+    i = first + wp.tid()
+    seen = share[i] < limit or (share[i] >= nobody and nearest[i] < limit)
+    if not seen:
+        nearest[i] = nobody

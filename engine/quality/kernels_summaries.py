@@ -1,4 +1,4 @@
-"""Kernels that put bodies where they are measured, and that sum numbers of many bodies up, block by block.
+"""Kernels that sum numbers of many bodies up, block by block.
 
 A block is a stretch of the table, which one element goes through in its order. So results depend on no number of threads, and the host
 gets a number for every block instead of every body.
@@ -12,39 +12,6 @@ wp.set_module_options({"enable_backward": False})
 
 # Digits that an order is looked for by: four bits at once.
 DIGITS = wp.constant(16)
-
-
-@wp.kernel
-def place_bodies(
-    first: int,
-    position: wp.array(dtype=wp.vec2d),
-    scale: wp.float64,
-    # outputs
-    pose: wp.array(dtype=wp.vec4),
-):
-    """Positions, scaled, as poses of dots."""
-    i = first + wp.tid()
-    at = position[i] * scale
-    pose[i] = wp.vec4(float(at[0]), float(at[1]), 0.0, 0.0)
-
-
-@wp.kernel
-def forget_unseen(
-    first: int,
-    share: wp.array(dtype=float),
-    nobody: float,
-    limit: float,
-    # outputs
-    nearest: wp.array(dtype=float),
-):
-    """Take distances to be those of ``nobody`` where no neighbor is within ``limit`` of the spacings that are asked for.
-
-    Bodies that ask for no spacing, whose share is that of nobody, have the mean one of all, which is the unit.
-    """
-    i = first + wp.tid()
-    seen = share[i] < limit or (share[i] >= nobody and nearest[i] < limit)
-    if not seen:
-        nearest[i] = nobody
 
 
 @wp.kernel

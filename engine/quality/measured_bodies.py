@@ -11,7 +11,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.domain import Domain
 from ..space.space import Space
-from . import kernels_summaries
+from . import kernels_measured_bodies
 
 __all__ = ["MeasuredBodies", "measured_bodies"]
 
@@ -58,7 +58,7 @@ def measured_bodies(
     place = launcher.array(position, wp.vec2d)
     if angle is None or length is None:
         at = launcher.empty(n, wp.vec4)
-        launcher.launch(kernels_summaries.place_bodies, n, [place, 1.0 / unit], [at])
+        launcher.launch(kernels_measured_bodies.place_bodies, n, [place, 1.0 / unit], [at])
         return MeasuredBodies(launcher, domain, unit, at, place)
     pose = np.zeros((n, 4), dtype=np.float32)
     np.multiply(position, 1.0 / unit, out=pose[:, :2], casting="same_kind")

@@ -12,7 +12,7 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.domain import Domain
 from ..space import kernels_cells
 from ..space.cell_sort import CellSort, position_of
-from . import kernels_spacing, kernels_summaries
+from . import kernels_spacing
 from .measured_bodies import MeasuredBodies, measured_bodies
 from .summaries import least_and_number, median_of_least
 
@@ -99,9 +99,7 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
             grain=GRAIN_OF_NEIGHBORS,
         )
         nobody = float(kernels_spacing.NOBODY)
-        launcher.launch(
-            kernels_summaries.forget_unseen, n, [share, nobody, MOST_SPACINGS * HEXAGONAL_SPACING], [nearest]
-        )
+        launcher.launch(kernels_spacing.forget_unseen, n, [share, nobody, MOST_SPACINGS * HEXAGONAL_SPACING], [nearest])
         closest, found = least_and_number(launcher, nearest, nobody)
         if found:
             break

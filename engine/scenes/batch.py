@@ -14,7 +14,7 @@ import re
 import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +112,7 @@ def run_batch(
 
     Args:
         batch: What to make.
-        device: See :func:`~esh.solve`.
+        device: See :func:`~.solve_many.solve_many`; the first scene stands for all.
         workers: See :func:`~.solve_many.solve_many`.
         ray: Address of a Ray cluster to solve on; None solves on this machine.
         gpus: GPUs that a scene asks of Ray.
@@ -129,7 +129,7 @@ def run_batch(
     parquet = import_extra("pyarrow.parquet", "batch", "the manifest of a batch")
     recipe, variations = _read(batch)
     scenes = list(_scenes(batch, recipe, variations, device))
-    _check_readable(scenes)
+    charges = _first_charges(scenes)
     inputs = _inputs(recipe, variations)
     _open_folder(batch, recipe, inputs)
 
@@ -144,7 +144,7 @@ def run_batch(
             progress(BatchState(len(scenes), len(done), failed, made, len(left)))
 
     show()
-    for scene, files in _solve(left, inputs, device, workers, ray, gpus):
+    for scene, files in _solve(left, inputs, charges, device, workers, ray, gpus):
         if isinstance(files, Failure):
             report = {"scene": scene.number, "seed": scene.seed, "parameters": dict(scene.parameters)}
             files = {"report.json": strict_json(report | {"error": files.text})}
@@ -197,17 +197,17 @@ def _name(number: int) -> str:
     return f"{number:06d}"
 
 
-def _check_readable(scenes: list[Scene]) -> None:
-    """Raise what is wrong with the first scene if none of the first ones can be read."""
+def _first_charges(scenes: list[Scene]) -> int:
+    """Charges of the first scene that can be read; raises what is wrong with the first one if none of the first ones can be."""
     first: EshError | None = None
     for scene in scenes[:TRIED]:
         try:
-            read_scene(scene)
-            return
+            return read_scene(scene)[0].charge_count
         except EshError as error:
             first = first or error
     if first is not None:
         raise first
+    return 0
 
 
 def _inputs(recipe: ParsedRecipe, variations: list[Variation]) -> dict[str, bytes]:
@@ -256,12 +256,18 @@ def _remove_remains(folder: Path, mine: list[Scene]) -> None:
 
 
 def _solve(
-    scenes: list[Scene], inputs: Mapping[str, bytes], device: str, workers: int | None, ray: str | None, gpus: float
+    scenes: list[Scene],
+    inputs: Mapping[str, bytes],
+    charges: int,
+    device: str,
+    workers: int | None,
+    ray: str | None,
+    gpus: float,
 ) -> Iterator[tuple[Scene, Any]]:
     if not scenes:
         return
     # Not before: a run that only collects needs no Warp.
-    from .solve_many import make_pool
+    from .solve_many import make_pool, quicker_device
 
     if ray is not None:
         cluster = RayPool(ray, gpus)
@@ -269,6 +275,8 @@ def _solve(
         for number, answer in cluster.map(solved_scene, ((scene, shared) for scene in scenes)):
             yield scenes[number], answer
         return
+    device = quicker_device(device, charges)
+    scenes = [replace(scene, device=device) for scene in scenes]
     pool = make_pool(workers, device, len(scenes))
     if pool is None:
         for scene in scenes:

@@ -124,8 +124,7 @@ class WorkerPool:
             if self._users:
                 place = self._users.index(min(self._users))
                 self._users[place] += 1
-        process = _Process(self.threads, self._environments[place] if place >= 0 else {})
-        process.place = place
+        process = _Process(self.threads, place, self._environments[place] if place >= 0 else {})
         with self._lock:
             self._processes.add(process)
         if self._closed.is_set():
@@ -169,8 +168,9 @@ def _delivered(answers: queue.Queue[tuple[int, Any] | BaseException | None], cou
 
 
 class _Process:
-    def __init__(self, threads: int, environment: Mapping[str, str]) -> None:
-        self.place = -1
+    def __init__(self, threads: int, place: int, environment: Mapping[str, str]) -> None:
+        # That of its environment among those of the pool, or -1.
+        self.place = place
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed with the process
         # Not by -m: what answers are made of would then be in another module than the one that reads them knows.
         start = f"from {__package__}.worker import main; main()"

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.launcher import core_count, gpu_environments, resolve_device
+from ..device.launcher import core_count, gpu_environments, processes_on_gpus, resolve_device
 from ..errors import EshError, ProblemError
 from ..files.recipe import recipe_densities
 from ..files.recipe_writer import write_recipe
@@ -51,8 +51,8 @@ BLUR, BLUR_IN_CELLS = 4.0, 2.0
 GOLDEN = 0.6180339887498949
 # Fewer parts are made sooner in this process than others are started.
 WORTH_PROCESSES = 8
-# Of a GPU's memory so much is given to windows: to each process what CUDA takes, and what a body of a window takes [bytes].
-GPU_SHARE, GPU_PROCESS, GPU_BODY = 0.8, 0.8e9, 2000.0
+# What a body of a window takes of a GPU's memory [bytes].
+GPU_BODY = 2000.0
 
 
 @dataclass(frozen=True)
@@ -303,12 +303,7 @@ def _processes(run: TileRun, plan: Plan, on_gpu: bool) -> int:
     """
     if not on_gpu:
         return core_count()
-    device = resolve_device(run.device)
-    # Of several GPUs each has its own processes.
-    gpus = max(1, len(gpu_environments(run.device)))
-    bodies = plan.groups.body_count / math.prod(plan.layout.tiles)
-    on_each = int(GPU_SHARE * device.total_memory / (GPU_PROCESS + GPU_BODY * bodies)) if device.is_cuda else 0
-    return max(1, min(core_count(), gpus * on_each))
+    return processes_on_gpus(run.device, GPU_BODY * plan.groups.body_count / math.prod(plan.layout.tiles))
 
 
 def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:

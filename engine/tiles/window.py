@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher, resolve_device
+from ..device.launcher import launcher_of_process
 from ..errors import ProblemError
 from ..field.field import FieldTarget
 from ..problem.balance import Balance
@@ -37,7 +35,7 @@ from .part_times import PartTimes
 from .plan import Plan
 from .window_problem import MARGIN, between_pixels, model_of, pixels_of
 
-__all__ = ["launcher_on", "onto_densities", "relax", "spread_rare", "start_bodies"]
+__all__ = ["onto_densities", "relax", "spread_rare", "start_bodies"]
 
 # Nearer to a cut than this what is beyond it fades out; in spacings of the window. Free bodies then see nothing of the fading.
 TAPER = 4.0
@@ -53,12 +51,6 @@ STEPS_OF_RARE = 100
 MOST_HELD = 0.05
 # Positions are rounded to this share of a spacing, less than float32 holds of them in a window: files are smaller.
 ROUNDING = 2.0**-18
-
-
-@lru_cache(maxsize=1)
-def launcher_on(device: str, process: int = 0) -> Launcher:
-    """The threads or the GPU of this process; one for all of its windows."""
-    return Launcher(resolve_device(device))
 
 
 def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +81,7 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
     group = np.repeat(np.arange(len(rare)), tiles.count[rare]).astype(np.int32)
     class_index = np.unique(tiles.class_index[rare], return_inverse=True)[1].ravel()
     model = Model(problem, groups=Groups(group, class_index, tiles.matrix[np.ix_(rare, rare)]))
-    launcher = launcher_on(device, os.getpid())
+    launcher = launcher_of_process(device)
     descent = Descent(model, launcher)
     try:
         for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
@@ -125,7 +117,7 @@ def start_bodies(
     identity = identity[order]
     if not len(identity):
         return fixed
-    launcher = launcher_on(device, os.getpid())
+    launcher = launcher_of_process(device)
     seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
     bodies = _resting(plan, identity)
     model = model_of(plan, box, bodies, np.zeros(len(identity), np.int32), seed, demand.vacancy)
@@ -218,7 +210,7 @@ def relax(
     flags[pinned] = BodyFlags.PINNED
     if pinned.all():
         return bodies, length_factor
-    launcher = launcher_on(device, os.getpid())
+    launcher = launcher_of_process(device)
     with times.of("set-up"):
         model = model_of(plan, box, bodies, flags, plan.problem.seed)
         # Charges per area of a footprint, before anything fades.

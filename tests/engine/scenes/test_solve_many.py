@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import os
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import esh
 import numpy as np
 import pytest
 from esh.engine.scenes.worker import Failure
 from esh.engine.scenes.worker_pool import WorkerPool
+
+# The package has a function of this name, too.
+solving_many = importlib.import_module("esh.engine.scenes.solve_many")
 
 
 def problem(seed: int, count: int = 40) -> esh.Problem:
@@ -102,3 +107,18 @@ def test_a_mistake_in_the_arguments_is_raised():
 
     with pytest.raises(LookupError, match="no more"):
         dict(WorkerPool(1).map(die_always, arguments()))
+
+
+@pytest.mark.parametrize(
+    ("charges", "processors", "device"),
+    [(200, 16, "cpu"), (20_000, 16, "auto"), (20_000, 64, "cpu"), (5000, 2, "auto")],
+)
+def test_many_small_problems_are_solved_on_the_processors_even_where_there_is_a_gpu(
+    charges, processors, device, monkeypatch
+):
+    monkeypatch.setattr(solving_many, "resolve_device", lambda name: SimpleNamespace(is_cuda=name != "cpu"))
+    monkeypatch.setattr(solving_many, "core_count", lambda: processors)
+    assert solving_many.quicker_device("auto", charges) == device
+    # Whoever names a device gets it.
+    for named in ("cpu", "cuda:0"):
+        assert solving_many.quicker_device(named, charges) == named
