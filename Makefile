@@ -18,6 +18,8 @@ SCENES ?= 10
 TREES ?= 10000000
 PLANET_ARGS ?=
 PYTEST_ARGS ?=
+# Files of tests are handed to several processes; each takes a gigabyte or two.
+TEST_PROCESSES ?= --numprocesses auto --maxprocesses 4 --dist loadfile
 BENCH_ARGS ?=
 FUZZ_SECONDS ?= 600
 FUZZ_SEED ?= 0
@@ -84,10 +86,10 @@ bench: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)/.with-bench $(VENV)-fmm/
 		$$($(VENV)-fmm/bin/python -c 'import finufft, fmm2dpy; print("--fmm $(VENV)-fmm/bin/python")' 2>/dev/null)
 
 test: $(VENV)/.with-blender $(VENV)/.with-test $(VENV)/.with-ray $(VENV)/.with-geo $(if $(filter 3.11,$(VERSION)),$(VENV_OLDEST)/.with-oldest)
-	$(RUN) -m pytest $(PYTEST_ARGS)
+	$(RUN) -m pytest $(TEST_PROCESSES) $(PYTEST_ARGS)
 ifeq ($(VERSION),3.11)
 	@echo "The part that touches Blender once more, in the oldest that is supported:"
-	$(VENV_OLDEST)/bin/python -m pytest tests/esh_scatter tests/test_extension_zip.py $(PYTEST_ARGS)
+	$(VENV_OLDEST)/bin/python -m pytest tests/esh_scatter tests/test_extension_zip.py $(TEST_PROCESSES) $(PYTEST_ARGS)
 endif
 
 fuzz: $(VENV)/.with-test

@@ -8,9 +8,15 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+try:
+    import fcntl
+except ImportError:  # Windows, where one process runs all tests
+    fcntl = None
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -62,6 +68,31 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not wp.is_cuda_available():
             for item in marked:
                 item.add_marker(pytest.mark.skip(reason="no CUDA device on this machine"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Let no other test run beside one that is marked ``alone``, whatever the number of processes."""
+    with _turn(alone=item.get_closest_marker("alone") is not None):
+        return (yield)
+
+
+@contextlib.contextmanager
+def _turn(alone: bool) -> Iterator[None]:
+    """Hold a lock that all tests share, but for one that is alone.
+
+    Who waits for it holds the door meanwhile, so that others, who come again and again, cannot keep one out who wants to be alone.
+    """
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID")
+    if run is None or fcntl is None:
+        yield
+        return
+    folder = Path(tempfile.gettempdir())
+    with open(folder / f"esh-tests-{run}.door", "w") as door, open(folder / f"esh-tests-{run}.room", "w") as room:
+        fcntl.flock(door, fcntl.LOCK_EX)
+        fcntl.flock(room, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        fcntl.flock(door, fcntl.LOCK_UN)
+        yield
 
 
 @pytest.hookimpl(trylast=True)

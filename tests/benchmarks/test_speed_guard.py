@@ -128,6 +128,7 @@ def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():
     assert solve(problem_of(4096, 1), device="cpu").report.steps <= 150
 
 
+@pytest.mark.alone
 def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypatch):
     """Noise: 0.64 to 0.66 on two idle cores, 0.56 to 0.60 beside one or two other processes, 0.51 on one core."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))

@@ -276,6 +276,7 @@ def test_live_goes_on_with_what_was_chosen_at_once(scattered):
     live.end(wait=True)
 
 
+@pytest.mark.alone
 def test_a_hundred_thousand_get_other_variants_in_a_moment(scattered):
     bpy.ops.esh.scatter()
     result, count = scattered.result.data, 100_000

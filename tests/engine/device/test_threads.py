@@ -153,6 +153,7 @@ def burn_for(first: int, rounds: int, result: wp.array(dtype=wp.int32)):
     result[i] = result[i] + burn(rounds) * 0 + 1
 
 
+@pytest.mark.alone
 def test_python_has_a_word_now_and_then_where_a_recording_is_repeated(monkeypatch):
     with launcher_of(2, monkeypatch) as launcher:
         result, never = wp.zeros(1, dtype=wp.int32, device="cpu"), wp.ones(1, dtype=float, device="cpu")
@@ -316,6 +317,7 @@ def test_threads_have_stacks_of_their_own_size(monkeypatch):
         threading.stack_size(before)
 
 
+@pytest.mark.alone
 def test_busy_programs_slow_a_run_down_in_proportion():
     """Beside as many busy programs as there are processors its share is a half: twice the time, where nothing else is lost."""
     problem = Problem(Domain((64.0, 64.0)), [BodyClass("a", [Size("s", 1.0, 20_000)])])
@@ -374,6 +376,7 @@ def test_a_wrong_number_of_threads_is_answered_with_a_sentence(value, monkeypatc
         solve(Problem(Domain((8.0, 8.0)), [BodyClass("a", [Size("s", 1.0, 3)])]), device="cpu")
 
 
+@pytest.mark.alone
 def test_a_profile_says_how_long_phases_take_and_how_many_threads_work(monkeypatch):
     monkeypatch.setenv("ESH_THREADS", "2")
     profile = Profile()

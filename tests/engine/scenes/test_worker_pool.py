@@ -53,6 +53,7 @@ def test_a_process_that_is_lost_leaves_its_environment_to_the_next(tmp_path):
         pool.close()
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("alone", [True, False])
 def test_others_wait_for_the_first_call_only_where_that_is_asked_for(alone):
     pool = WorkerPool(2, keep=True)

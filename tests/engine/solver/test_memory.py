@@ -20,6 +20,7 @@ def problem_of(*counts: int) -> Problem:
     return Problem(Domain((10.0, 10.0)), [BodyClass("pine", sizes)])
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("count", [10**12, 10**400, pytest.param(10**5000, id="1e5000"), 1.7e308])
 def test_absurd_counts_are_refused_at_once_and_say_how_much_they_would_take(count):
     start = time.perf_counter()
