@@ -81,8 +81,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         soft_max=10_000_000,
     )
     cap: IntProperty(
-        name="Confirm Above",
-        description="Ask before placing more objects than this, with an estimate of time and memory",
+        name="Confirm From",
+        description="Ask before placing this many objects or more, with an estimate of time and memory",
         default=1_000_000,
         min=1,
         soft_max=10_000_000,
