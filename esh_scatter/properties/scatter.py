@@ -138,6 +138,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         found = settings_record.changes(before, now, self)
         return list(dict.fromkeys([*others, *found]))
 
+    def only_counts_changed(self, now: dict) -> bool:
+        """Tell whether nothing but counts and classes differ from what the last run was made with; ``now`` is the record of now."""
+        before = self._ran_with_record()
+        return bool(before) and settings_record.only_counts_differ(before, now)
+
     def names_in_report(self) -> list[str]:
         """Return the names of the report's classes, as they are called now."""
         from ..result.kept_ground import CLASSES_OF_POINTS

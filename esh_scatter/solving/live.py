@@ -200,9 +200,10 @@ class _Live:
             return
         self._reading = time.thread_time() - start
         self._say("")
+        few_steps = before is not None and scatter.only_counts_changed(record)
         self._told, self._record = made_with, record
         self._submitted_at = time.perf_counter()
-        self._worker.submit(Request(job, made_with, anew, None if anew else places, before, ready_only))
+        self._worker.submit(Request(job, made_with, anew, None if anew else places, before, few_steps, ready_only))
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""

@@ -34,6 +34,7 @@ class Request:
         anew: Whether to begin from nothing, not from where bodies are.
         start: Where bodies are that the solver has not placed itself, or None.
         before: Where they are other ones than this request asks for: a job that asks for just these, and where these are; or None.
+        few_steps: Whether nothing but counts and classes are other ones, so that few steps will do, and what is far stays.
         ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
     """
 
@@ -42,6 +43,7 @@ class Request:
     anew: bool = False
     start: KeptPlaces | None = None
     before: tuple[ScatterJob, KeptPlaces] | None = None
+    few_steps: bool = False
     ready_only: bool = False
 
 
@@ -78,6 +80,8 @@ class LiveWorker:
         self._ended = False
         self._solver: Solver | None = None
         self._made: ScatterJob | None = None
+        # Steps of an edit that a solver began with.
+        self._edited = 0
         self.progress: Progress | None = None
         self._thread = threading.Thread(target=self._work, name="ESH Scatter live", daemon=True)
         self._thread.start()
@@ -153,8 +157,10 @@ class LiveWorker:
             if started and request.ready_only:
                 return
             assert self._solver is not None
-            steps, _ = self._solver.run(job.settings.max_steps, self._keep)
-            self._solver.separate(self._go_on, again=started)
+            steps = self._edited
+            if not steps:
+                steps, _ = self._solver.run(job.settings.max_steps, self._keep)
+                self._solver.separate(self._go_on, again=started)
         self._made = job
         assert self._solver is not None
         placement = self._solver.placement()
@@ -185,6 +191,7 @@ class LiveWorker:
     def _begin(self, request: Request) -> bool:
         """Make a solver for the request; tell whether it starts where bodies are."""
         self._close()
+        self._edited = 0
         problem, places = request.job.problem, request.start
         if places is not None and self._are_those(problem, places):
             self._solver = Solver(problem, device=request.job.settings.device)
@@ -201,7 +208,7 @@ class LiveWorker:
             return False
         self._solver = Solver(before.problem, device=before.settings.device)
         self._solver.start_at(**before.start_of(places))
-        self._solver.edit(problem, steps=0)
+        self._edited = self._solver.edit(problem, **({} if request.few_steps else {"steps": 0})).steps
         return True
 
     @staticmethod

@@ -173,8 +173,8 @@ def test_what_was_changed_while_it_was_off_is_followed_from_what_is_there(scatte
     follow()
     after = points()
     assert len(after) == 430 and before.keys() <= after.keys()
-    # Spacing is about 1.9 m.
-    assert np.median(moved(before, after)) < 0.95 and not scatter.outdated
+    # Spacing is about 1.9 m; few steps are enough.
+    assert np.median(moved(before, after)) < 0.5 and not scatter.outdated
     scatter.live = False
     follow()
     pines = points("Pine")
