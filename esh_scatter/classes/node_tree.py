@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import bpy
 
-__all__ = ["Tree"]
+from ...engine.version import __version__
+
+__all__ = ["Tree", "parts_of", "remove_group"]
 
 Socket: TypeAlias = bpy.types.NodeSocket
+
+# Custom property of a part: what it is, and of which version.
+PART = "esh_part"
+# What sockets that lead into a part and out of it are, by the types of sockets.
+_SOCKETS = {
+    "VALUE": "NodeSocketFloat",
+    "INT": "NodeSocketInt",
+    "BOOLEAN": "NodeSocketBool",
+    "VECTOR": "NodeSocketVector",
+    "ROTATION": "NodeSocketRotation",
+    "GEOMETRY": "NodeSocketGeometry",
+}
 
 
 class Tree:
@@ -60,6 +75,25 @@ class Tree:
         """Make the inputs known to the nodes."""
         node = self.add("NodeGroupInput")
         self.inputs = {socket.name: socket for socket in node.outputs if socket.name}
+
+    def part(
+        self, name: str, build: Callable[[Tree], Sequence[Socket]], *, own: bool = False, **values: Any
+    ) -> list[Socket]:
+        """Add a part: a node group of its own, which all trees share that have it.
+
+        With every node and link Blender looks at all nodes of a tree anew, so that large trees take the square of their size to make.
+
+        Args:
+            name: What it is; parts of the same name are the same.
+            build: Makes it, with these inputs, and returns what comes out of it.
+            own: Whether it is this tree's alone.
+            values: What is linked to its inputs, by their names.
+        """
+        known = None if own else _part_of(name)
+        node = self.add("GeometryNodeGroup", node_tree=known or _build_part(name, build, values))
+        for key, value in values.items():
+            self.link(value, node.inputs[key])
+        return list(node.outputs)
 
     def attribute(self, name: str, kind: str) -> Socket:
         """Read an attribute of the points."""
@@ -140,6 +174,54 @@ class Tree:
             if value is not None:
                 self.link(value, socket)
         return node.outputs[output] if isinstance(output, int) else _shown(node.outputs, output)
+
+
+def parts_of(group: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    """Return the parts that a group has, each once."""
+    inner = [node.node_tree for node in group.nodes if node.bl_idname == "GeometryNodeGroup"]
+    return [part for part in dict.fromkeys(inner) if part is not None and part.get(PART)]
+
+
+def remove_group(group: bpy.types.NodeTree) -> None:
+    """Remove a group from the file, with those of its parts that nothing else uses."""
+    parts = parts_of(group)
+    bpy.data.node_groups.remove(group)
+    for part in parts:
+        if not part.users:
+            remove_group(part)
+
+
+def _part_of(name: str) -> bpy.types.NodeTree | None:
+    """Return the part of a name that this version has made in this file, or None."""
+    key = f"{name} {__version__}"
+    return next((group for group in bpy.data.node_groups if group.get(PART) == key and group.is_editable), None)
+
+
+def _build_part(name: str, build: Callable[[Tree], Sequence[Socket]], values: dict[str, Any]) -> bpy.types.NodeTree:
+    # Menus pass over what begins with a period.
+    tree = Tree(f".ESH Scatter {name}")
+    tree.group[PART] = f"{name} {__version__}"
+    for key, value in values.items():
+        tree.take(key, _socket_for(value))
+    tree.begin()
+    found = build(tree)
+    end = [
+        tree.group.interface.new_socket(f"Output {number}", in_out="OUTPUT", socket_type=_SOCKETS[socket.type])
+        for number, socket in enumerate(found)
+    ]
+    node = tree.add("NodeGroupOutput")
+    for socket, told in zip(found, end, strict=True):
+        tree.link(socket, node.inputs[told.name])
+    return tree.group
+
+
+def _socket_for(value: Any) -> str:
+    """Return what an input is that takes a value."""
+    if isinstance(value, bpy.types.NodeSocket):
+        return _SOCKETS[value.type]
+    if isinstance(value, bpy.types.Collection):
+        return "NodeSocketCollection"
+    return "NodeSocketInt" if isinstance(value, int) else "NodeSocketObject"
 
 
 def _shown(sockets: Any, name: str) -> Socket:

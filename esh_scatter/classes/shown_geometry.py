@@ -82,11 +82,18 @@ def realized(
         bpy.data.node_groups.remove(tree.group)
 
 
-def source_instance(tree: Tree, source: bpy.types.Object | bpy.types.Collection) -> Socket:
-    """Add the nodes that give an object, or a collection as one, as an instance around its origin; see :func:`as_it_stands`."""
-    as_one = isinstance(source, bpy.types.Collection)
+def source_instance(tree: Tree, source: bpy.types.Object | bpy.types.Collection | Socket) -> Socket:
+    """Add the nodes that give an object, or a collection as one, as an instance around its origin; see :func:`as_it_stands`.
+
+    ``source`` may be an input that gives it.
+    """
+    as_one = (
+        source.type == "COLLECTION"
+        if isinstance(source, bpy.types.NodeSocket)
+        else isinstance(source, bpy.types.Collection)
+    )
     info = tree.add("GeometryNodeCollectionInfo" if as_one else "GeometryNodeObjectInfo")
-    info.inputs["Collection" if as_one else "Object"].default_value = source
+    tree.link(source, info.inputs["Collection" if as_one else "Object"])
     if not as_one:
         info.inputs["As Instance"].default_value = True
     return info.outputs["Instances" if as_one else "Geometry"]

@@ -6,7 +6,7 @@
 import bpy
 
 from ..properties.scene import selected_scatter
-from ..targets.target import is_result
+from ..targets.target import is_result, members_of
 from .edit import Edit, RemoveEntry
 
 __all__ = ["CLASSES"]
@@ -21,8 +21,9 @@ class ESH_OT_obstacle_add(Edit):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
         scatter = selected_scatter(context)
-        there = {scatter.target, *(entry.item for entry in scatter.obstacles)}
-        placed = {size.source for body_class in scatter.classes for size in body_class.sizes}
+        there = {*scatter.targets, *(entry.item for entry in scatter.obstacles)}
+        sources = [size.source for body_class in scatter.classes for size in body_class.sizes]
+        placed = {*sources, *(item for source in sources for item in members_of(source))}
         chosen = [item for item in context.selected_objects if item not in there | placed and not is_result(item)]
         for item in sorted(chosen, key=lambda item: item.name_full) or [None]:
             scatter.obstacles.add().item = item

@@ -68,7 +68,7 @@ class _Run(bpy.types.Operator):
         return self._finish(settings, result)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Solve in the background while the window stays alive; above the cap, ask first."""
+        """Solve in the background while the window stays alive; from the cap on, ask first."""
         if in_background() or context.window is None:
             return self.execute(context)
         try:
@@ -91,7 +91,7 @@ class _Run(bpy.types.Operator):
         if settings is None:
             return False
         count = bodies_ahead(settings)
-        if count > settings.cap and not self.asked:
+        if count >= settings.cap and not self.asked:
             self._undo(context)
             self._ask(context, question(settings, count))
             return False

@@ -81,8 +81,8 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         soft_max=10_000_000,
     )
     cap: IntProperty(
-        name="Confirm Above",
-        description="Ask before placing more objects than this, with an estimate of time and memory",
+        name="Confirm From",
+        description="Ask before placing this many objects or more, with an estimate of time and memory",
         default=1_000_000,
         min=1,
         soft_max=10_000_000,
@@ -137,6 +137,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         # What another object has changed with it need not be said.
         found = settings_record.changes(before, now, self)
         return list(dict.fromkeys([*others, *found]))
+
+    def only_counts_changed(self, now: dict) -> bool:
+        """Tell whether nothing but counts and classes differ from what the last run was made with; ``now`` is the record of now."""
+        before = self._ran_with_record()
+        return bool(before) and settings_record.only_counts_differ(before, now)
 
     def names_in_report(self) -> list[str]:
         """Return the names of the report's classes, as they are called now."""

@@ -19,13 +19,15 @@ from ..targets import checksums
 from ..targets.target import members_of
 from .influential_settings import LOOKS, WITHOUT_INFLUENCE
 
-__all__ = ["changes", "completed", "looks_of", "only_looks_differ", "record", "same"]
+__all__ = ["changes", "completed", "looks_of", "only_counts_differ", "only_looks_differ", "record", "same"]
 
 # What is said of an image or weights, and of an object or a collection, whose contents have changed.
 PAINTED, EDITED = " painted", " edited"
 
 # How a record says that there is nothing of something: no obstacles, no places set by hand and no pins, no curve.
 NOTHING: tuple[Any, ...] = ([], [[], []])
+# What says how many there are, of a class and of a size.
+COUNTS = {"count_kind", "total", "per_area", "distance", "cover_share", "count", "share"}
 # What objects show at once, but has an influence where their outlines are kept apart: they are as large and as turned as this says.
 OF_OUTLINES = ("align_to_normal", "random_turn", "scale_jitter", "tilt")
 
@@ -87,6 +89,21 @@ def only_looks_differ(before: dict[str, Any], now: dict[str, Any]) -> bool:
         return {**record, "classes": classes}
 
     return before != now and without(before) == without(now)
+
+
+def only_counts_differ(before: dict[str, Any], now: dict[str, Any]) -> bool:
+    """Tell whether two records differ in nothing but in counts and in which classes there are."""
+
+    def without(values: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if name not in COUNTS}
+
+    def of(record: dict[str, Any], uid: str) -> dict[str, Any]:
+        one = record["classes"][uid]
+        return {**one, "values": without(one["values"]), "sizes": [without(size) for size in one["sizes"]]}
+
+    if any(before.get(key) != now[key] for key in now if key not in ("classes", "names")):
+        return False
+    return all(of(before, uid) == of(now, uid) for uid in now["classes"] if uid in before["classes"])
 
 
 def _where_it_looks(body_class: Any) -> dict[str, Any]:

@@ -64,15 +64,6 @@ class Followed(NamedTuple):
     vertices: int
 
 
-class Placed(NamedTuple):
-    """Where the instances of one source are: points, which of them, and how they are turned and scaled."""
-
-    points: Socket
-    chosen: Socket
-    rotation: Socket
-    scale: Socket
-
-
 def show_input(class_name: str) -> str:
     """Return what the input is called that shows or hides a class."""
     return f"Show {class_name}"
@@ -93,7 +84,11 @@ def placing_inputs(result: bpy.types.Object) -> list[bpy.types.NodeSocket]:
 def _placing(group: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     found = []
     for node in group.nodes:
-        if node.bl_idname == "GeometryNodeCollectionInfo":
+        if node.bl_idname == "GeometryNodeGroup":
+            # An object or a collection that it takes is what it places; those that points follow are within a part.
+            found += [socket for socket in node.inputs if socket.type in ("OBJECT", "COLLECTION")]
+        # In files of the first version all nodes are in one group.
+        elif node.bl_idname == "GeometryNodeCollectionInfo":
             found.append(node.inputs["Collection"])
         elif node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["As Instance"].default_value:
             found.append(node.inputs["Object"])
@@ -132,31 +127,36 @@ def build_node_group(
     _take_inputs(tree, classes, bool(followed))
     tree.begin()
     inputs = tree.inputs
-    points, rotation = inputs["Geometry"], tree.attribute(ROTATION, "QUATERNION")
+    points = inputs["Geometry"]
+    tree.column(1)
     if followed:
-        points, rotation = _follow(tree, points, rotation, followed)
-    tree.column(8)
+        told = {"points": points, "follow": inputs["Follow Target"]}
+        (points,) = tree.part("Follow", lambda part: [_follow(part, followed)], own=True, **told)
+    rotation = tree.attribute(ROTATION, "QUATERNION")
+    tree.column(2)
     in_viewport = tree.call("GeometryNodeIsViewport")
     limited = tree.either(in_viewport, inputs["Limit Renders"])
     hidden = _hidden(tree, in_viewport, limited, classes)
-    tree.column(12)
+    tree.column(5)
     index = tree.switch("INT", hidden, tree.attribute(INSTANCE_INDEX, "INT"), -1)
     scale = tree.scaled(tree.attribute(SCALE, "FLOAT_VECTOR"), inputs["Scale"])
     display = _display(tree, limited)
     as_points = tree.compare("EQUAL", display, 2, "INT")
     as_bounds = tree.compare("EQUAL", display, 1, "INT")
     join = tree.add("GeometryNodeJoinGeometry")
+    tree.column(6)
+    placed = {"points": points, "index": index, "rotation": rotation, "scale": scale, "as_bounds": as_bounds}
     for number, source in enumerate(sources):
-        tree.column(13)
-        placed = Placed(points, tree.compare("EQUAL", index, number, "INT"), rotation, scale)
-        tree.link(_instances(tree, source, as_bounds, placed), join.inputs["Geometry"])
-    tree.column(17)
+        kind = "Place Collection" if isinstance(source, bpy.types.Collection) else "Place Object"
+        (shown,) = tree.part(kind, _instances, **placed, number=number, source=source)
+        tree.link(shown, join.inputs["Geometry"])
+    tree.column(7)
     dots = tree.add("GeometryNodeMeshToPoints")
     tree.link(points, dots.inputs["Mesh"])
     tree.link(tree.compare("GREATER_EQUAL", index, 0, "INT"), dots.inputs["Selection"])
     tree.link(tree.math("MULTIPLY", tree.parts(scale)[0], POINT_RADIUS), dots.inputs["Radius"])
     result = tree.switch("GEOMETRY", as_points, join.outputs["Geometry"], dots.outputs[0])
-    tree.column(18)
+    tree.column(8)
     tree.link(result, tree.add("NodeGroupOutput").inputs["Geometry"])
     socket = next(one for one in group.interface.items_tree if one.name == "Display")
     socket.default_value = DISPLAYS[0]
@@ -190,27 +190,54 @@ def _take_inputs(tree: Tree, classes: Sequence[str], follow: bool) -> None:
 def _hidden(tree: Tree, in_viewport: Socket, limited: Socket, classes: Sequence[str]) -> Socket:
     """Tell which points are hidden."""
     inputs = tree.inputs
+    limits = {
+        "share": inputs["Viewport Share"],
+        "culling": inputs["Camera Culling"],
+        "margin": inputs["Margin"],
+        "distance": inputs["Distance"],
+    }
+    tree.column(3)
+    (hidden,) = tree.part("Hidden", _limits, in_viewport=in_viewport, limited=limited, **limits)
+    tree.column(4)
+    for number, class_name in enumerate(classes):
+        (hidden,) = tree.part(
+            "Hidden Class", _hidden_class, hidden=hidden, number=number, show=inputs[show_input(class_name)]
+        )
+    return hidden
+
+
+def _limits(tree: Tree) -> list[Socket]:
+    """Tell which points are hidden whatever their class."""
+    inputs = tree.inputs
+    limited, share = inputs["limited"], inputs["share"]
     by_hand = tree.switch(
-        "BOOLEAN", in_viewport, tree.attribute(HIDE_RENDER, "BOOLEAN"), tree.attribute(HIDE_VIEWPORT, "BOOLEAN")
+        "BOOLEAN",
+        inputs["in_viewport"],
+        tree.attribute(HIDE_RENDER, "BOOLEAN"),
+        tree.attribute(HIDE_VIEWPORT, "BOOLEAN"),
     )
     random = tree.add("FunctionNodeRandomValue", data_type="FLOAT")
     # By the points' own numbers: what shows stays the same from run to run.
     tree.link(tree.attribute("id", "INT"), next(s for s in random.inputs if s.enabled and s.name == "ID"))
     value = next(socket for socket in random.outputs if socket.enabled)
-    too_many = tree.both(limited, tree.compare("GREATER_EQUAL", value, inputs["Viewport Share"]))
+    tree.column(2)
+    too_many = tree.both(limited, tree.compare("GREATER_EQUAL", value, share))
     # All of them, whatever the rounding.
-    too_many = tree.both(too_many, tree.compare("LESS_THAN", inputs["Viewport Share"], 1.0))
-    tree.column(9)
-    unseen = tree.both(limited, inputs["Camera Culling"], tree.no(_seen(tree)))
-    hidden = tree.either(by_hand, too_many, unseen)
-    tree.column(11)
-    for number, class_name in enumerate(classes):
-        own = tree.compare("EQUAL", tree.attribute("class_index", "INT"), number, "INT")
-        hidden = tree.either(hidden, tree.both(own, tree.no(inputs[show_input(class_name)])))
-    return hidden
+    too_many = tree.both(too_many, tree.compare("LESS_THAN", share, 1.0))
+    (seen,) = tree.part("Seen", _seen, margin=inputs["margin"], distance=inputs["distance"])
+    tree.column(3)
+    unseen = tree.both(limited, inputs["culling"], tree.no(seen))
+    return [tree.either(by_hand, too_many, unseen)]
 
 
-def _seen(tree: Tree) -> Socket:
+def _hidden_class(tree: Tree) -> list[Socket]:
+    """Hide the points of a class that is not to show, beside those that are hidden already."""
+    inputs = tree.inputs
+    own = tree.compare("EQUAL", tree.attribute("class_index", "INT"), inputs["number"], "INT")
+    return [tree.either(inputs["hidden"], tree.both(own, tree.no(inputs["show"])))]
+
+
+def _seen(tree: Tree) -> list[Socket]:
     """Tell which points the active camera sees."""
     inputs = tree.inputs
     camera = tree.call("GeometryNodeInputActiveCamera")
@@ -220,19 +247,19 @@ def _seen(tree: Tree) -> Socket:
     tree.link(camera, lens.inputs[0])
     to_camera = tree.call("FunctionNodeInvertMatrix", info.outputs["Transform"])
     local = tree.call("FunctionNodeTransformPoint", tree.call("GeometryNodeInputPosition"), to_camera)
-    tree.column(10)
+    tree.column(2)
     on_picture = tree.call("FunctionNodeProjectPoint", local, lens.outputs["Projection Matrix"])
     x, y, _ = tree.parts(tree.vector("ABSOLUTE", on_picture))
     # The picture is from -1 to 1: a share of it is twice as much.
-    limit = tree.math("ADD", 1.0, tree.math("MULTIPLY", inputs["Margin"], 2.0))
+    limit = tree.math("ADD", 1.0, tree.math("MULTIPLY", inputs["margin"], 2.0))
     inside = tree.both(tree.compare("LESS_EQUAL", x, limit), tree.compare("LESS_EQUAL", y, limit))
     in_front = tree.compare("LESS_THAN", tree.parts(local)[2], 0.0)
-    near = tree.compare("LESS_EQUAL", tree.vector("LENGTH", local), inputs["Distance"])
-    unlimited = tree.compare("LESS_EQUAL", inputs["Distance"], 0.0)
-    return tree.both(inside, in_front, tree.either(near, unlimited))
+    near = tree.compare("LESS_EQUAL", tree.vector("LENGTH", local), inputs["distance"])
+    unlimited = tree.compare("LESS_EQUAL", inputs["distance"], 0.0)
+    return [tree.both(inside, in_front, tree.either(near, unlimited))]
 
 
-def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Followed]) -> tuple[Socket, Socket]:
+def _follow(tree: Tree, followed: Sequence[Followed]) -> Socket:
     """Move points with the target, and turn what stands on them; what was moved by hand keeps its distance to the ground."""
     tree.column(1)
     infos, same = [], []
@@ -246,59 +273,47 @@ def _follow(tree: Tree, points: Socket, rotation: Socket, followed: Sequence[Fol
     # Points that are not tied to the ground have no weights.
     weights = tree.attribute(WEIGHTS, "FLOAT_VECTOR")
     tied = tree.compare("GREATER_THAN", tree.vector("LENGTH", weights), 0.0)
-    follows = tree.both(tree.inputs["Follow Target"], tied, *same)
+    follows = tree.both(tree.inputs["follow"], tied, *same)
     tree.column(2)
-    position = tree.call("GeometryNodeInputPosition")
-    number = tree.attribute(TARGET, "INT")
-    corners = []
-    for name in CORNERS:
-        corner: Any = None
-        for target_number, info in enumerate(infos):
-            sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
-            sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
-            tree.link(info.outputs["Geometry"], sockets["Geometry"])
-            tree.link(position, sockets["Value"])
-            tree.link(tree.attribute(name, "INT"), sockets["Index"])
-            value = next(socket for socket in sampled.outputs if socket.enabled)
-            there = tree.call("FunctionNodeTransformPoint", value, info.outputs["Transform"])
-            own = tree.compare("EQUAL", number, target_number, "INT")
-            corner = there if corner is None else tree.switch("VECTOR", own, corner, there)
-        corners.append(corner)
+    a, b, c = (_corner(tree, name, infos) for name in CORNERS)
     tree.column(3)
-    ground, edge, side = _ground_now(tree, corners, weights)
+    ground, edge, side = tree.part("Ground", _ground_now, a=a, b=b, c=c, weights=weights)
     tree.column(4)
-    normal = tree.vector("CROSS_PRODUCT", edge, side)
-    edge_before, normal_before = tree.attribute(EDGE, "FLOAT_VECTOR"), tree.attribute(FACE_NORMAL, "FLOAT_VECTOR")
-    turned = _turn(tree, (normal_before, edge_before), (normal, edge))
+    place, new_rotation = tree.part("Standing", _standing_now, ground=ground, edge=edge, side=side)
     tree.column(5)
-    # What stands upright turns with the ground, but does not lean with it.
-    upright = _turn(tree, (UP, edge_before), (UP, edge))
-    tree.column(6)
-    mix = tree.add("ShaderNodeMix", data_type="ROTATION")
-    mixing = [socket for socket in mix.inputs if socket.enabled]
-    for value, socket in zip((tree.attribute(ALIGN, "FLOAT"), upright, turned), mixing, strict=True):
-        tree.link(value, socket)
-    mixed = next(socket for socket in mix.outputs if socket.enabled)
-    new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
-    away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
-    away = tree.call("FunctionNodeRotateVector", away, turned)
-    tree.column(7)
     # Kept before the points are moved, with which all that is asked of the ground would change.
     turn = tree.add("GeometryNodeStoreNamedAttribute", data_type="QUATERNION", domain="POINT")
     named = {socket.name: socket for socket in turn.inputs if socket.enabled}
     named["Name"].default_value = ROTATION
-    for value, name in ((points, "Geometry"), (follows, "Selection"), (new_rotation, "Value")):
+    for value, name in ((tree.inputs["points"], "Geometry"), (follows, "Selection"), (new_rotation, "Value")):
         tree.link(value, named[name])
     move = tree.add("GeometryNodeSetPosition")
     tree.link(turn.outputs[0], move.inputs["Geometry"])
     tree.link(follows, move.inputs["Selection"])
-    tree.link(tree.vector("ADD", ground, away), move.inputs["Position"])
-    return move.outputs[0], tree.attribute(ROTATION, "QUATERNION")
+    tree.link(place, move.inputs["Position"])
+    return move.outputs[0]
 
 
-def _ground_now(tree: Tree, corners: Sequence[Socket], weights: Socket) -> tuple[Socket, Socket, Socket]:
+def _corner(tree: Tree, name: str, infos: Sequence[bpy.types.Node]) -> Socket:
+    """Return where a corner of every point's triangle is now, in the world."""
+    position = tree.call("GeometryNodeInputPosition")
+    corner: Any = None
+    for number, info in enumerate(infos):
+        sampled = tree.add("GeometryNodeSampleIndex", data_type="FLOAT_VECTOR", domain="POINT")
+        sockets = {socket.name: socket for socket in sampled.inputs if socket.enabled}
+        tree.link(info.outputs["Geometry"], sockets["Geometry"])
+        tree.link(position, sockets["Value"])
+        tree.link(tree.attribute(name, "INT"), sockets["Index"])
+        value = next(socket for socket in sampled.outputs if socket.enabled)
+        there = tree.call("FunctionNodeTransformPoint", value, info.outputs["Transform"])
+        own = tree.compare("EQUAL", tree.attribute(TARGET, "INT"), number, "INT") if corner is not None else None
+        corner = there if corner is None else tree.switch("VECTOR", own, corner, there)
+    return corner
+
+
+def _ground_now(tree: Tree) -> list[Socket]:
     """Return the points of triangles where objects stand now, and the two edges from the first corner."""
-    a, b, c = corners
+    a, b, c, weights = (tree.inputs[name] for name in ("a", "b", "c", "weights"))
     edge = tree.vector("SUBTRACT", b, a)
     side = tree.vector("SUBTRACT", c, a)
     # From one corner: far from the origin sums of whole coordinates would lose what differences keep.
@@ -308,7 +323,30 @@ def _ground_now(tree: Tree, corners: Sequence[Socket], weights: Socket) -> tuple
     before = tree.attribute(GROUND_POINT, "FLOAT_VECTOR")
     moved = tree.vector("LENGTH", tree.vector("SUBTRACT", ground, before))
     rounding = tree.math("MULTIPLY", tree.vector("LENGTH", before), ROUNDING)
-    return tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), before, ground), edge, side
+    return [tree.switch("VECTOR", tree.compare("GREATER_THAN", moved, rounding), before, ground), edge, side]
+
+
+def _standing_now(tree: Tree) -> list[Socket]:
+    """Return where objects stand now, and how they are turned there."""
+    edge = tree.inputs["edge"]
+    normal = tree.vector("CROSS_PRODUCT", edge, tree.inputs["side"])
+    edge_before, normal_before = tree.attribute(EDGE, "FLOAT_VECTOR"), tree.attribute(FACE_NORMAL, "FLOAT_VECTOR")
+    turned = _turn(tree, (normal_before, edge_before), (normal, edge))
+    tree.column(2)
+    # What stands upright turns with the ground, but does not lean with it.
+    upright = _turn(tree, (UP, edge_before), (UP, edge))
+    tree.column(3)
+    mix = tree.add("ShaderNodeMix", data_type="ROTATION")
+    mixing = [socket for socket in mix.inputs if socket.enabled]
+    for value, socket in zip((tree.attribute(ALIGN, "FLOAT"), upright, turned), mixing, strict=True):
+        tree.link(value, socket)
+    mixed = next(socket for socket in mix.outputs if socket.enabled)
+    rotation = tree.attribute(ROTATION, "QUATERNION")
+    new_rotation = tree.call("FunctionNodeRotateRotation", rotation, mixed, rotation_space="GLOBAL")
+    position = tree.call("GeometryNodeInputPosition")
+    away = tree.vector("SUBTRACT", position, tree.attribute(GROUND_POINT, "FLOAT_VECTOR"))
+    away = tree.call("FunctionNodeRotateVector", away, turned)
+    return [tree.vector("ADD", tree.inputs["ground"], away), new_rotation]
 
 
 def _display(tree: Tree, limited: Socket) -> Socket:
@@ -324,27 +362,27 @@ def _display(tree: Tree, limited: Socket) -> Socket:
     return tree.switch("INT", limited, 0, menu.outputs[0])
 
 
-def _instances(
-    tree: Tree, source: bpy.types.Object | bpy.types.Collection, as_bounds: Socket, placed: Placed
-) -> Socket:
-    """Return the instances of one object, or of a collection as one, or of their bounds."""
-    geometry = source_instance(tree, source)
-    tree.column(14)
+def _instances(tree: Tree) -> list[Socket]:
+    """Return the instances of one object, or of a collection as one, or of their bounds, on those points that are its own."""
+    inputs = tree.inputs
+    geometry = source_instance(tree, inputs["source"])
+    tree.column(2)
     bounds = tree.call("GeometryNodeBoundBox", geometry)
     boxed = tree.call("GeometryNodeGeometryToInstance", bounds)
-    tree.column(15)
-    shown = tree.switch("GEOMETRY", as_bounds, geometry, boxed)
+    tree.column(3)
+    shown = tree.switch("GEOMETRY", inputs["as_bounds"], geometry, boxed)
     standing = as_it_stands(tree, geometry, shown)
-    tree.column(16)
+    tree.column(4)
     instance = tree.add("GeometryNodeInstanceOnPoints")
     # Picking the one instance, rather than wrapping it, keeps the instances flat: one level, one object each.
     instance.inputs["Pick Instance"].default_value = True
+    chosen = tree.compare("EQUAL", inputs["index"], inputs["number"], "INT")
     for name, value in (
-        *(("Points", placed.points), ("Selection", placed.chosen), ("Instance", standing)),
-        *(("Rotation", placed.rotation), ("Scale", placed.scale)),
+        *(("Points", inputs["points"]), ("Selection", chosen), ("Instance", standing)),
+        *(("Rotation", inputs["rotation"]), ("Scale", inputs["scale"])),
     ):
         tree.link(value, instance.inputs[name])
-    return instance.outputs["Instances"]
+    return [instance.outputs["Instances"]]
 
 
 def _turn(tree: Tree, before: tuple[Any, Any], now: tuple[Any, Any]) -> Socket:

@@ -133,8 +133,11 @@ def moved_by_hand(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return which points of a result are not where the last run has put them, shape ``[n]``."""
     if PLACED_AT not in mesh.attributes:
         return np.zeros(len(mesh.vertices), bool)
-    position = read_attribute(mesh, "position")
-    away = np.abs(position - read_attribute(mesh, PLACED_AT)).max(axis=1, initial=0.0)
+    position, placed = read_attribute(mesh, "position"), read_attribute(mesh, PLACED_AT)
+    # Panels ask with every drawing, and nearly always nothing was moved.
+    if np.array_equal(position, placed):
+        return np.zeros(len(position), bool)
+    away = np.abs(position - placed).max(axis=1, initial=0.0)
     extent = float(np.ptp(position, axis=0).max()) if len(position) else 0.0
     return away > max(MOVED, MOVED_SHARE * extent)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import bpy
 import numpy as np
 
+from ..classes.node_tree import remove_group
 from ..targets.target import RESULT_TAG, RESULT_TARGET, is_result
 from .display import get_inputs, our_modifier, set_inputs
 from .node_group import HIDE_RENDER, HIDE_VIEWPORT, MADE_OF, Followed, build_node_group, made_of, placed_objects
@@ -107,7 +108,7 @@ def write_result(
     set_inputs(modifier, shown)
     if old is not None and old != group and old.users == 0:
         old_name = old.name
-        bpy.data.node_groups.remove(old)
+        remove_group(old)
         group.name = old_name
     item[RESULT_TAG] = True
     if target is not None:
@@ -188,4 +189,4 @@ def remove_result(item: bpy.types.Object) -> None:
         bpy.data.meshes.remove(mesh)
     for group in groups:
         if _is_ours(group) and not group.users:
-            bpy.data.node_groups.remove(group)
+            remove_group(group)

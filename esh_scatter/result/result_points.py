@@ -28,7 +28,7 @@ from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .pins import add_pins
 from .result import OVERLAPPING
 
-__all__ = ["ResultPoints", "point_attributes", "result_points"]
+__all__ = ["ResultPoints", "overlap_attributes", "point_attributes", "result_points"]
 
 
 class ResultPoints(NamedTuple):
@@ -210,7 +210,7 @@ def _stand(
 def point_attributes(
     placement: Placement, points: ResultPoints, classes: Sequence[ScatterClass], settings: ScatterSettings
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the attributes of a result's points: type and values by name."""
+    """Return the attributes of a result's points that do not depend on its report: type and values by name; in any thread."""
     instances, ground = points.instances, points.ground
     colors = np.array([color_of(c) for c in classes], np.float32)
     align = np.array([standing_of(c, settings).align_to_normal for c in classes], np.float32)
@@ -227,7 +227,6 @@ def point_attributes(
         **ground_attributes(ground, points.to_origin),
         **follow_attributes(points.surface, align[placement.class_index]),
         **add_pins(placement.fixed, points.instances.position),
-        **_overlapping(placement),
         **points.stuck,
     }
 
@@ -239,7 +238,7 @@ def _headings(surface: SurfacePoints, placement: Placement) -> np.ndarray:
     return headings(surface.normal.astype(np.float64), placement.tangent).astype(np.float32)
 
 
-def _overlapping(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
+def overlap_attributes(placement: Placement) -> dict[str, tuple[str, np.ndarray]]:
     """Return the attribute that says of every point whether its object overlaps another; none where no two do."""
     if placement.report is None or not placement.report.overlapping:
         return {}

@@ -42,7 +42,7 @@ from ..result.kept_ground import SEED, KeptPlaces
 from ..result.kept_variants import VARIANTS, variants_told
 from ..result.pins import Pins, read_pins
 from ..result.result import CLASS_NAMES, find_result, write_result
-from ..result.result_points import ResultPoints, point_attributes, result_points
+from ..result.result_points import ResultPoints, overlap_attributes, point_attributes, result_points
 from ..targets.references import Reference
 from ..targets.target import check_exists, is_result
 from ..targets.targets import Target, Targets, read_targets
@@ -156,6 +156,8 @@ class ScatterJob:
         self._reading: _Reading | None = self._read(context)
         self.placement: Placement | None = None
         self._points: ResultPoints | None = None
+        # What these points get, worked out where the window does not wait for it.
+        self._attributes: tuple[ResultPoints, dict[str, tuple[str, np.ndarray]]] | None = None
         if prepare:
             self.prepare()
 
@@ -303,6 +305,7 @@ class ScatterJob:
             placement = replace(placement, report=replace(placement.report, notes=(*placement.report.notes, note)))
         self._points = points
         self.placement = placement
+        self._attributes = points, point_attributes(placement, points, self.classes, self.settings)
 
     def start_of(self, places: KeptPlaces) -> dict[str, Any]:
         """Return where the bodies of a result are, as :meth:`~esh.engine.solver.solver.Solver.start_at` takes them; in any thread.
@@ -359,6 +362,12 @@ class ScatterJob:
             self._points = self._result_points(self.placement)
         return self._points
 
+    def _attributes_of(self, placement: Placement, points: ResultPoints) -> dict[str, tuple[str, np.ndarray]]:
+        """Return the attributes of :attr:`placement`'s points."""
+        if self._attributes is None or self._attributes[0] is not points:
+            self._attributes = points, point_attributes(placement, points, self.classes, self.settings)
+        return {**self._attributes[1], **overlap_attributes(placement)}
+
     def _result_points(self, placement: Placement) -> ResultPoints:
         return result_points(placement, self.problem, self.chart, self.classes, self._shapes, self.settings)
 
@@ -387,7 +396,7 @@ class ScatterJob:
             self.name,
             sources,
             points.instances.position,
-            point_attributes(self.placement, points, self.classes, self.settings),
+            self._attributes_of(self.placement, points),
             [c.name for c in self.classes],
             followed(self._targets.objects, points.surface.view.mesh),
         )

@@ -165,6 +165,7 @@ class _Live:
         """Have the scatter solved as it is now, if it differs from what was solved last."""
         from ..result.kept_ground import kept_places
         from .job import ScatterJob
+        from .job_as_placed import job_as_placed
         from .live_worker import Request
 
         self._looked = time.monotonic()
@@ -186,18 +187,23 @@ class _Live:
         try:
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)
+            places = kept_places(result) if result is not None and (first or not self._worker.has_solver) else None
+            anew = not first and _needs_a_new_start(self._record, record)
+            ready_only = first and bool(scatter.report_json) and not scatter.outdated
+            # Counts may be others than those that are there, since it was off.
+            before = None
+            if result is not None and places is not None and not (anew or ready_only):
+                before = job_as_placed(result, places, positional, named)
         except EshError as error:
             self._told, self._record = made_with, record
             self._say(_sentence(error))
             return
         self._reading = time.thread_time() - start
         self._say("")
-        places = kept_places(result) if result is not None and (first or not self._worker.has_solver) else None
-        anew = not first and _needs_a_new_start(self._record, record)
-        ready_only = first and bool(scatter.report_json) and not scatter.outdated
+        few_steps = before is not None and scatter.only_counts_changed(record)
         self._told, self._record = made_with, record
         self._submitted_at = time.perf_counter()
-        self._worker.submit(Request(job, made_with, anew, None if anew else places, ready_only))
+        self._worker.submit(Request(job, made_with, anew, None if anew else places, before, few_steps, ready_only))
 
     def _show(self, context: bpy.types.Context, scatter: Scatter, outcome: Outcome) -> None:
         """Write what came out into the result."""

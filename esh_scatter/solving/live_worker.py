@@ -11,6 +11,7 @@ import numpy as np
 
 from ...engine.errors import EshError
 from ...engine.problem.placement import Placement
+from ...engine.problem.problem import Problem
 from ...engine.problem.surface import Surface
 from ...engine.quality.measurement import measure
 from ...engine.solver.solver import Progress, Solver
@@ -32,6 +33,8 @@ class Request:
         made_with: What identifies the settings and contents that it was read with.
         anew: Whether to begin from nothing, not from where bodies are.
         start: Where bodies are that the solver has not placed itself, or None.
+        before: Where they are other ones than this request asks for: a job that asks for just these, and where these are; or None.
+        few_steps: Whether nothing but counts and classes are other ones, so that few steps will do, and what is far stays.
         ready_only: Whether they are where this request would have them, so that there is nothing to solve yet.
     """
 
@@ -39,6 +42,8 @@ class Request:
     made_with: str
     anew: bool = False
     start: KeptPlaces | None = None
+    before: tuple[ScatterJob, KeptPlaces] | None = None
+    few_steps: bool = False
     ready_only: bool = False
 
 
@@ -75,6 +80,8 @@ class LiveWorker:
         self._ended = False
         self._solver: Solver | None = None
         self._made: ScatterJob | None = None
+        # Steps of an edit that a solver began with.
+        self._edited = 0
         self.progress: Progress | None = None
         self._thread = threading.Thread(target=self._work, name="ESH Scatter live", daemon=True)
         self._thread.start()
@@ -150,8 +157,10 @@ class LiveWorker:
             if started and request.ready_only:
                 return
             assert self._solver is not None
-            steps, _ = self._solver.run(job.settings.max_steps, self._keep)
-            self._solver.separate(self._go_on, again=started)
+            steps = self._edited
+            if not steps:
+                steps, _ = self._solver.run(job.settings.max_steps, self._keep)
+                self._solver.separate(self._go_on, again=started)
         self._made = job
         assert self._solver is not None
         placement = self._solver.placement()
@@ -182,17 +191,31 @@ class LiveWorker:
     def _begin(self, request: Request) -> bool:
         """Make a solver for the request; tell whether it starts where bodies are."""
         self._close()
-        problem = request.job.problem
-        self._solver = Solver(problem, device=request.job.settings.device)
-        places = request.start
-        if places is None:
+        self._edited = 0
+        problem, places = request.job.problem, request.start
+        if places is not None and self._are_those(problem, places):
+            self._solver = Solver(problem, device=request.job.settings.device)
+            self._solver.start_at(**request.job.start_of(places))
+            return True
+        if request.before is None:
+            self._solver = Solver(problem, device=request.job.settings.device)
             return False
-        asked = problem.body_indices()
-        there = places.class_index, places.size_index
-        if not all(np.array_equal(one, two) for one, two in zip(asked, there, strict=True)):
+        before, places = request.before
+        before.survey = self._survey
+        before.prepare()
+        if not self._are_those(before.problem, places):
+            self._solver = Solver(problem, device=request.job.settings.device)
             return False
-        self._solver.start_at(**request.job.start_of(places))
+        self._solver = Solver(before.problem, device=before.settings.device)
+        self._solver.start_at(**before.start_of(places))
+        self._edited = self._solver.edit(problem, **({} if request.few_steps else {"steps": 0})).steps
         return True
+
+    @staticmethod
+    def _are_those(problem: Problem, places: KeptPlaces) -> bool:
+        """Tell whether a problem asks for just these bodies."""
+        there = places.class_index, places.size_index
+        return all(np.array_equal(one, two) for one, two in zip(problem.body_indices(), there, strict=True))
 
     def _keep(self, progress: Progress) -> bool:
         self.progress = progress

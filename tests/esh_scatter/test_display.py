@@ -74,7 +74,7 @@ def test_how_many_there_will_be_is_told_before_they_are_there(scatter):
     assert "200,000 objects will take about 400 s" in question(scatter, 200_000).replace("7 min", "400 s")
 
 
-def test_above_the_cap_the_button_asks_first(scatter):
+def test_from_the_cap_on_the_button_asks_first(scatter):
     """Without a window nothing is asked; with one, the answer is another press of the same button."""
     asked = []
     operator = type("Pressed", (), {})()
@@ -83,7 +83,7 @@ def test_above_the_cap_the_button_asks_first(scatter):
     operator._undo = lambda _context: None
     operator._ask = lambda _context, text: asked.append(text) or {"CANCELLED"}
     context = type("Context", (), {"window": object(), "scene": bpy.context.scene})()
-    scatter.cap = 49
+    scatter.cap = 50
     assert ESH_OT_scatter._start(operator, context) is False
     assert len(asked) == 1 and asked[0].startswith("50 objects will take about")
     assert scatter.result is None

@@ -164,6 +164,34 @@ def test_counts_weights_and_the_target_are_followed(scatter):
     assert np.abs(np.median(way, axis=0) - (100, 0, 0)).max() < 0.05
 
 
+def test_what_was_changed_while_it_was_off_is_followed_from_what_is_there(scatter):
+    """Counts, a class that is new, and one that is gone: all others stay about where they are, and are the same."""
+    bpy.ops.esh.scatter()
+    before = points()
+    scatter.classes["Beech"].sizes[0].count = 230
+    scatter.live = True
+    follow()
+    after = points()
+    assert len(after) == 430 and before.keys() <= after.keys()
+    # Spacing is about 1.9 m; few steps are enough.
+    assert np.median(moved(before, after)) < 0.5 and not scatter.outdated
+    scatter.live = False
+    follow()
+    pines = points("Pine")
+    scatter.classes["Beech"].mute = True
+    bush = scatter.add_class()
+    bush.name = "Bush"
+    bush.sizes[0].source_object, bush.sizes[0].count = bpy.data.objects["Beech"], 20
+    scatter.classes["Pine"].sizes[0].count = 190
+    scatter.live = True
+    follow()
+    now = points("Pine")
+    assert len(now) == 190 and now.keys() <= pines.keys() and not scatter.outdated
+    assert np.median(moved(pines, now)) < 2.0, "they have the room of the beeches now"
+    # They are others than the pines that went.
+    assert len(points("Bush")) == 20 and not points("Bush").keys() & pines.keys()
+
+
 def test_a_class_comes_and_goes(scatter):
     switch_on(scatter)
     scatter.classes["Beech"].mute = True

@@ -5,7 +5,15 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from esh.esh_scatter.result.node_group import INSTANCE_INDEX, ROTATION, SCALE, build_node_group  # noqa: E402
+from esh.esh_scatter.classes.node_tree import parts_of, remove_group  # noqa: E402
+from esh.esh_scatter.result.node_group import (  # noqa: E402
+    INSTANCE_INDEX,
+    ROTATION,
+    SCALE,
+    Followed,
+    build_node_group,
+    placed_objects,
+)
 from esh.esh_scatter.targets.target import RESULT_TAG  # noqa: E402
 from mathutils import Matrix, Quaternion  # noqa: E402
 
@@ -91,3 +99,37 @@ def test_the_group_is_marked_as_ours_and_a_modifier_whatever_its_name():
     first, second = build_node_group("Taken", []), build_node_group("Taken", [])
     assert first != second and first.get(RESULT_TAG) and second.get(RESULT_TAG)
     assert first.is_modifier and first.users == 0
+
+
+def nodes_in(group):
+    """How many nodes a group has, and its parts, each once."""
+    return {one.name: len(one.nodes) for one in [group, *inner(group)]}
+
+
+def inner(group):
+    found = parts_of(group)
+    return dict.fromkeys(found + [deeper for part in found for deeper in inner(part)])
+
+
+def test_no_tree_is_so_large_that_building_it_is_noticed():
+    """With every node Blender looks at all nodes of a tree anew: 350 in one tree took two seconds, in which the window stood still."""
+    tree = source("Tree")
+    few = nodes_in(build_node_group("Few", [tree], ["A"], [Followed(tree, 3)]))
+    many = build_node_group("Many", [tree] * 20, [f"Class {n}" for n in range(20)], [Followed(tree, 3)])
+    assert max(few.values()) <= 30
+    # One for each source, and one for each class.
+    assert len(many.nodes) == few["Few"] + 2 * 19
+    assert placed_objects(many) == [tree] * 20
+
+
+def test_parts_are_shared_and_go_with_the_last_group_that_has_them():
+    tree, collection = source("Tree"), bpy.data.collections.new("Trees")
+    one, two = (build_node_group("G", [tree, collection], ["A"], [Followed(tree, 3)]) for _ in range(2))
+    own = set(inner(one)) ^ set(inner(two))
+    # What they follow is their own.
+    assert sorted(part.name.partition(".0")[0] for part in own) == [".ESH Scatter Follow"] * 2
+    assert placed_objects(two) == [tree, collection]
+    remove_group(one)
+    assert set(bpy.data.node_groups) == {two, *inner(two)}
+    remove_group(two)
+    assert not bpy.data.node_groups

@@ -198,6 +198,24 @@ def test_obstacles_of_the_sidebar(sidebar, ground, tree):
     assert not bpy.ops.esh.obstacle_remove.poll() and not made.obstacles
 
 
+def test_neither_tiles_of_the_target_nor_what_is_placed_become_obstacles(sidebar, ground, tree):
+    """All that lies around is selected when somebody wants the house in it."""
+    made = in_sidebar(sidebar, ground, tree)
+    tiles, trees = (bpy.data.collections.new(name) for name in ("Tiles", "Trees"))
+    tiles.objects.link(ground)
+    trees.objects.link(tree)
+    for item in (tiles, trees):
+        bpy.context.scene.collection.children.link(item)
+    made.target_kind, made.target_collection = "COLLECTION", tiles
+    size = made.classes[0].sizes[0]
+    size.source_kind, size.source_collection = "COLLECTION", trees
+    home = house()
+    for item in (ground, tree, home):
+        item.select_set(True)
+    assert bpy.ops.esh.obstacle_add() == {"FINISHED"}
+    assert [entry.item for entry in made.obstacles] == [home]
+
+
 def test_a_later_scatter_makes_room_for_the_one_before(sidebar, ground, tree):
     first = in_sidebar(sidebar, ground, tree)
     second = in_sidebar(sidebar, ground, tree)

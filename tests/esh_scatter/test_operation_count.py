@@ -107,3 +107,14 @@ def test_no_vertex_pixel_or_body_is_looped_over():
     few, many = reading_and_writing(20, 16, 1000), reading_and_writing(200, 160, 10_000)
     # Ten times as many: a loop would be seen, a few launches on a second thread are not meant.
     np.testing.assert_allclose(many, few, rtol=0.3)
+
+
+def test_what_is_written_was_worked_out_where_the_window_does_not_wait(monkeypatch):
+    """The values of 100,000 points took a third of the time that the window stood still at the end of a run."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    job = ScatterJob(ground(10), [ScatterClass("a", [ScatterSize("a", 30, source(1.0))])], device="cpu", max_steps=3)
+    job.solve()
+    worked_out = []
+    for name in ("point_attributes", "result_points"):
+        monkeypatch.setattr(sys.modules[ScatterJob.__module__], name, lambda *_, name=name: worked_out.append(name))
+    assert len(job.write().object.data.vertices) == 30 and not worked_out

@@ -1,5 +1,7 @@
 """Objects that were moved, turned, pinned or removed by hand: the next run leaves them, and the rest makes room."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -114,6 +116,32 @@ def test_pinning_turning_and_letting_go(made):
 def test_what_is_shown_at_once_moves_nobody_by_hand(made):
     made.classes["Pine"].offset = 0.4
     assert not pins.moved_by_hand(made.result.data).any() and not made.outdated
+
+
+def test_that_nothing_was_moved_is_seen_about_as_quickly_as_it_is_read():
+    """Panels ask with every drawing: 13 ms at 100,000 objects were felt."""
+    mesh = bpy.data.meshes.new("Points")
+    mesh.vertices.add(100_000)
+    place = np.random.default_rng(1).random((100_000, 3), np.float32)
+    mesh.attributes.new(pins.PLACED_AT, "FLOAT_VECTOR", "POINT")
+    for name in ("position", pins.PLACED_AT):
+        write_attribute(mesh, name, place)
+
+    def least(work):
+        """Processor time of this thread [s]: what other programs take does not count."""
+        times = []
+        for _ in range(15):
+            start = time.thread_time()
+            work()
+            times.append(time.thread_time() - start)
+        return min(times)
+
+    reading = least(lambda: [read_attribute(mesh, name) for name in ("position", pins.PLACED_AT)])
+    assert not pins.moved_by_hand(mesh).any()
+    assert least(lambda: pins.moved_by_hand(mesh)) < 4.0 * reading
+    place[7] += 0.1
+    write_attribute(mesh, "position", place)
+    assert pins.moved_by_hand(mesh).nonzero()[0].tolist() == [7]
 
 
 def test_a_removed_place_stays_free_until_it_is_refilled(made):
