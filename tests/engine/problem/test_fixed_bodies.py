@@ -103,10 +103,14 @@ def test_an_outline_that_its_size_does_not_have_is_refused_with_a_sentence():
     plank = Size("plank", count=5, footprint=Footprint.rectangle(1.0, 0.5))
 
     def fixed(size, variant):
-        return Problem(DOMAIN, [BodyClass("roof", [tile, plank])], fixed=FixedBodies([[1.0, 1.0]], 0, size, variant=variant))
+        return Problem(
+            DOMAIN, [BodyClass("roof", [tile, plank])], fixed=FixedBodies([[1.0, 1.0]], 0, size, variant=variant)
+        )
 
     assert fixed("tile", 1).fixed.variant.tolist() == [1]
-    with pytest.raises(ProblemError, match='`fixed.variant` of size "tile" of class "roof" must be .* from 0 to 1; got 2'):
+    with pytest.raises(
+        ProblemError, match='`fixed.variant` of size "tile" of class "roof" must be .* from 0 to 1; got 2'
+    ):
         fixed("tile", 2)
     with pytest.raises(ProblemError, match='"plank" of class "roof" must be 0, its only footprint; got 1'):
         fixed("plank", 1)
