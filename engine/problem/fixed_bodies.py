@@ -396,17 +396,17 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
         raise ProblemError(f"`fixed.id` must differ from body to body; got {given_ids[times > 1][0]} twice")
     angle = np.concatenate([np.asarray(part.angle) for part in parts])
     order = np.lexsort((size_index, class_index))
-    variant = np.concatenate([np.asarray(part.variant) for part in parts])
-    _check_outlines(variant, class_index, size_index, classes)
+    variant = _outlines(parts, class_index, size_index, classes)
     scale = np.concatenate([np.asarray(part.scale) for part in parts])
     columns = (position, class_index, size_index, angle, length, area, ids, variant, scale, *places)
     return FixedTable(*(column[order] for column in columns))
 
 
-def _check_outlines(
-    variant: np.ndarray, class_index: np.ndarray, size_index: np.ndarray, classes: Sequence[PreparedClass]
-) -> None:
-    """Refuse the number of an outline that a body's size does not have; where there are no outlines, numbers say nothing."""
+def _outlines(
+    parts: Sequence[FixedBodies], class_index: np.ndarray, size_index: np.ndarray, classes: Sequence[PreparedClass]
+) -> np.ndarray:
+    """Numbers of bodies' outlines, each of which its size has; where a size has none, numbers say nothing."""
+    variant = np.concatenate([np.asarray(part.variant) for part in parts])
     for c, body_class in enumerate(classes):
         for s, size in enumerate(body_class.sizes):
             number = len(size.footprint.outlines) if isinstance(size.footprint, Footprints) else None
@@ -416,6 +416,7 @@ def _check_outlines(
                 raise ProblemError(
                     f'`fixed.variant` of size "{size.name}" of class "{body_class.name}" must be {accepted}; got {own.max()}'
                 )
+    return variant
 
 
 def _positions(

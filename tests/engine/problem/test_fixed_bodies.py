@@ -109,7 +109,7 @@ def test_an_outline_that_its_size_does_not_have_is_refused_with_a_sentence():
 
     assert fixed("tile", 1).fixed.variant.tolist() == [1]
     with pytest.raises(
-        ProblemError, match='`fixed.variant` of size "tile" of class "roof" must be .* from 0 to 1; got 2'
+        ProblemError, match=r'`fixed.variant` of size "tile" of class "roof" must be .* from 0 to 1; got 2'
     ):
         fixed("tile", 2)
     with pytest.raises(ProblemError, match='"plank" of class "roof" must be 0, its only footprint; got 1'):
