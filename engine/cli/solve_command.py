@@ -17,7 +17,7 @@ from .argument_types import positive_number, whole_number
 from .compiled_code import ends_in_compiled_code
 from .first_signals import ENDING, INTERRUPTING
 from .progress_bar import progress_bar
-from .signals import after_all_is_written, loading, on_signals, received
+from .signals import after_all_is_written, end_if_asked, loading, on_signals, received
 from .signals import end as end_by_signal
 from .streams import complain, say
 
@@ -116,7 +116,7 @@ def solve(options: argparse.Namespace) -> int:
     writers = _writers(options, asked, placement)
     # The result is there: finishing takes a moment, and half of the files would be worse than all or none.
     with on_signals(INTERRUPTING, signal.SIG_IGN):
-        write_files(writers)
+        write_files(writers, still_wanted=end_if_asked)
     with after_all_is_written():
         say(*([] if options.quiet else [placement.report]), *([] if profile is None else [profile]))
     return 0

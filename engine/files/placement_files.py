@@ -169,11 +169,15 @@ def check_writable(path: str | Path) -> None:
         raise EshError(f"{path} cannot be written: {_reason(error)}") from None
 
 
-def write_files(writers: Mapping[Path, Writer]) -> None:
+def write_files(writers: Mapping[Path, Writer], still_wanted: Callable[[], None] | None = None) -> None:
     """Write several files, all of them or none.
 
     Each is written under another name in its own folder; when the last one is complete, all take their places. What lay there
     is kept until they have.
+
+    Args:
+        writers: What writes them.
+        still_wanted: Called when all are complete, before the first takes its place; what it raises leaves everything as it was.
 
     Raises:
         EshError: One cannot be written; then no older file has been touched, and nothing new is left behind.
@@ -187,6 +191,8 @@ def write_files(writers: Mapping[Path, Writer]) -> None:
         for path, writer in writers.items():
             staged.append(_Staged(path))
             staged[-1].write(writer)
+        if still_wanted is not None:
+            still_wanted()
         for item in staged:
             path = item.path
             item.take_place()

@@ -178,9 +178,7 @@ def _footprints(problem: Problem) -> BodyFootprints:
         assert isinstance(given, Footprints)
         fixed = (problem.fixed.class_index == c) & (problem.fixed.size_index == s)
         drawn = with_count(size, count - int(fixed.sum())).footprints([problem.seed, 5, c, s])
-        variant[own] = np.concatenate(
-            [drawn.variant, np.minimum(problem.fixed.variant[fixed], len(given.outlines) - 1)]
-        )
+        variant[own] = np.concatenate([drawn.variant, problem.fixed.variant[fixed]])
         turn[own] = np.concatenate(
             [drawn.turn, 0.0 * problem.fixed.angle[fixed] if size.kind.has_axis else problem.fixed.angle[fixed]]
         )

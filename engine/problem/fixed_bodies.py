@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .domain import Domain
+from .footprints import Footprints
 from .prepared_class import PreparedClass
 from .settings import Setting, Settings, as_given, described, same_setting, setting, settings_of, settle
 from .surface import Surface
@@ -395,10 +396,27 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
         raise ProblemError(f"`fixed.id` must differ from body to body; got {given_ids[times > 1][0]} twice")
     angle = np.concatenate([np.asarray(part.angle) for part in parts])
     order = np.lexsort((size_index, class_index))
-    variant = np.concatenate([np.asarray(part.variant) for part in parts])
+    variant = _outlines(parts, class_index, size_index, classes)
     scale = np.concatenate([np.asarray(part.scale) for part in parts])
     columns = (position, class_index, size_index, angle, length, area, ids, variant, scale, *places)
     return FixedTable(*(column[order] for column in columns))
+
+
+def _outlines(
+    parts: Sequence[FixedBodies], class_index: np.ndarray, size_index: np.ndarray, classes: Sequence[PreparedClass]
+) -> np.ndarray:
+    """Numbers of bodies' outlines, each of which its size has; where a size has none, numbers say nothing."""
+    variant = np.concatenate([np.asarray(part.variant) for part in parts])
+    for c, body_class in enumerate(classes):
+        for s, size in enumerate(body_class.sizes):
+            number = len(size.footprint.outlines) if isinstance(size.footprint, Footprints) else None
+            own = variant[(class_index == c) & (size_index == s)]
+            if number is not None and (own >= number).any():
+                accepted = "0, its only footprint" if number == 1 else f"a whole number from 0 to {number - 1}"
+                raise ProblemError(
+                    f'`fixed.variant` of size "{size.name}" of class "{body_class.name}" must be {accepted}; got {own.max()}'
+                )
+    return variant
 
 
 def _positions(

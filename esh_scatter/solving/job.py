@@ -257,18 +257,21 @@ class ScatterJob:
             return ()
         pins, variant = reading.pins
         scale = np.array([standing_of(c, self.settings).scale for c in self.classes])[pins.class_index]
-        if isinstance(self.chart, Chart):
-            return (pins.fixed_in(self.chart, variant, scale),)
-        # Those of a range have the ground that their objects were fitted to.
-        area = np.full(len(variant), np.nan)
         first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in self.classes])])
         group = first[pins.class_index] + pins.size_index
+        # All objects of a size have one footprint, unless each has its own.
+        own_ones = np.array([shape.outlines_of_variants for shape in self._shapes])[group]
+        outline = np.where(own_ones, variant, 0)
+        if isinstance(self.chart, Chart):
+            return (pins.fixed_in(self.chart, outline, scale),)
+        # Those of a range have the ground that their objects were fitted to.
+        area = np.full(len(variant), np.nan)
         for number, shape in enumerate(self._shapes):
             outlines = [outline for outline in shape.outlines if outline is not None]
             if isinstance(shape.area, tuple) and outlines:
                 own = np.flatnonzero(group == number)
                 area[own] = pins.fit[own] ** 2 * np.array([outline.area for outline in outlines])[variant[own]]
-        return (pins.fixed_on(self.chart, area, variant, scale),)
+        return (pins.fixed_on(self.chart, area, outline, scale),)
 
     @property
     def target(self) -> bpy.types.Object | bpy.types.Collection:

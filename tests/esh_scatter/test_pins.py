@@ -267,6 +267,30 @@ def test_discs_that_are_pinned_keep_their_size(steep, area):
         result = scatter(ground, asked, result=result, **options).object
 
 
+@pytest.mark.parametrize("area", [None, 0.1, (0.05, 0.2)])
+@pytest.mark.parametrize("surface", ["above", "whole"])
+def test_pinned_objects_of_a_collection_stay_when_it_loses_one(ground, area, surface):
+    parts = bpy.data.collections.new("Parts")
+    bpy.context.scene.collection.children.link(parts)
+    for number in range(3):
+        parts.objects.link(cone(f"Part {number}", 0.1 + 0.05 * number))
+    asked = [ScatterClass("a", [ScatterSize("s", 40, parts, area=area)])]
+    # Discs that are scaled are footprints, too, one for all objects.
+    options = {"surface": surface, "scale_jitter": 0.3, **OPTIONS}
+    result = scatter(ground, asked, **options).object
+    result.data.attributes.new(pins.PINNED, "BOOLEAN", "POINT")
+    write_attribute(result.data, pins.PINNED, np.arange(40) < 20)
+    before, _ = state(result.data)
+    for _ in range(2):
+        scatter(ground, asked, result=result, **options)
+        after, _ = state(result.data)
+        for number in np.flatnonzero(read_attribute(result.data, pins.PINNED)):
+            at = int(read_attribute(result.data, "id")[number])
+            np.testing.assert_allclose(after[at], before[at], atol=1e-4)
+        if "Part 2" in parts.objects:
+            bpy.data.objects.remove(parts.objects["Part 2"])
+
+
 def test_a_range_beside_pins_is_drawn_for_those_that_are_new():
     bpy.ops.mesh.primitive_grid_add(size=10)
     ground, one = bpy.context.object, cone("One", 0.2)

@@ -122,6 +122,30 @@ def test_a_signal_while_files_are_written_leaves_the_older_ones(folder):
     assert files_of(folder) == before
 
 
+def test_a_signal_that_a_library_swallows_while_it_writes_is_not_lost(folder):
+    before = files_of(folder)
+    script = f"""
+import os, signal, sys
+from esh.engine.cli import solve_command, start
+def writer(path, placement, assets):
+    def write(file):
+        file.write(b"new")
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            for _ in range(1000):
+                pass
+        except BaseException:
+            pass
+    return write
+solve_command.placement_writer = writer
+sys.argv[1:] = {list(SOLVE)} + ["--max-steps", "1", "--quiet"]
+sys.exit(start.main())
+"""
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
+    assert (finished.returncode, finished.stderr) == (143, "esh-scatter: ended by SIGTERM; nothing was written\n")
+    assert files_of(folder) == before
+
+
 def test_a_program_that_ignores_hang_ups_goes_on(folder):
     process = start(*SOLVE, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
     time.sleep(0.4)

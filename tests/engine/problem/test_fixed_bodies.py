@@ -4,7 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from esh import BodyClass, Domain, FixedBodies, FixedBody, Line, Placement, Problem, ProblemError, Size
+from esh import (
+    BodyClass,
+    Domain,
+    FixedBodies,
+    FixedBody,
+    Footprint,
+    Footprints,
+    Line,
+    Placement,
+    Problem,
+    ProblemError,
+    Size,
+)
 from esh.engine.problem.size import with_count
 
 DOMAIN = Domain((20.0, 10.0))
@@ -84,6 +96,24 @@ def test_a_count_of_0_needs_fixed_bodies():
 def test_what_does_not_fit_the_problem_is_refused_with_a_sentence(fixed, message):
     with pytest.raises(ProblemError, match=message):
         Problem(DOMAIN, [PINE, replace(ROCK, sizes=[Size("any", 2.0, 1)])], fixed=fixed)
+
+
+def test_an_outline_that_its_size_does_not_have_is_refused_with_a_sentence():
+    tile = Size("tile", count=5, footprint=Footprints([Footprint.disc(0.5), Footprint.rectangle(1.0, 0.5)]))
+    plank = Size("plank", count=5, footprint=Footprint.rectangle(1.0, 0.5))
+
+    def fixed(size, variant):
+        return Problem(
+            DOMAIN, [BodyClass("roof", [tile, plank])], fixed=FixedBodies([[1.0, 1.0]], 0, size, variant=variant)
+        )
+
+    assert fixed("tile", 1).fixed.variant.tolist() == [1]
+    with pytest.raises(
+        ProblemError, match=r'`fixed.variant` of size "tile" of class "roof" must be .* from 0 to 1; got 2'
+    ):
+        fixed("tile", 2)
+    with pytest.raises(ProblemError, match='"plank" of class "roof" must be 0, its only footprint; got 1'):
+        fixed("plank", 1)
 
 
 @pytest.mark.parametrize(
