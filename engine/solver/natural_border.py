@@ -121,9 +121,10 @@ class NaturalBorder:
             margin = along[1].margin, along[0].margin
             self._size = (domain.size[0] + 2.0 * margin[0], domain.size[1] + 2.0 * margin[1])
             made: dict[tuple[int, float], _Beyond] = {}
+            known: _KnownWays = {}
             for image, own in zip(images, reach, strict=True):
                 if (id(image), own) not in made:
-                    made[id(image), own] = _go_on(launcher, image, along, own, self._size)
+                    made[id(image), own] = _go_on(launcher, image, along, own, self._size, known)
                 self._beyond.append(made[id(image), own])
         classes = [
             self._larger(number, c, beyond, margin)
@@ -295,30 +296,66 @@ def _share_of_ground(body_class: PreparedClass) -> float:
     return float((body_class.density_image > 0.0).mean())
 
 
+class _Ways(NamedTuple):
+    """Where a density is, seen from the pixels of a larger domain; every array has its shape.
+
+    Attributes:
+        nearest: Flat index of the nearest pixel that has a density.
+        away: Distance from it [m], 0 where there is a density.
+        deep: Distance from the nearest pixel that has none [m]; None where these are beyond the domain only.
+    """
+
+    nearest: np.ndarray
+    away: np.ndarray
+    deep: np.ndarray | None
+
+
+# By shape and pixels that have a density.
+_KnownWays = dict[tuple[tuple[int, ...], bytes], _Ways]
+
+
 def _go_on(
-    launcher: Launcher, image: np.ndarray, along: Sequence[_Axis], reach: float, size: tuple[float, float]
+    launcher: Launcher,
+    image: np.ndarray,
+    along: Sequence[_Axis],
+    reach: float,
+    size: tuple[float, float],
+    known: _KnownWays,
 ) -> _Beyond:
     """Let a density go on beyond its edges as far as ``reach`` [m], in a domain of ``size`` [m]."""
     for number, axis in enumerate(along):
         image = np.repeat(image, axis.finer(image.shape[number]), axis=number)
     pads = [axis.beyond * n // axis.pixels for axis, n in zip(along, image.shape, strict=True)]
     inner = np.pad(image, [(n, n) for n in pads])
-    height, width = inner.shape
-    pixel = np.array([size[0] / width, size[1] / height])
-    way = vectors_to_support(launcher, inner, size).numpy().reshape(height, width, 2)
-    away = np.hypot(way[..., 0], way[..., 1])
-    row, column = np.indices(inner.shape)
-    nearest = inner[
-        np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1),
-        np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1),
-    ]
-    result = np.where(away <= reach + 0.5 * pixel.max(), nearest, np.float32(0.0)).astype(np.float32)
+    pixel = np.array([size[0] / inner.shape[1], size[1] / inner.shape[0]])
+    key = inner.shape, np.packbits(inner > 0.0).tobytes()
+    if key not in known:
+        known[key] = (
+            _ways_beside(image.shape, pads, pixel) if (image > 0.0).all() else _ways(launcher, inner, size, pixel)
+        )
+    ways = known[key]
+    result = np.where(ways.away <= reach + 0.5 * pixel.max(), inner.ravel()[ways.nearest], np.float32(0.0))
     more = float(result.sum(dtype=np.float64)) / float(image.sum(dtype=np.float64))
-    if (image > 0.0).all():
-        return _Beyond(result, more, None)
+    return _Beyond(result, more, None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away))
+
+
+def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray) -> _Ways:
+    """Ways to a rectangle that has a density everywhere, with so many pixels beside it."""
+    at = [np.arange(n + 2 * pad) for n, pad in zip(shape, pads, strict=True)]
+    row, column = (np.clip(i, pad, pad + n - 1) for i, n, pad in zip(at, shape, pads, strict=True))
+    away = np.hypot(((at[0] - row) * pixel[1])[:, None], ((at[1] - column) * pixel[0])[None])
+    return _Ways(row[:, None] * len(at[1]) + column, away, None)
+
+
+def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixel: np.ndarray) -> _Ways:
+    height, width = inner.shape
+    way = vectors_to_support(launcher, inner, size).numpy().reshape(height, width, 2)
+    row, column = np.indices(inner.shape)
+    row = np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1)
+    column = np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1)
     back = vectors_to_support(launcher, np.where(inner > 0.0, np.float32(0.0), np.float32(1.0)), size).numpy()
     deep = np.hypot(back[:, 0], back[:, 1]).reshape(height, width)
-    return _Beyond(result, more, np.where(inner > 0.0, deep, -away))
+    return _Ways(row * width + column, np.hypot(way[..., 0], way[..., 1]), deep)
 
 
 def _follows_images(size: Size) -> bool:
