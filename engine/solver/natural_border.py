@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -166,12 +166,13 @@ class NaturalBorder:
 
     def _with_more(self, size: Size, count: int, more: int, margin: tuple[float, float]) -> Size:
         """A size of more bodies than ``count``; what is listed is drawn from as densely, and images go on as densities do."""
-        changes: dict[str, object] = {}
+        changes: dict[str, Any] = {}
         if isinstance(size.distribution, np.ndarray):
             changes["distribution"] = np.quantile(size.distribution, (np.arange(more) + 0.5) / max(more, 1))
         beyond = [m / length for m, length in zip(margin, self._asked.rectangle.size, strict=True)]
         if size.line is not None:
-            line, told = size.line, {}
+            line = size.line
+            told: dict[str, Any] = {}
             for name in ("length", "direction"):
                 value = getattr(line, name)
                 if isinstance(value, np.ndarray):
@@ -181,17 +182,17 @@ class NaturalBorder:
             changes["line"] = replace(line, **told)
         if isinstance(size.footprint, Footprints):
             own = size.footprint
-            told = {
+            given: dict[str, Any] = {
                 name: np.resize(value[:count] if count else value, more)
                 for name in ("variant", "scale", "turn")
                 if isinstance(value := getattr(own, name), np.ndarray)
             }
             # That of a line is told from its axis.
             if size.line is None and not isinstance(own.turn, str):
-                told["turn"] = told.get("turn", own.turn) + self.turn
+                given["turn"] = given.get("turn", own.turn) + self.turn
             if own.slope is not None:
-                told["slope"] = _image_beyond(own.slope, beyond)
-            changes["footprint"] = replace(own, **told)
+                given["slope"] = _image_beyond(own.slope, beyond)
+            changes["footprint"] = replace(own, **given)
         return replace(size, count=more, share=None, **changes)
 
     def _fixed(self) -> list[FixedBodies]:

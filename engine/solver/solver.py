@@ -198,15 +198,11 @@ class Solver:
         with self.launcher.phase("border"):
             border, kept, before = self._border, self._cut_position(), self.descent
             assert isinstance(before, Descent)
-            self.launcher.release(before.step)
             self._border = None
-            self._go_on_from(before, kept.position, kept.source, border.turn, SMOOTH_OVER_SPACING)
-            self.descent.step.play(SMOOTH_STEPS)
-            smooth = self.descent
-            self.launcher.release(smooth.step)
-            self._go_on_from(
-                smooth, position_in_meters(self.model, smooth.state, self.launcher), np.arange(self.model.body_count)
-            )
+            smooth = self._go_on_from(before, kept.position, kept.source, border.turn, SMOOTH_OVER_SPACING)
+            smooth.step.play(SMOOTH_STEPS)
+            position = position_in_meters(self.model, smooth.state, self.launcher)
+            self.descent = self._go_on_from(smooth, position, np.arange(self.model.body_count))
             self.descent.step.play(STEPS_WITHIN)
 
     def _leave_beyond(self) -> bool:
@@ -229,8 +225,8 @@ class Solver:
         source: np.ndarray,
         turned: float = 0.0,
         smooth: float | None = None,
-    ) -> None:
-        """Begin anew with bodies of another descent.
+    ) -> Descent:
+        """Return a descent of bodies of another one, which is let go of.
 
         Args:
             before: The other one.
@@ -239,6 +235,7 @@ class Solver:
             turned: By how much they were turned there [rad].
             smooth: See :class:`~.descent.Descent`.
         """
+        self.launcher.release(before.step)
         model, old, state = self.model, before.model, before.state
         pose = np.zeros((model.body_count, 4))
         pose[:, :2] = position / model.unit
@@ -257,7 +254,7 @@ class Solver:
             descent.state.turn.assign(turn)
         descent.state.steps[:] = state.steps
         descent.place_charges()
-        self.descent = descent
+        return descent
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
         """Go on with another problem in the same domain from where bodies are.
