@@ -24,11 +24,15 @@ __all__ = ["shares_of_forces"]
 HELD = (1.0, 2.0)
 # Spacings of rare classes are no wider than this share of the domain.
 MOST_OF_DOMAIN = 0.1
+# What is near is no farther than so many nodes.
+MOST_NODES = 4
 # A share of 0 would divide by 0.
 LEAST = 1e-4
 
 
-def shares_of_forces(launcher: Launcher, model: Model, layout: MeshLayout, spacing: np.ndarray) -> wp.array:
+def shares_of_forces(
+    launcher: Launcher, model: Model, layout: MeshLayout, spacing: np.ndarray, new: np.ndarray | None = None
+) -> wp.array:
     """How much of the forces counts at the nodes of a mesh, flat, one group after the other.
 
     Args:
@@ -36,6 +40,8 @@ def shares_of_forces(launcher: Launcher, model: Model, layout: MeshLayout, spaci
         model: In a rectangle.
         layout: The mesh.
         spacing: Of all bodies at its nodes, in the model's unit, shape ``[node_count]``.
+        new: Where an edit has set bodies down, in the model's unit, shape ``[m, 2]``; None where it has not. All forces count there:
+            these bodies are not yet where larger problems would have them.
     """
     rows, columns = layout.shape
     width, height = model.size
@@ -43,6 +49,9 @@ def shares_of_forces(launcher: Launcher, model: Model, layout: MeshLayout, spaci
     y = (np.arange(rows) - layout.margin) * layout.spacing[1]
     edge = np.minimum(np.minimum(x, width - x)[None], np.minimum(y, height - y)[:, None])
     of_class: list[np.ndarray] = []
+    stirred = np.zeros((rows, columns), bool)
+    if new is not None and len(new):
+        stirred = _near(new, spacing.reshape(rows, columns), layout)
     problem = model.problem
     depth_of: dict[int, np.ndarray] = {}
     for c in problem.classes:
@@ -52,7 +61,7 @@ def shares_of_forces(launcher: Launcher, model: Model, layout: MeshLayout, spaci
         rarer = math.sqrt(model.body_count / max(c.body_count, 1))
         own = np.minimum(spacing.reshape(rows, columns) * rarer, MOST_OF_DOMAIN * min(width, height))
         share = np.clip((depth_of[id(image)] / own - HELD[0]) / (HELD[1] - HELD[0]), LEAST, 1.0)
-        of_class.append(share.ravel())
+        of_class.append(np.where(stirred, 1.0, share).ravel())
     shares = np.stack([of_class[k] for k in model.groups.class_index]).astype(np.float32)
     return wp.array(shares.ravel(), dtype=float, device=launcher.device)
 
@@ -71,3 +80,17 @@ def _depth_in_support(
         return np.full(layout.shape, math.inf)
     extent = layout.shape[1] * layout.spacing[0], layout.shape[0] * layout.spacing[1]
     return np.hypot(*vectors_to_support(launcher, empty, extent).numpy().T).reshape(layout.shape)
+
+
+def _near(position: np.ndarray, spacing: np.ndarray, layout: MeshLayout) -> np.ndarray:
+    """Which nodes are within about a spacing of a position, shape ``[rows, columns]``."""
+    rows, columns = layout.shape
+    column = np.clip(np.rint(position[:, 0] / layout.spacing[0]).astype(int) + layout.margin, 0, columns - 1)
+    row = np.clip(np.rint(position[:, 1] / layout.spacing[1]).astype(int) + layout.margin, 0, rows - 1)
+    result = np.zeros((rows, columns), bool)
+    reach = np.rint(spacing[row, column] / min(layout.spacing)).astype(int)
+    for y in range(-MOST_NODES, MOST_NODES + 1):
+        for x in range(-MOST_NODES, MOST_NODES + 1):
+            own = max(abs(x), abs(y)) <= reach
+            result[np.clip(row[own] + y, 0, rows - 1), np.clip(column[own] + x, 0, columns - 1)] = True
+    return result

@@ -329,7 +329,7 @@ class Solver:
         # What was another kind of body has neither angle nor length.
         other = came & (_charges_per_body(model) != _charges_per_body(before)[carried.source])
         start[other | (model.body.kind < 0), 2:] = np.nan
-        descent = Descent(model, self.launcher, pose=start)
+        descent = Descent(model, self.launcher, pose=start, new=start[carried.new, :2])
         carry_lines(before, old, model, descent.state, carried)
         _carry_turns(before, old, model, descent.state, carried)
         self.launcher.release(self.descent.step)

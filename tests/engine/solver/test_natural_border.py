@@ -297,3 +297,22 @@ def test_an_edit_keeps_who_stands_beside_the_border():
     moved = np.hypot(*(after.position[j] - before.position[i]).T)
     assert (moved[depth < spacing] < 0.1 * spacing).mean() > 0.98
     assert (moved < 0.1 * spacing).mean() > 0.6
+
+
+def test_strokes_across_the_border_leave_no_close_pairs_there():
+    """Whoever is set down beside the border moves, too."""
+    row, column = np.indices((128, 128)) / 128.0
+    density = np.ones((128, 128), np.float32)
+    with esh.Solver(problem_of("natural", density, 1500), device="cpu") as solver:
+        solver.run(40)
+        for k in range(4):
+            density = np.where(np.hypot(column - 0.2 - 0.15 * k, row - 0.05) < 0.12, 3.0, density).astype(np.float32)
+            solver.edit(problem_of("natural", density, round(1500 * float(density.mean()))))
+        position = solver.placement().position
+    spacing = SIDE / math.sqrt(3.0 * 1500)
+    painted = position[(position[:, 1] > SIDE - spacing) & (np.abs(position[:, 0] - 0.42 * SIDE) < 0.25 * SIDE)]
+    away = np.linalg.norm(painted[:, None] - position[None], axis=2)
+    nearest = np.sort(away, axis=1)[:, 1] / spacing
+    assert len(painted) > 15
+    assert nearest.min() > 0.35
+    assert (nearest < 0.6).mean() < 0.1
