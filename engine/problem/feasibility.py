@@ -34,7 +34,6 @@ def check_feasible(problem: Problem) -> None:
     _check_emphasis(problem)
     _check_extents(problem)
     _check_inset(problem)
-    _check_natural(problem)
 
 
 def check_known_on_surfaces(classes: Sequence[PreparedClass], obstacles: Sequence[Obstacle]) -> None:
@@ -84,20 +83,6 @@ def _check_line_on_surface(line: Line, where: str) -> None:
             f'`line.direction` of {where} must be "density", "none", "slope" or a function of points on a surface; got '
             f"{show(line.direction)}"
         )
-
-
-def _check_natural(problem: Problem) -> None:
-    if not isinstance(problem.domain, Domain) or not problem.domain.natural:
-        return
-    if len(problem.fixed.id):
-        raise ProblemError('`domain.boundary` must not be "natural" where bodies are fixed')
-    for c in problem.classes:
-        for size in c.sizes:
-            if size.line is not None:
-                raise ProblemError(
-                    f'`domain.boundary` must not be "natural" where bodies are lines, as those of size "{size.name}" of class '
-                    f'"{c.name}" are'
-                )
 
 
 def _check_balance(problem: Problem) -> None:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from .balance import Balance
 from .problem import SamplingSettings
 from .settings import Choice, Settings, as_given, described, same_setting, setting
-from .validation import LARGEST_ANGLE, LARGEST_LENGTH
+from .validation import LARGEST_ANGLE, LARGEST_LENGTH, Boundary
 
-__all__ = ["RunSettings", "ScatterSettings", "Standing", "TargetSettings"]
+__all__ = ["BorderSettings", "RunSettings", "ScatterSettings", "Standing", "TargetSettings"]
 
 
 @described
@@ -170,8 +170,38 @@ class TargetSettings(Settings):
 
 
 @described
+@dataclass(frozen=True, kw_only=True)
+class BorderSettings(Settings):
+    """What objects do along the edges of a target seen from above."""
+
+    boundary: Boundary = field(
+        default="open",
+        metadata=setting(
+            "How objects stand along the border of what is seen from above. Counts do not change",
+            label="Border",
+            more="A whole surface goes on around its edges, and has no such border",
+            choices=(
+                Choice("open", "Along It", "Objects line up along the edges of the ground and of densities", "OPEN"),
+                Choice(
+                    "natural",
+                    "Natural",
+                    "As if the scatter went on outside and were cut: no rows along edges, holes and shores",
+                    "NATURAL",
+                ),
+                Choice(
+                    "mirror",
+                    "Mirrored",
+                    "As if the edges of a rectangular ground were mirrors: objects keep their distance from them, as from each other",
+                    "MIRROR",
+                ),
+            ),
+        ),
+    )
+
+
+@described
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ScatterSettings(TargetSettings, Standing, RunSettings, SamplingSettings, Balance):
+class ScatterSettings(BorderSettings, TargetSettings, Standing, RunSettings, SamplingSettings, Balance):
     """How a scatter in Blender is made. :func:`~esh.scatter` takes one, or its settings by name.
 
     Raises:

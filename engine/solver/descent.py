@@ -20,6 +20,7 @@ from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact, keeps_apart
 from .direction import Direction
 from .forces import SMALLEST_DENSITY, Forces
+from .held_border import shares_of_forces
 from .initial_placement import first_pose
 from .line_rules import LineRules
 from .model import Model
@@ -45,6 +46,7 @@ class Descent:
         whole_charge: What charges were before they faded, shape ``[charge_count]``; None where none did.
         smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart, as
             :mod:`.natural_border` wants it; None for the blur that places bodies.
+        new: Where an edit has set bodies down, in the model's unit, shape ``[m, 2]``: see :mod:`.held_border`.
 
     Attributes:
         state: Where the bodies are; at first on a Hilbert curve (see :mod:`.initial_placement`).
@@ -66,6 +68,7 @@ class Descent:
         targets: list[FieldTarget] | None = None,
         whole_charge: np.ndarray | None = None,
         smooth: float | None = None,
+        new: np.ndarray | None = None,
     ) -> None:
         self.model = model
         self.launcher = launcher
@@ -86,6 +89,8 @@ class Descent:
         )
         self.field, self.step_length = self._forces.field, self._forces.step_length
         self._prepare_step_limits()
+        if model.problem.rectangle.natural and smooth is None:
+            self._hold_border(new)
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
         self.images = images_for_kernels(launcher, model.supports, model.size, to_support=back)
@@ -126,8 +131,9 @@ class Descent:
                 pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
         else:
             values = given.copy()
-            missing = np.isnan(values[:, 2])
-            values[missing, 2:] = self.rules.first_angle_and_length(values[:, :2], 1.0)[missing]
+            if np.isnan(values[:, 2:]).any():
+                first = self.rules.first_angle_and_length(values[:, :2], 1.0)
+                values[:, 2:] = np.where(np.isnan(values[:, 2:]), first, values[:, 2:])
             values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
             pose = wp.array(values.astype(np.float32), dtype=wp.vec4, device=launcher.device)
         n = model.body_count
@@ -169,6 +175,12 @@ class Descent:
             ],
             [self.step_limit],
         )
+
+    def _hold_border(self, new: np.ndarray | None) -> None:
+        """Let forces count as :mod:`.held_border` says."""
+        spacing = self.step_limit.numpy() / STEP_LIMIT
+        share = shares_of_forces(self.launcher, self.model, self.field.layout, spacing, new)
+        self.launcher.launch(kernels_descent.scale_step_lengths, share.shape[0], [share], [self.step_length])
 
     def take_step(self) -> None:
         """Launch a whole step."""

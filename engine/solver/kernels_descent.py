@@ -564,6 +564,18 @@ def find_step_lengths(
 
 
 @wp.kernel
+def scale_step_lengths(
+    first: int,
+    share: wp.array(dtype=float),
+    # outputs
+    step_length: wp.array(dtype=float),
+):
+    """Let forces of a group count for less at a node."""
+    i = first + wp.tid()
+    step_length[i] = step_length[i] * share[i]
+
+
+@wp.kernel
 def find_step_limits(
     first: int,
     number: wp.array(dtype=float),

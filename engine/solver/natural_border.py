@@ -13,12 +13,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..problem.body_footprints import footprints_of
 from ..problem.domain import Domain
+from ..problem.fixed_bodies import FixedBodies
+from ..problem.footprints import Footprints
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
@@ -26,18 +29,23 @@ from ..space.density import move_into_support, sample_density
 from ..space.support import vectors_to_support
 from .model import Model
 
-__all__ = ["SMOOTH_OVER_SPACING", "SMOOTH_STEPS", "NaturalBorder"]
+__all__ = ["SMOOTH_OVER_SPACING", "SMOOTH_STEPS", "STEPS_WITHIN", "Kept", "NaturalBorder"]
 
 # How far densities go on beyond an edge, in mean spacings of the class: rows along the outer edge, where it ends at last, have faded
 # there. For rare classes no farther than this share of the domain, unless that is nearer than so many spacings of all bodies.
 REACH = 5.0
 MOST_OF_DOMAIN = 0.2
+# A density that goes on over the whole domain ends nowhere, and makes no rows along its ends: that is taken if it does not make more
+# than so many times as many bodies.
+MOST_MORE = 4.0
 # Width of the blur between two charges over their spacing while the cut is evened out, and steps of that. Measured on 4,096 bodies,
 # uniform: errors at k = 1 and 2 are .0210 and .0106 as cut, .0029 and .0001 after ten steps (open: .0016 and .0003), and the largest
 # number at any distance from the border 1.5 times even (open: 5.8). With 1.0 these are .0010, .0001 and 2.2, with 2.0 .0063, .0005 and
 # 1.5. More steps bring close pairs, which such forces do not see: the smallest spacing is .64 after 10 and .29 after 20.
 SMOOTH_OVER_SPACING = 1.4
 SMOOTH_STEPS = 8
+# Steps by the usual forces after that, which count only farther within: see :mod:`.held_border`.
+STEPS_WITHIN = 12
 # Where densities are everywhere the same, bodies come to stand in rows along the axes, and a border along these has a row at it or has
 # not. So the domain is cut out turned by this angle [rad], half way between two ways of the rows.
 TURN = math.pi / 12.0
@@ -61,15 +69,28 @@ class _Beyond(NamedTuple):
     depth: np.ndarray | None
 
 
+class Kept(NamedTuple):
+    """What is kept of what was placed within and beyond a border.
+
+    Attributes:
+        position: Where the bodies of the problem that was asked for are [m], shape ``[body_count, 2]``, where each may be.
+        source: Which of those that were placed each of them is, shape ``[body_count]``.
+    """
+
+    position: np.ndarray
+    source: np.ndarray
+
+
 class NaturalBorder:
     """What is placed instead of a problem, and what of it is kept.
 
     Args:
         launcher: Where to run.
-        problem: In a rectangle, without lines and fixed bodies.
+        problem: In a rectangle.
 
     Attributes:
         problem: The problem that is placed instead, in a larger domain and without obstacles.
+        turn: By how much that domain is turned: directions in it are larger by this angle [rad].
     """
 
     def __init__(self, launcher: Launcher, problem: Problem) -> None:
@@ -84,9 +105,13 @@ class NaturalBorder:
         ]
         reach = [max(own, min(least, max(domain.size))) for own in wanted]
         images = [c.density_image for c in problem.classes]
-        self._turn = TURN if all(image.min() == image.max() > 0.0 for image in images) else 0.0
+        uniform = all(image.min() == image.max() > 0.0 for image in images)
+        self.turn = (
+            TURN if uniform and not any(_follows_images(size) for c in problem.classes for size in c.sizes) else 0.0
+        )
         self._beyond: list[_Beyond] = []
-        if self._turn:
+        margin = (0.0, 0.0)
+        if self.turn:
             across = np.array([[math.cos(TURN), math.sin(TURN)], [math.sin(TURN), math.cos(TURN)]]) @ domain.size
             self._size = (float(across[0]) + 2.0 * max(reach), float(across[1]) + 2.0 * max(reach))
             more = self._size[0] * self._size[1] / domain.area
@@ -96,43 +121,124 @@ class NaturalBorder:
                 _Axis.of([image.shape[axis] for image in images], domain.size[1 - axis], max(reach))
                 for axis in range(2)
             ]
-            self._size = (domain.size[0] + 2.0 * along[1].margin, domain.size[1] + 2.0 * along[0].margin)
+            margin = along[1].margin, along[0].margin
+            self._size = (domain.size[0] + 2.0 * margin[0], domain.size[1] + 2.0 * margin[1])
             made: dict[tuple[int, float], _Beyond] = {}
+            known: _KnownWays = {}
             for image, own in zip(images, reach, strict=True):
                 if (id(image), own) not in made:
-                    made[id(image), own] = _go_on(launcher, image, along, own, self._size)
+                    made[id(image), own] = _go_on(launcher, image, along, own, self._size, known)
                 self._beyond.append(made[id(image), own])
-        classes = [_larger(c, beyond) for c, beyond in zip(problem.classes, self._beyond, strict=True)]
+        classes = [
+            self._larger(number, c, beyond, margin)
+            for number, (c, beyond) in enumerate(zip(problem.classes, self._beyond, strict=True))
+        ]
         # A border that is joined to the other side has no rows along it, either.
         elongated = max(self._size) > MOST_ELONGATED * min(self._size)
         self.problem = Problem(
             Domain(self._size, "open" if elongated else "periodic"),
             classes,
             problem.balance,
+            fixed=self._fixed(),
             seed=problem.seed,
             avoid_overlap=problem.avoid_overlap,
             regularity=problem.regularity,
         )
 
-    def cut(self, position: np.ndarray, model: Model) -> np.ndarray:
-        """Return where the bodies of the problem that was asked for are.
+    def _larger(
+        self, number: int, body_class: PreparedClass, beyond: _Beyond, margin: tuple[float, float]
+    ) -> PreparedClass:
+        """A class of as many more bodies as its density goes on; fixed ones are not among them."""
+        sizes = []
+        for s, size in enumerate(body_class.sizes):
+            fixed = self._asked.fixed.number_of(number, s)
+            count = size.count or 0
+            free = max(count, round(count * beyond.more)) - fixed
+            sizes.append(self._with_more(size, count - fixed, free, margin))
+        look = body_class.look_at
+        if look is not None:
+            x, y = self._to_larger(np.array([look.point[:2]]))[0].tolist()
+            look = replace(look, point=(x, y, look.point[2]))
+        # Its clumps and obstacles are in its density, and go on with it.
+        return replace(
+            body_class, base=None, clustering=0.0, density_image=beyond.image, sizes=tuple(sizes), look_at=look
+        )
+
+    def _with_more(self, size: Size, count: int, more: int, margin: tuple[float, float]) -> Size:
+        """A size of more bodies than ``count``; what is listed is drawn from as densely, and images go on as densities do."""
+        changes: dict[str, Any] = {}
+        if isinstance(size.distribution, np.ndarray):
+            changes["distribution"] = np.quantile(size.distribution, (np.arange(more) + 0.5) / max(more, 1))
+        beyond = [m / length for m, length in zip(margin, self._asked.rectangle.size, strict=True)]
+        if size.line is not None:
+            line = size.line
+            told: dict[str, Any] = {}
+            for name in ("length", "direction"):
+                value = getattr(line, name)
+                if isinstance(value, np.ndarray):
+                    told[name] = _image_beyond(value, beyond)
+                elif name == "direction" and not isinstance(value, str):
+                    told[name] = value + self.turn
+            changes["line"] = replace(line, **told)
+        if isinstance(size.footprint, Footprints):
+            own = size.footprint
+            given: dict[str, Any] = {
+                name: np.resize(value[:count] if count else value, more)
+                for name in ("variant", "scale", "turn")
+                if isinstance(value := getattr(own, name), np.ndarray)
+            }
+            # That of a line is told from its axis.
+            if size.line is None and not isinstance(own.turn, str):
+                given["turn"] = given.get("turn", own.turn) + self.turn
+            if own.slope is not None:
+                given["slope"] = _image_beyond(own.slope, beyond)
+            changes["footprint"] = replace(own, **given)
+        return replace(size, count=more, share=None, **changes)
+
+    def _fixed(self) -> list[FixedBodies]:
+        """Those of the problem that was asked for, where they are in the larger domain."""
+        fixed = self._asked.fixed
+        if not len(fixed.id):
+            return []
+        return [
+            FixedBodies(
+                self._to_larger(fixed.position),
+                fixed.class_index,
+                fixed.size_index,
+                fixed.angle + self.turn,
+                fixed.length,
+                fixed.area,
+                variant=fixed.variant,
+                scale=fixed.scale,
+            )
+        ]
+
+    def _to_larger(self, position: np.ndarray) -> np.ndarray:
+        """Where positions of the domain [m] are in the larger one, shape ``[n, 2]``."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        middle = 0.5 * np.array(self._asked.rectangle.size)
+        return (position - middle) @ np.array([[c, s], [-s, c]]) + 0.5 * np.array(self._size)
+
+    def cut(self, position: np.ndarray, model: Model) -> Kept:
+        """Return which bodies are kept, and where.
 
         Args:
-            position: Of those that were placed instead [m], shape ``[their number, 2]``.
+            position: Of those that were placed [m], shape ``[their number, 2]``.
             model: Of the problem that was asked for.
-
-        Returns:
-            Positions [m], shape ``[body_count, 2]``, where each may be.
         """
         size = np.array(self._asked.rectangle.size)
-        c, s = math.cos(self._turn), math.sin(self._turn)
+        c, s = math.cos(self.turn), math.sin(self.turn)
         within = (position - 0.5 * np.array(self._size)) @ np.array([[c, -s], [s, c]]) + 0.5 * size
         result = np.empty((model.body_count, 2))
+        source = np.empty(model.body_count, np.int64)
         first, taken = 0, 0
         areas, kept_areas = self.problem.shared_areas(), model.body.area
+        across, kept_across = (footprints_of(problem).factor for problem in (self.problem, self._asked))
         for body_class, larger, beyond in zip(self._asked.classes, self.problem.classes, self._beyond, strict=True):
             for kept, placed in zip(body_class.sizes, larger.sizes, strict=True):
-                count, many = kept.count or 0, placed.count or 0
+                fixed = int(model.fixed[first : first + (kept.count or 0)].sum())
+                # Fixed ones come last.
+                count, many = (kept.count or 0) - fixed, (placed.count or 0) - fixed
                 own = np.arange(taken, taken + many)
                 depth = np.minimum(within[own], size - within[own]).min(axis=1)
                 if beyond.depth is not None:
@@ -140,19 +246,23 @@ class NaturalBorder:
                 # Those that lie deepest, in the order that they have, which is one of neighbors.
                 chosen = np.sort(own[np.argsort(-depth, kind="stable")[:count]])
                 to = np.arange(first, first + count)
-                if not kept.has_one_area:
+                if not kept.has_one_area or kept.footprint is not None:
                     # The largest are the largest.
-                    chosen = chosen[np.argsort(areas[chosen], kind="stable")]
-                    to = to[np.argsort(kept_areas[to], kind="stable")]
-                result[to] = within[chosen]
+                    chosen = chosen[np.argsort(areas[chosen] * across[chosen], kind="stable")]
+                    to = to[np.argsort(kept_areas[to] * kept_across[to], kind="stable")]
+                result[to], source[to] = within[chosen], chosen
                 first, taken = first + count, taken + many
+                source[first : first + fixed] = np.arange(taken, taken + fixed)
+                first, taken = first + fixed, taken + fixed
         # Where there were too few within, the nearest ones come in.
+        result[model.fixed] = 0.0
         result = np.clip(np.where(result > size, 2.0 * size - result, np.abs(result)), 0.0, size)
         for number in np.unique(model.body.support).tolist():
             if not (model.supports[number] > 0.0).all():
-                own = np.flatnonzero(model.body.support == number)
+                own = np.flatnonzero((model.body.support == number) & ~model.fixed)
                 result[own] = move_into_support(model.supports[number], result[own], self._asked.rectangle.size)
-        return result
+        result[model.fixed] = self._asked.fixed.position
+        return Kept(result, source)
 
 
 class _Axis(NamedTuple):
@@ -186,48 +296,87 @@ def _finer(count: int, pixels: int, beyond: int) -> int:
     return pixels // math.gcd(pixels, count * beyond)
 
 
-def _larger(body_class: PreparedClass, beyond: _Beyond) -> PreparedClass:
-    """A class of as many more bodies as its density goes on."""
-    sizes = tuple(
-        _with_more(size, max(size.count or 0, round((size.count or 0) * beyond.more))) for size in body_class.sizes
-    )
-    # Its clumps and obstacles are in its density, and go on with it.
-    return replace(body_class, base=None, clustering=0.0, density_image=beyond.image, sizes=sizes)
-
-
 def _share_of_ground(body_class: PreparedClass) -> float:
     return float((body_class.density_image > 0.0).mean())
 
 
+class _Ways(NamedTuple):
+    """Where a density is, seen from the pixels of a larger domain; every array has its shape.
+
+    Attributes:
+        nearest: Flat index of the nearest pixel that has a density.
+        away: Distance from it [m], 0 where there is a density.
+        deep: Distance from the nearest pixel that has none [m]; None where these are beyond the domain only.
+    """
+
+    nearest: np.ndarray
+    away: np.ndarray
+    deep: np.ndarray | None
+
+
+# By shape and pixels that have a density.
+_KnownWays = dict[tuple[tuple[int, ...], bytes], _Ways]
+
+
 def _go_on(
-    launcher: Launcher, image: np.ndarray, along: Sequence[_Axis], reach: float, size: tuple[float, float]
+    launcher: Launcher,
+    image: np.ndarray,
+    along: Sequence[_Axis],
+    reach: float,
+    size: tuple[float, float],
+    known: _KnownWays,
 ) -> _Beyond:
     """Let a density go on beyond its edges as far as ``reach`` [m], in a domain of ``size`` [m]."""
     for number, axis in enumerate(along):
         image = np.repeat(image, axis.finer(image.shape[number]), axis=number)
     pads = [axis.beyond * n // axis.pixels for axis, n in zip(along, image.shape, strict=True)]
     inner = np.pad(image, [(n, n) for n in pads])
+    pixel = np.array([size[0] / inner.shape[1], size[1] / inner.shape[0]])
+    key = inner.shape, np.packbits(inner > 0.0).tobytes()
+    if key not in known:
+        known[key] = (
+            _ways_beside(image.shape, pads, pixel) if (image > 0.0).all() else _ways(launcher, inner, size, pixel)
+        )
+    ways = known[key]
+    result = inner.ravel()[ways.nearest]
+    asked = float(image.sum(dtype=np.float64))
+    if float(result.sum(dtype=np.float64)) > MOST_MORE * asked:
+        result = np.where(ways.away <= reach + 0.5 * pixel.max(), result, np.float32(0.0))
+    more = float(result.sum(dtype=np.float64)) / asked
+    return _Beyond(result, more, None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away))
+
+
+def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray) -> _Ways:
+    """Ways to a rectangle that has a density everywhere, with so many pixels beside it."""
+    at = [np.arange(n + 2 * pad) for n, pad in zip(shape, pads, strict=True)]
+    row, column = (np.clip(i, pad, pad + n - 1) for i, n, pad in zip(at, shape, pads, strict=True))
+    away = np.hypot(((at[0] - row) * pixel[1])[:, None], ((at[1] - column) * pixel[0])[None])
+    return _Ways(row[:, None] * len(at[1]) + column, away, None)
+
+
+def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixel: np.ndarray) -> _Ways:
     height, width = inner.shape
-    pixel = np.array([size[0] / width, size[1] / height])
     way = vectors_to_support(launcher, inner, size).numpy().reshape(height, width, 2)
-    away = np.hypot(way[..., 0], way[..., 1])
     row, column = np.indices(inner.shape)
-    nearest = inner[
-        np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1),
-        np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1),
-    ]
-    result = np.where(away <= reach + 0.5 * pixel.max(), nearest, np.float32(0.0)).astype(np.float32)
-    more = float(result.sum(dtype=np.float64)) / float(image.sum(dtype=np.float64))
-    if (image > 0.0).all():
-        return _Beyond(result, more, None)
+    row = np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1)
+    column = np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1)
     back = vectors_to_support(launcher, np.where(inner > 0.0, np.float32(0.0), np.float32(1.0)), size).numpy()
     deep = np.hypot(back[:, 0], back[:, 1]).reshape(height, width)
-    return _Beyond(result, more, np.where(inner > 0.0, deep, -away))
+    return _Ways(row * width + column, np.hypot(way[..., 0], way[..., 1]), deep)
 
 
-def _with_more(size: Size, count: int) -> Size:
-    """A size of more bodies; areas that are listed are drawn from as densely."""
-    if not isinstance(size.distribution, np.ndarray):
-        return replace(size, count=count, share=None)
-    listed = np.quantile(size.distribution, (np.arange(count) + 0.5) / count)
-    return replace(size, count=count, share=None, distribution=listed)
+def _follows_images(size: Size) -> bool:
+    """Tell whether bodies follow images of directions, lengths or slopes, which have pixels along the domain's axes."""
+    line, footprint = size.line, size.footprint
+    of_line = line is not None and any(isinstance(value, np.ndarray) for value in (line.length, line.direction))
+    return of_line or (isinstance(footprint, Footprints) and footprint.slope is not None)
+
+
+def _image_beyond(image: np.ndarray, beyond: Sequence[float]) -> np.ndarray:
+    """Let an image go on beyond its edges, as far as these shares of its extent along x and y, with pixels about as large."""
+    at = []
+    for count, more in zip(image.shape[:2], (beyond[1], beyond[0]), strict=True):
+        total = max(1, math.ceil(count * (1.0 + 2.0 * more)))
+        middle = ((np.arange(total) + 0.5) / total * (1.0 + 2.0 * more) - more) * count
+        at.append(np.clip(middle.astype(int), 0, count - 1))
+    return image[np.ix_(*at)]

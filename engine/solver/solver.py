@@ -35,7 +35,7 @@ from .final_placement import (
 from .ink import with_widths
 from .memory import check_memory
 from .model import Model
-from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, NaturalBorder
+from .natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, Kept, NaturalBorder
 from .rare_start import rare_starts
 from .spread import spread
 from .state import State
@@ -162,8 +162,7 @@ class Solver:
                     problem = self._border.problem
                     check_memory(problem)
                     placed = Model(problem)
-                self._smooth = False
-                # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
+                    # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
                 rare = None
                 if afresh and not on_surface and number_of_starts(placed) < 2:
                     rare = rare_starts(self.launcher, problem)
@@ -197,38 +196,65 @@ class Solver:
         if self._border is None:
             return
         with self.launcher.phase("border"):
-            position = self._cut_position()
-            self.launcher.release(self.descent.step)
-            taken = self.descent.state.steps.copy()
+            border, kept, before = self._border, self._cut_position(), self.descent
+            assert isinstance(before, Descent)
             self._border = None
-            self._go_on_from(position, SMOOTH_OVER_SPACING)
-            self.descent.step.play(SMOOTH_STEPS)
-            self.descent.state.steps[:] = taken
-            self._smooth = True
+            smooth = self._go_on_from(before, kept.position, kept.source, border.turn, SMOOTH_OVER_SPACING)
+            smooth.step.play(SMOOTH_STEPS)
+            position = position_in_meters(self.model, smooth.state, self.launcher)
+            self.descent = self._go_on_from(smooth, position, np.arange(self.model.body_count))
+            self.descent.step.play(STEPS_WITHIN)
 
-    def _cut_position(self) -> np.ndarray:
-        """Positions of all bodies within a natural border [m], shape ``[body_count, 2]``."""
+    def _leave_beyond(self) -> bool:
+        """Forget what was placed beyond a natural border, and within it, for bodies to start elsewhere; tell whether that was done."""
+        if self._border is None:
+            return False
+        self._border = None
+        self.launcher.release(self.descent.step)
+        return True
+
+    def _cut_position(self) -> Kept:
+        """Which bodies are within a natural border, and where."""
         assert self._border is not None and isinstance(self.descent, Descent)
         return self._border.cut(position_in_meters(self.descent.model, self.descent.state, self.launcher), self.model)
 
-    def _go_on_from(self, position: np.ndarray, smooth: float | None = None) -> None:
-        """Begin anew with dots at positions [m], shape ``[body_count, 2]``."""
-        pose = np.zeros((self.model.body_count, 4))
-        pose[:, :2] = position / self.model.unit
-        self.descent = Descent(self.model, self.launcher, pose=pose, smooth=smooth)
+    def _go_on_from(
+        self,
+        before: Descent,
+        position: np.ndarray,
+        source: np.ndarray,
+        turned: float = 0.0,
+        smooth: float | None = None,
+    ) -> Descent:
+        """Return a descent of bodies of another one, which is let go of.
 
-    def _sharpen(self) -> None:
-        """Let steps be those of every border again, after the last ones at a natural one."""
-        if not self._smooth:
-            return
-        self._smooth = False
-        assert isinstance(self.descent, Descent)
-        before = self.descent.state
-        position = position_in_meters(self.model, before, self.launcher)
-        self.launcher.release(self.descent.step)
-        self._go_on_from(position)
-        self.descent.state.turn.assign(before.turn)
-        self.descent.state.steps[:] = before.steps
+        Args:
+            before: The other one.
+            position: Where the bodies are [m], shape ``[body_count, 2]``.
+            source: Which of that descent's they are, shape ``[body_count]``.
+            turned: By how much they were turned there [rad].
+            smooth: See :class:`~.descent.Descent`.
+        """
+        self.launcher.release(before.step)
+        model, old, state = self.model, before.model, before.state
+        pose = np.zeros((model.body_count, 4))
+        pose[:, :2] = position / model.unit
+        is_line = model.body.kind >= 0
+        pose[is_line, 2:] = state.pose.numpy()[source[is_line], 2:]
+        pose[is_line, 2] -= turned
+        pose[is_line, 3] *= old.unit / model.unit
+        descent = Descent(model, self.launcher, pose=pose, smooth=smooth)
+        carried = CarriedOver(position, source, model.body.identity, np.zeros((0, 2)))
+        carry_lines(old, state, model, descent.state, carried)
+        if old is model:
+            descent.state.turn.assign(state.turn)
+        elif model.footprints.free.any():
+            turn, free = descent.state.turn.numpy().copy(), model.footprints.free & ~model.fixed
+            turn[free] = state.turn.numpy()[source[free]] - turned
+            descent.state.turn.assign(turn)
+        descent.state.steps[:] = state.steps
+        descent.place_charges()
+        return descent
 
     def edit(self, problem: Problem, *, steps: int = EDIT_STEPS) -> Edit:
         """Go on with another problem in the same domain from where bodies are.
@@ -250,7 +276,6 @@ class Solver:
         """
         check_is(problem, Problem, "`problem`")
         self._cut()
-        self._smooth = False
         before, domain = self.model, self.model.problem.domain
         if isinstance(domain, Surface) and problem.domain is not domain:
             raise ProblemError("`domain` must stay the same Surface in an edit; got another one")
@@ -304,7 +329,7 @@ class Solver:
         # What was another kind of body has neither angle nor length.
         other = came & (_charges_per_body(model) != _charges_per_body(before)[carried.source])
         start[other | (model.body.kind < 0), 2:] = np.nan
-        descent = Descent(model, self.launcher, pose=start)
+        descent = Descent(model, self.launcher, pose=start, new=start[carried.new, :2])
         carry_lines(before, old, model, descent.state, carried)
         _carry_turns(before, old, model, descent.state, carried)
         self.launcher.release(self.descent.step)
@@ -323,7 +348,8 @@ class Solver:
 
     def start_from(self, state: State | SurfaceState) -> None:
         """Go on from another state of the same problem."""
-        self._cut()
+        if self._leave_beyond():
+            self.descent = Descent(self.model, self.launcher)
         if isinstance(self.descent, SurfaceDescent):
             assert isinstance(state, SurfaceState)
             self.descent.state.assign(state)
@@ -361,8 +387,6 @@ class Solver:
         Raises:
             ProblemError: Another number of bodies, a place that is no finite number or not on the surface, identities that are none.
         """
-        self._cut()
-        self._smooth = False
         model, body = self.model, self.model.body
         on_surface = isinstance(self.descent, SurfaceDescent)
         axes = "x, y and z" if on_surface else "x and y"
@@ -380,10 +404,12 @@ class Solver:
             model.body = replace(body, identity=identity.astype(np.int32))
             self._next_identity = int(identity.max()) + 1
         self._take_outlines(variant, scale)
-        self.launcher.release(self.descent.step)
         if isinstance(self.descent, Descent):
-            self._start_in_rectangle(self.descent, position, angle, length)
+            # Of those that are placed beyond a border, too, nothing is known here.
+            before = None if self._leave_beyond() else self.descent
+            self._start_in_rectangle(before, position, angle, length)
             return
+        self.launcher.release(self.descent.step)
         n = model.body_count
         known = PlacesOnSurface(
             position,
@@ -414,7 +440,7 @@ class Solver:
         self.model.footprints = outlines.with_outlines(variant, scale)
 
     def _start_in_rectangle(
-        self, before: Descent, position: np.ndarray, angle: np.ndarray | None, length: np.ndarray | None
+        self, before: Descent | None, position: np.ndarray, angle: np.ndarray | None, length: np.ndarray | None
     ) -> None:
         """See :meth:`start_at`."""
         model, body = self.model, self.model.body
@@ -424,10 +450,13 @@ class Solver:
         is_line = body.kind >= 0
         if angle is not None:
             start[is_line, 2] = angle[is_line]
-            start[is_line, 3] = before.state.pose.numpy()[is_line, 3]
+            if before is not None:
+                start[is_line, 3] = before.state.pose.numpy()[is_line, 3]
             if length is not None:
                 given = is_line & (length > 0.0)
                 start[given, 3] = length[given] / model.unit
+        if before is not None:
+            self.launcher.release(before.step)
         self.descent = descent = Descent(model, self.launcher, pose=start)
         if angle is not None:
             given = model.footprints.is_outline & ~is_line & ~model.fixed
@@ -444,7 +473,6 @@ class Solver:
         Raises:
             ProblemError: A force is no finite number.
         """
-        self._sharpen()
         self.descent.step.play(count)
         return self._stepped(count)
 
@@ -463,7 +491,6 @@ class Solver:
         Returns:
             The steps taken, and whether bodies have settled.
         """
-        self._sharpen()
         residual = math.inf
         step = 0
         while step < max_steps:
@@ -621,7 +648,7 @@ class Solver:
         if self._left_at is not None:
             return self._left_at.copy()
         if self._border is not None:
-            return self._cut_position()
+            return self._cut_position().position
         if isinstance(self.descent, SurfaceDescent):
             return points_of(self.descent.facets, self.descent.state).position
         return position_in_meters(self.model, self.descent.state, self.launcher)

@@ -7,7 +7,7 @@ from collections.abc import Hashable
 import numpy as np
 
 from ...engine.problem.domain import Domain
-from ...engine.problem.scatter_settings import TargetSettings
+from ...engine.problem.scatter_settings import BorderSettings, TargetSettings
 from ...engine.problem.surface import Surface
 from ...engine.surface.chart import RESOLUTION, Chart
 from ...engine.surface.mesh_outline import Outline
@@ -61,15 +61,15 @@ class Survey:
         """What the target's mesh is, in short."""
         return None if self._chart is None else self._chart[0]
 
-    def domain(self, chart: Chart | WholeSurface) -> Domain | Surface:
+    def domain(self, chart: Chart | WholeSurface, settings: BorderSettings) -> Domain | Surface:
         """Return where bodies lie: the rectangle of a chart, that of the one before where they differ by rounding only."""
         if isinstance(chart, WholeSurface):
             return chart.surface
         size = float(chart.size[0]), float(chart.size[1])
         before = self._domain
-        if before is None or not np.allclose(size, before.size, rtol=SAME_EXTENT, atol=0.0):
-            self._domain = Domain(size)
-        assert self._domain is not None
+        if before is not None and np.allclose(size, before.size, rtol=SAME_EXTENT, atol=0.0):
+            size = before.size
+        self._domain = Domain(size, settings.boundary)
         return self._domain
 
     def outline(self, mesh: TriangleMesh, key: str) -> Outline:

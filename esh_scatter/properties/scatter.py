@@ -296,6 +296,11 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
                 stand_class_anew(body_class, None)
         return True
 
+    def has_other_border(self, now: dict) -> bool:
+        """Tell whether the result stands at another kind of border than the :meth:`record` of now asks for."""
+        before = self._ran_with_record()
+        return bool(before) and before["scatter"].get("boundary") != now["scatter"].get("boundary")
+
     def remember_look(self, body_class: ESH_PG_class) -> None:
         """Keep that the result shows where a class looks now."""
         record = _parse_record(self.ran_with)

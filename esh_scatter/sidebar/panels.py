@@ -7,7 +7,7 @@ import bpy
 
 from ...engine.problem.balance import Balance
 from ...engine.problem.problem import SamplingSettings
-from ...engine.problem.scatter_settings import RunSettings, TargetSettings
+from ...engine.problem.scatter_settings import BorderSettings, RunSettings, TargetSettings
 from ..editing import forecast
 from ..properties.scatter import BY_HAND, ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
@@ -138,6 +138,8 @@ class ESH_PT_balance(SubPanel, bpy.types.Panel):
         draw_settings(column, scatter, Balance, BY_HAND)
         # The seed is among what few need.
         draw_settings(column, scatter, SamplingSettings, ("seed",))
+        if scatter.surface != "WHOLE":
+            draw_settings(column, scatter, BorderSettings)
 
 
 class ESH_PT_obstacles(SubPanel, bpy.types.Panel):

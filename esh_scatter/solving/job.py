@@ -207,7 +207,7 @@ class ScatterJob:
         if reading is None:
             return
         self.chart = survey.begin(reading.target, self.settings)
-        domain = survey.domain(self.chart)
+        domain = survey.domain(self.chart, self.settings)
         names = [scatter_class.name for scatter_class in self.classes]
         reader = DensityReader(self.chart.points, dict(zip(names, reading.densities, strict=True)))
         shapes_of_classes: list[list[SizeShape]] = []

@@ -188,7 +188,7 @@ class _Live:
             positional, named = scatter.arguments(context.scene)
             job = ScatterJob(*positional, **named, prepare=False)
             places = kept_places(result) if result is not None and (first or not self._worker.has_solver) else None
-            anew = not first and _needs_a_new_start(self._record, record)
+            anew = scatter.has_other_border(record) if first else _needs_a_new_start(self._record, record)
             ready_only = first and bool(scatter.report_json) and not scatter.outdated
             # Counts may be others than those that are there, since it was off.
             before = None
@@ -347,7 +347,8 @@ def _needs_a_new_start(before: dict[str, Any], now: dict[str, Any]) -> bool:
         standing = [
             [c["values"].get(name) for name in ("random_turn", "scale_jitter")] for c in record["classes"].values()
         ]
-        return [record["scatter"].get("seed"), standing if len(before["classes"]) == len(now["classes"]) else None]
+        of_all = [record["scatter"].get(name) for name in ("seed", "boundary")]
+        return [*of_all, standing if len(before["classes"]) == len(now["classes"]) else None]
 
     return drawn(before) != drawn(now)
 

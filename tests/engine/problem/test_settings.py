@@ -23,7 +23,7 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.prepared_class import PreparedClass
 from esh.engine.problem.problem import Problem, ProblemSettings, SamplingSettings
-from esh.engine.problem.scatter_settings import RunSettings, ScatterSettings, Standing, TargetSettings
+from esh.engine.problem.scatter_settings import BorderSettings, RunSettings, ScatterSettings, Standing, TargetSettings
 from esh.engine.problem.settings import Choice, Settings, described, setting, settings_of, takes, values_of
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface_density import SurfaceAttribute, SurfaceImage, SurfaceTriplanar
@@ -180,7 +180,7 @@ def test_a_problem_is_told_its_settings_by_name_and_keeps_them():
 
 
 def test_settings_of_a_scatter_are_those_of_its_parts_and_name_themselves():
-    parts = [Balance, SamplingSettings, RunSettings, Standing, TargetSettings]
+    parts = [Balance, SamplingSettings, RunSettings, Standing, TargetSettings, BorderSettings]
     assert list(settings_of(ScatterSettings)) == [name for part in parts for name in settings_of(part)]
     for values, message in (
         ({"class_separation": 2}, "`class_separation` must be a number between 0"),

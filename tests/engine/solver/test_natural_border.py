@@ -8,6 +8,7 @@ import esh
 import numpy as np
 import pytest
 from esh.engine.quality.coverage import coverage_error
+from esh.engine.solver.descent import Descent
 from esh.engine.solver.natural_border import NaturalBorder
 
 SIDE = 64.0
@@ -174,17 +175,144 @@ def test_margins_are_whole_pixels_of_all_images():
         assert made.body_count == round(100 * float(ratio))
 
 
-@pytest.mark.parametrize(
-    ("classes", "fixed", "words"),
-    [
-        ([esh.BodyClass("a", [esh.Size("s", area=0.1, count=9, line=esh.Line(2.0))])], [], "where bodies are lines"),
-        (
-            [esh.BodyClass("a", [esh.Size("s", area=0.1, count=9)])],
-            [esh.FixedBody((3.0, 3.0), "a")],
-            "where bodies are fixed",
+def with_lines(boundary, **more):
+    """Sticks along a direction and sticks as they like, on a uniform density, with dots between them."""
+    classes = [
+        esh.BodyClass("along", [esh.Size("s", area=0.2, count=150, line=esh.Line(1.6, direction=0.5))]),
+        esh.BodyClass(
+            "any", [esh.Size("s", area=0.2, count=150, line=esh.Line(1.2, direction="none", straightness=0.3))]
         ),
-    ],
-)
-def test_lines_and_fixed_bodies_are_refused(classes, fixed, words):
-    with pytest.raises(esh.ProblemError, match=words):
-        esh.Problem(esh.Domain((SIDE, SIDE), "natural"), classes, fixed=fixed)
+        esh.BodyClass("dot", [esh.Size("s", area=0.1, count=200)], density=more.pop("density", UNIFORM)),
+    ]
+    return esh.Problem(esh.Domain((40.0, 30.0), boundary), classes, seed=2, **more)
+
+
+@pytest.mark.parametrize("density", [UNIFORM, LAKE], ids=["turned", "straight"])
+def test_lines_keep_their_directions_and_lengths(density):
+    placement = esh.solve(with_lines("natural", density=density), device="cpu")
+    along, bent = placement.class_index == 0, placement.class_index == 1
+    away = np.abs((placement.angle[along] - 0.5 + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+    assert np.median(away) < 0.1
+    assert placement.length[along].mean() == pytest.approx(1.6, rel=0.1)
+    assert np.abs(placement.bends[bent]).max() > 1e-3
+    way = 0.5 * placement.length[:, None] * np.stack([np.cos(placement.angle), np.sin(placement.angle)], axis=1)
+    for end in (placement.position[along] - way[along], placement.position[along] + way[along]):
+        assert (end > -1e-3).all() and (end < np.array([40.0, 30.0]) + 1e-3).all()
+
+
+def test_lines_of_images_of_directions_and_lengths():
+    """What is kept lies as the images say where it is, not where it was in the larger domain."""
+    row, column = (np.indices((30, 40)) + 0.5) / [[[30]], [[40]]]
+    size = esh.Size("s", area=0.05, count=500, line=esh.Line(0.4 + column, direction=math.pi * row))
+    placement = esh.solve(
+        esh.Problem(esh.Domain((40.0, 30.0), "natural"), [esh.BodyClass("a", [size])], seed=1), device="cpu"
+    )
+    asked = math.pi * (1.0 - placement.position[:, 1] / 30.0)
+    assert np.median(np.abs((placement.angle - asked + 0.5 * math.pi) % math.pi - 0.5 * math.pi)) < 0.15
+    assert np.corrcoef(placement.length, placement.position[:, 0])[0, 1] > 0.8
+
+
+def test_fixed_bodies_stay_and_the_others_make_room():
+    wall = np.stack([np.full(12, 20.0), np.linspace(4.0, 26.0, 12)], axis=1)
+    classes = [esh.BodyClass("a", [esh.Size("s", area=1.0, count=300)])]
+    fixed = esh.FixedBodies(wall, "a", "s", id=np.arange(100, 112))
+    problem = esh.Problem(
+        esh.Domain((40.0, 30.0), "natural"), classes, fixed=[fixed], include_fixed=True, avoid_overlap=True, seed=5
+    )
+    placement = esh.solve(problem, device="cpu")
+    assert len(placement.position) == 300 and placement.report.overlaps == 0
+    np.testing.assert_array_equal(placement.position[placement.fixed], wall)
+    np.testing.assert_array_equal(placement.id[placement.fixed], np.arange(100, 112))
+    others = placement.position[~placement.fixed]
+    assert np.linalg.norm(others[:, None] - wall[None], axis=2).min() > 1.1
+
+
+def test_outlines_of_every_body_are_those_that_were_asked_for():
+    n = 120
+    rng = np.random.default_rng(3)
+    outlines = esh.Footprints(
+        [esh.Footprint.rectangle(2.0, 0.6), esh.Footprint.disc(0.5)],
+        variant=rng.integers(0, 2, n),
+        scale=rng.uniform(0.7, 1.3, n),
+        turn=rng.uniform(-3.0, 3.0, n),
+    )
+    classes = [esh.BodyClass("a", [esh.Size("s", footprint=outlines, count=n)])]
+    placement = esh.solve(
+        esh.Problem(esh.Domain((30.0, 20.0), "natural"), classes, avoid_overlap=True, seed=1), device="cpu"
+    )
+    np.testing.assert_array_equal(placement.variant, outlines.variant)
+    np.testing.assert_allclose(placement.scale, outlines.scale)
+    np.testing.assert_allclose(np.cos(placement.angle), np.cos(outlines.turn), atol=1e-5)
+    assert placement.report.overlaps == 0
+
+
+def test_bodies_that_start_somewhere_stay_beside_the_border(monkeypatch):
+    """No descent is made of what is given up at once, and steps do not draw who stands beside the border into a row."""
+    made = []
+    create = Descent.__init__
+
+    def counted(self, *args, **named):
+        made.append(self)
+        create(self, *args, **named)
+
+    problem = problem_of("natural", HILLS, 600)
+    placement = esh.solve(problem, device="cpu")
+    with esh.Solver(problem, device="cpu") as solver:
+        monkeypatch.setattr(Descent, "__init__", counted)
+        solver.start_at(placement.position, identity=placement.id)
+        assert len(made) == 1
+        np.testing.assert_allclose(solver.placement().position, placement.position, atol=1e-4)
+        solver.step(30)
+        after = solver.placement().position
+    depth, _ = depth_of("hills", placement.position)
+    moved = np.hypot(*(after - placement.position).T)
+    assert moved[depth < 0.5].max() < 0.05 < moved.max()
+
+
+def test_lines_start_where_they_are_put():
+    problem = with_lines("natural")
+    placement = esh.solve(problem, device="cpu", max_steps=20)
+    for length in (placement.length, None):
+        with esh.Solver(problem, device="cpu") as solver:
+            solver.start_at(placement.position, angle=placement.angle, length=length)
+            after = solver.placement()
+        np.testing.assert_allclose(after.position, placement.position, atol=1e-4)
+        lines = placement.class_index < 2
+        np.testing.assert_allclose(np.cos(2.0 * after.angle[lines]), np.cos(2.0 * placement.angle[lines]), atol=1e-4)
+
+
+def test_an_edit_keeps_who_stands_beside_the_border():
+    """Strokes within, one after the other: whoever stands at the border stays, and nobody joins them in a row."""
+    row, column = np.indices((64, 64)) / 64.0
+    with esh.Solver(problem_of("natural", count=2048), device="cpu") as solver:
+        solver.run(60)
+        before = solver.placement()
+        for k in range(6):
+            near = np.hypot(column - 0.3 - 0.08 * k, row - 0.5) < 0.12
+            solver.edit(problem_of("natural", np.where(near, 2.0, 1.0).astype(np.float32), 2048 + 40))
+        after = solver.placement()
+    _, i, j = np.intersect1d(before.id, after.id, return_indices=True)
+    depth, _ = depth_of("square", before.position[i])
+    spacing = SIDE / math.sqrt(2048)
+    moved = np.hypot(*(after.position[j] - before.position[i]).T)
+    assert (moved[depth < spacing] < 0.1 * spacing).mean() > 0.98
+    assert (moved < 0.1 * spacing).mean() > 0.6
+
+
+def test_strokes_across_the_border_leave_no_close_pairs_there():
+    """Whoever is set down beside the border moves, too."""
+    row, column = np.indices((128, 128)) / 128.0
+    density = np.ones((128, 128), np.float32)
+    with esh.Solver(problem_of("natural", density, 1500), device="cpu") as solver:
+        solver.run(40)
+        for k in range(4):
+            density = np.where(np.hypot(column - 0.2 - 0.15 * k, row - 0.05) < 0.12, 3.0, density).astype(np.float32)
+            solver.edit(problem_of("natural", density, round(1500 * float(density.mean()))))
+        position = solver.placement().position
+    spacing = SIDE / math.sqrt(3.0 * 1500)
+    painted = position[(position[:, 1] > SIDE - spacing) & (np.abs(position[:, 0] - 0.42 * SIDE) < 0.25 * SIDE)]
+    away = np.linalg.norm(painted[:, None] - position[None], axis=2)
+    nearest = np.sort(away, axis=1)[:, 1] / spacing
+    assert len(painted) > 15
+    assert nearest.min() > 0.35
+    assert (nearest < 0.6).mean() < 0.1
