@@ -18,8 +18,18 @@ LANES = 16
 
 
 def _compiled_once(body: str) -> str:
-    """Keep a function out of its callers: every kernel has two variants, which would each compile it again."""
-    return f"auto run = [&]() __attribute__((noinline)) {{ {body} }}; return run();"
+    """Keep a function out of its callers, every kernel of which has two variants that would each compile it again.
+
+    Where a processor has vectors of 64 bytes, they are used, too; compilers leave them alone unless told so.
+    """
+    return f"""
+    auto run = [&]() __attribute__((always_inline)) {{ {body} }};
+    struct Once
+    {{
+        static __attribute__((noinline, min_vector_width(512))) auto call(decltype(run)& of) {{ return of(); }}
+    }};
+    return Once::call(run);
+"""
 
 
 def _zip_mask(first: int) -> str:
