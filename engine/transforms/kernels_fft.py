@@ -166,7 +166,11 @@ def transform(
 
 @wp.struct
 class HalfRows:
-    """Halves of transforms, real and imaginary parts apart."""
+    """Halves of transforms, real and imaginary parts apart.
+
+    Of every mesh :data:`LANES` columns after :data:`LANES` columns, and of these row after row: a block of columns is one piece of
+    memory, and so is what a block of rows has of it.
+    """
 
     real: wp.array(dtype=float)
     imaginary: wp.array(dtype=float)
@@ -174,11 +178,12 @@ class HalfRows:
 
 @wp.struct
 class Block:
-    """Rows ``row`` to ``end`` (the end of their mesh), or columns from ``column`` on, whose elements are transformed at once.
+    """Rows ``row`` to ``end`` of a mesh that is ``begin .. end``, or columns from ``column`` on, whose elements are transformed at once.
 
     ``used`` elements of them are there, padded by zeros to ``length``; half rows are ``stride`` long.
     """
 
+    begin: int
     row: int
     end: int
     column: int
@@ -191,8 +196,10 @@ class Block:
 _BLOCK = (
     _VECTORS
     + """
-    const int row = block.row, end = block.end, column = block.column;
+    const int begin = block.begin, row = block.row, end = block.end, column = block.column;
     const int used = block.used, length = block.length, stride = block.stride;
+    // Where half rows have columns k to k + L of row r.
+    #define PLACE(r, k) ((size_t)begin * stride + (size_t)(k) * (end - begin) + (size_t)((r) - begin) * L)
 """
 )
 
@@ -278,7 +285,7 @@ _STORE_HALF_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + i / 2;
-                if (r < end) VECTOR(to + (size_t)r * stride + k) = t[i].lane[l];
+                if (r < end) VECTOR(to + PLACE(r, k)) = t[i].lane[l];
             }
         }
     }
@@ -299,7 +306,7 @@ _LOAD_HALF_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + i / 2;
-                t[i].lane[l] = r < end ? VECTOR(from + (size_t)r * stride + k) : (V)0.0f;
+                t[i].lane[l] = r < end ? VECTOR(from + PLACE(r, k)) : (V)0.0f;
             }
             transpose(t[i]);
         }
@@ -327,8 +334,8 @@ _LOAD_COLUMNS = (
     V* __restrict__ im = IMAGINARY(0);
     for (int k = 0; k < used; ++k)
     {
-        re[k] = VECTOR(half.real.data + (size_t)(row + k) * stride + column);
-        im[k] = VECTOR(half.imaginary.data + (size_t)(row + k) * stride + column);
+        re[k] = VECTOR(half.real.data + PLACE(row + k, column));
+        im[k] = VECTOR(half.imaginary.data + PLACE(row + k, column));
     }
     for (int k = used; k < length; ++k) re[k] = im[k] = (V)0.0f;
 """
@@ -341,8 +348,8 @@ _STORE_COLUMNS = (
     const V* __restrict__ im = IMAGINARY(parity);
     for (int k = 0; k < used; ++k)
     {
-        VECTOR(half.real.data + (size_t)(row + k) * stride + column) = re[k];
-        VECTOR(half.imaginary.data + (size_t)(row + k) * stride + column) = im[k];
+        VECTOR(half.real.data + PLACE(row + k, column)) = re[k];
+        VECTOR(half.imaginary.data + PLACE(row + k, column)) = im[k];
     }
 """
 )
@@ -368,7 +375,7 @@ _LOAD_EVEN_COLUMNS = (
     + """
     for (int k = 0; k < length; ++k)
     {
-        REAL(0)[k] = VECTOR(half.real.data + (size_t)(k <= length / 2 ? k : length - k) * stride + column);
+        REAL(0)[k] = VECTOR(half.real.data + PLACE(k <= length / 2 ? k : length - k, column));
         IMAGINARY(0)[k] = (V)0.0f;
     }
 """
@@ -424,7 +431,8 @@ def block_of_rows(number: int, row_count: int, used: int, length: int, stride: i
     blocks = (row_count + 2 * LANES - 1) / (2 * LANES)
     mesh = number / blocks
     block = Block()
-    block.row = mesh * row_count + (number - mesh * blocks) * 2 * LANES
+    block.begin = mesh * row_count
+    block.row = block.begin + (number - mesh * blocks) * 2 * LANES
     block.end = (mesh + 1) * row_count
     block.used = used
     block.length = length
@@ -437,7 +445,8 @@ def block_of_columns(number: int, used: int, length: int, stride: int):
     """A block of columns of meshes of ``used`` rows, which lie one after the other."""
     blocks = stride / LANES
     block = Block()
-    block.row = number / blocks * used
+    block.begin = number / blocks * used
+    block.row = block.begin
     block.end = block.row + used
     block.column = number % blocks * LANES
     block.used = used
