@@ -244,9 +244,7 @@ class Launcher:
         # NumPy begins a quarter into a line, so that every vector would lie in two.
         begin = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
         # It goes when the array goes, which holds what is to be done then.
-        return wp.array(
-            ptr=begin, shape=shape, dtype=dtype, device=self.device, deleter=lambda *_, kept=memory: None
-        )
+        return wp.array(ptr=begin, shape=shape, dtype=dtype, device=self.device, deleter=lambda *_, kept=memory: None)
 
     def launch(
         self,
