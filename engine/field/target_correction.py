@@ -148,7 +148,7 @@ def _distinct_rows(attraction: np.ndarray, image: Sequence[int]) -> tuple[np.nda
     distinct, row = np.unique(np.round(unit, 9), axis=0, return_inverse=True)
     columns = [(half, number) for half in range(2) for number in image]
     seen: dict[tuple[object, ...], int] = {}
-    first = []
+    first: list[int] = []
     for weights in distinct:
         used = np.flatnonzero(weights)
         alike = tuple((columns[column], weights[column]) for column in used)

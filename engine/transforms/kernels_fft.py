@@ -178,9 +178,9 @@ class HalfRows:
 
 @wp.struct
 class Block:
-    """Rows ``row`` to ``end`` of a mesh that is ``begin .. end``, or columns from ``column`` on, whose elements are transformed at once.
+    """Rows ``row`` to ``end``, or columns from ``column`` on, whose elements are transformed at once.
 
-    ``used`` elements of them are there, padded by zeros to ``length``; half rows are ``stride`` long.
+    Their mesh has the rows ``begin`` to ``end``. ``used`` elements of them are there, padded by zeros to ``length``; half rows are ``stride`` long.
     """
 
     begin: int
