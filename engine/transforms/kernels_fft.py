@@ -180,7 +180,8 @@ class HalfRows:
 class Block:
     """Rows ``row`` to ``end``, or columns from ``column`` on, whose elements are transformed at once.
 
-    Their mesh has the rows ``begin`` to ``end``. ``used`` elements of them are there, padded by zeros to ``length``; half rows are ``stride`` long.
+    Their mesh has the rows ``begin`` to ``end``. ``used`` elements of them are there, padded by zeros to ``length``; half rows are
+    ``stride`` long.
     """
 
     begin: int
