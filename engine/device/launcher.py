@@ -51,6 +51,8 @@ GRAIN_OF_NEIGHBORS = 96
 LARGE_ARRAY = 1 << 22
 # Of a GPU's memory so much is given to processes that share it; and what CUDA takes for each of them [bytes].
 GPU_SHARE, GPU_PROCESS = 0.8, 0.8e9
+# Bytes of memory that a processor reads at once, and of its longest vectors.
+CACHE_LINE = 64
 # Things that a launcher keeps to use them again: an edit needs what a run needed, and little else.
 MOST_KEPT = 12
 Kept = TypeVar("Kept")
@@ -257,11 +259,11 @@ class Launcher:
         size = wp.types.type_size_in_bytes(dtype) * int(np.prod(shape))
         if self.device.is_cuda or size < LARGE_ARRAY:
             return from_warp(shape, dtype=dtype, device=self.device)
-        memory = from_numpy(size, np.uint8)
+        memory = from_numpy(size + CACHE_LINE, np.uint8)
+        # NumPy begins a quarter into a line, so that every vector would lie in two.
+        begin = -(-memory.ctypes.data // CACHE_LINE) * CACHE_LINE
         # It goes when the array goes, which holds what is to be done then.
-        return wp.array(
-            ptr=memory.ctypes.data, shape=shape, dtype=dtype, device=self.device, deleter=lambda *_, kept=memory: None
-        )
+        return wp.array(ptr=begin, shape=shape, dtype=dtype, device=self.device, deleter=lambda *_, kept=memory: None)
 
     def launch(
         self,

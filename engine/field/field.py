@@ -287,6 +287,16 @@ class Field:
         self._convolution.apply(self._influence, self._potential)
 
 
+def _known(image: np.ndarray, images: list[np.ndarray]) -> np.ndarray:
+    """The one of ``images`` that equals an image, which need not be worked on again; or the image itself."""
+    for known in images:
+        if known is image:
+            return known
+        if known.shape == image.shape and np.array_equal(known[0], image[0]) and np.array_equal(known, image):
+            return known
+    return image
+
+
 def _followers(charge_of_image: np.ndarray, charge_group: np.ndarray) -> list[float]:
     """Number of charges that follow each image: those of a group by what it has of its charge."""
     share = charge_of_image / np.maximum(charge_of_image.sum(axis=1, keepdims=True), 1e-300)
@@ -314,8 +324,8 @@ def _distinct_images(
             key = ("image", id(part.image)) if part.class_index is None else ("class", part.class_index)
             if key not in place:
                 place[key] = len(images)
-                images.append(part.image)
-                whole.append(part.image if part.whole is None else part.whole)
+                images.append(_known(part.image, images))
+                whole.append(images[-1] if part.whole is None else _known(part.whole, whole))
             entries.append((group, place[key], part.charge))
     charge = np.zeros((len(targets), len(images)))
     for group, index, amount in entries:

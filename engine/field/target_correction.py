@@ -31,7 +31,7 @@ class TargetCorrection:
     Args:
         launcher: Where to run.
         space: What the targets lie over.
-        images: The distinct target densities.
+        images: The target densities of all classes; equal ones are one array.
         whole: What they were before they faded towards a cut, which says how dense bodies stand; mostly the same.
         attraction: Charge of each image that attracts each group, shape ``[2, group_count, image_count]``: of its own
             family, and of all others, whose variances are divided by ``sharper``.
@@ -92,7 +92,7 @@ class TargetCorrection:
             uniform=uniform,
             charge=charge,
         )
-        row, scale, distinct = _distinct_rows(np.concatenate(attraction, axis=1))
+        row, scale, distinct = _distinct_rows(np.concatenate(attraction, axis=1), [id(image) for image in images])
         device = launcher.device
         self.row = wp.array(row, dtype=wp.int32, device=device)
         self.scale = wp.array(scale, dtype=float, device=device)
@@ -137,10 +137,21 @@ class TargetCorrection:
                 )
 
 
-def _distinct_rows(attraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of ``attraction`` that are no multiples of each other: index and factor of every row, and the rows."""
+def _distinct_rows(attraction: np.ndarray, image: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of ``attraction`` that are no multiples of each other: index and factor of every row, and the rows.
+
+    Columns are of own and of other families' images; rows of different columns are alike, too, where these have the same ``image``.
+    """
     scale = attraction.sum(axis=1)
     # A group that nothing attracts has a potential of zero, whatever it is scaled by.
     unit = attraction / np.where(scale > 0.0, scale, 1.0)[:, None]
     distinct, row = np.unique(np.round(unit, 9), axis=0, return_inverse=True)
-    return row.ravel().astype(np.int32), scale, distinct
+    columns = [(half, number) for half in range(2) for number in image]
+    seen: dict[tuple[object, ...], int] = {}
+    first: list[int] = []
+    for weights in distinct:
+        used = np.flatnonzero(weights)
+        alike = tuple((columns[column], weights[column]) for column in used)
+        first.append(seen.setdefault(alike, len(first)))
+    kept, place = np.unique(first, return_inverse=True)
+    return place.ravel()[row.ravel()].astype(np.int32), scale, distinct[kept]

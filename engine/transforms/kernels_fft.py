@@ -18,8 +18,18 @@ LANES = 16
 
 
 def _compiled_once(body: str) -> str:
-    """Keep a function out of its callers: every kernel has two variants, which would each compile it again."""
-    return f"auto run = [&]() __attribute__((noinline)) {{ {body} }}; return run();"
+    """Keep a function out of its callers, every kernel of which has two variants that would each compile it again.
+
+    Where a processor has vectors of 64 bytes, they are used, too; compilers leave them alone unless told so.
+    """
+    return f"""
+    auto run = [&]() __attribute__((always_inline)) {{ {body} }};
+    struct Once
+    {{
+        static __attribute__((noinline, min_vector_width(512))) auto call(decltype(run)& of) {{ return of(); }}
+    }};
+    return Once::call(run);
+"""
 
 
 def _zip_mask(first: int) -> str:
@@ -156,7 +166,11 @@ def transform(
 
 @wp.struct
 class HalfRows:
-    """Halves of transforms, real and imaginary parts apart."""
+    """Halves of transforms, real and imaginary parts apart.
+
+    Of every mesh :data:`LANES` columns after :data:`LANES` columns, and of these row after row: a block of columns is one piece of
+    memory, and so is what a block of rows has of it.
+    """
 
     real: wp.array(dtype=float)
     imaginary: wp.array(dtype=float)
@@ -164,11 +178,13 @@ class HalfRows:
 
 @wp.struct
 class Block:
-    """Rows ``row`` to ``end`` (the end of their mesh), or columns from ``column`` on, whose elements are transformed at once.
+    """Rows ``row`` to ``end``, or columns from ``column`` on, whose elements are transformed at once.
 
-    ``used`` elements of them are there, padded by zeros to ``length``; half rows are ``stride`` long.
+    Their mesh has the rows ``begin`` to ``end``. ``used`` elements of them are there, padded by zeros to ``length``; half rows are
+    ``stride`` long.
     """
 
+    begin: int
     row: int
     end: int
     column: int
@@ -181,8 +197,10 @@ class Block:
 _BLOCK = (
     _VECTORS
     + """
-    const int row = block.row, end = block.end, column = block.column;
+    const int begin = block.begin, row = block.row, end = block.end, column = block.column;
     const int used = block.used, length = block.length, stride = block.stride;
+    // Where half rows have columns k to k + L of row r.
+    #define PLACE(r, k) ((size_t)begin * stride + (size_t)(k) * (end - begin) + (size_t)((r) - begin) * L)
 """
 )
 
@@ -268,7 +286,7 @@ _STORE_HALF_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + i / 2;
-                if (r < end) VECTOR(to + (size_t)r * stride + k) = t[i].lane[l];
+                if (r < end) VECTOR(to + PLACE(r, k)) = t[i].lane[l];
             }
         }
     }
@@ -289,7 +307,7 @@ _LOAD_HALF_ROWS = (
             for (int l = 0; l < L; ++l)
             {
                 const int r = row + 2 * l + i / 2;
-                t[i].lane[l] = r < end ? VECTOR(from + (size_t)r * stride + k) : (V)0.0f;
+                t[i].lane[l] = r < end ? VECTOR(from + PLACE(r, k)) : (V)0.0f;
             }
             transpose(t[i]);
         }
@@ -317,8 +335,8 @@ _LOAD_COLUMNS = (
     V* __restrict__ im = IMAGINARY(0);
     for (int k = 0; k < used; ++k)
     {
-        re[k] = VECTOR(half.real.data + (size_t)(row + k) * stride + column);
-        im[k] = VECTOR(half.imaginary.data + (size_t)(row + k) * stride + column);
+        re[k] = VECTOR(half.real.data + PLACE(row + k, column));
+        im[k] = VECTOR(half.imaginary.data + PLACE(row + k, column));
     }
     for (int k = used; k < length; ++k) re[k] = im[k] = (V)0.0f;
 """
@@ -331,8 +349,8 @@ _STORE_COLUMNS = (
     const V* __restrict__ im = IMAGINARY(parity);
     for (int k = 0; k < used; ++k)
     {
-        VECTOR(half.real.data + (size_t)(row + k) * stride + column) = re[k];
-        VECTOR(half.imaginary.data + (size_t)(row + k) * stride + column) = im[k];
+        VECTOR(half.real.data + PLACE(row + k, column)) = re[k];
+        VECTOR(half.imaginary.data + PLACE(row + k, column)) = im[k];
     }
 """
 )
@@ -358,7 +376,7 @@ _LOAD_EVEN_COLUMNS = (
     + """
     for (int k = 0; k < length; ++k)
     {
-        REAL(0)[k] = VECTOR(half.real.data + (size_t)(k <= length / 2 ? k : length - k) * stride + column);
+        REAL(0)[k] = VECTOR(half.real.data + PLACE(k <= length / 2 ? k : length - k, column));
         IMAGINARY(0)[k] = (V)0.0f;
     }
 """
@@ -414,7 +432,8 @@ def block_of_rows(number: int, row_count: int, used: int, length: int, stride: i
     blocks = (row_count + 2 * LANES - 1) / (2 * LANES)
     mesh = number / blocks
     block = Block()
-    block.row = mesh * row_count + (number - mesh * blocks) * 2 * LANES
+    block.begin = mesh * row_count
+    block.row = block.begin + (number - mesh * blocks) * 2 * LANES
     block.end = (mesh + 1) * row_count
     block.used = used
     block.length = length
@@ -427,7 +446,8 @@ def block_of_columns(number: int, used: int, length: int, stride: int):
     """A block of columns of meshes of ``used`` rows, which lie one after the other."""
     blocks = stride / LANES
     block = Block()
-    block.row = number / blocks * used
+    block.begin = number / blocks * used
+    block.row = block.begin
     block.end = block.row + used
     block.column = number % blocks * LANES
     block.used = used

@@ -5,7 +5,7 @@ import gc
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.launcher import CACHE_LINE, LARGE_ARRAY, Launcher, resolve_device
 
 
 @pytest.fixture
@@ -151,3 +151,13 @@ def test_a_kernel_is_launched_again_when_its_module_has_got_another(launcher):
             launcher.launch(kernel, 9, [values], [result])
             np.testing.assert_array_equal(result.numpy(), np.full(9, addend))
             gc.collect()
+
+
+@pytest.mark.parametrize("size", [64, LARGE_ARRAY, LARGE_ARRAY + 4])
+def test_room_begins_with_a_cache_line_and_zeros_are_zeros(launcher, size):
+    assert launcher.empty(size // 4, float).ptr % CACHE_LINE == 0
+    zeros = launcher.zeros(size // 4, float)
+    assert zeros.ptr % CACHE_LINE == 0
+    values = zeros.numpy()
+    assert values.shape == (size // 4,)
+    assert not values.any()

@@ -106,6 +106,39 @@ def test_forces_agree_with_the_direct_sum(launcher, variances_of, periodic, size
     assert np.sqrt((direct**2).sum(axis=1).mean()) > 0.3
 
 
+def test_equal_densities_of_several_classes_are_worked_on_once(launcher):
+    rng = np.random.default_rng(6)
+    image, other = rng.random((5, 7)) + 0.2, rng.random((5, 7)) + 0.2
+
+    def potentials(images):
+        n = 90
+        targets = [FieldTarget(image, 30.0, class_index=c) for c, image in enumerate(images)]
+        field = Field(
+            launcher,
+            space=Space(SQUARE, False),
+            interaction=0.5 + 0.5 * np.eye(3),
+            targets=targets,
+            spacing=1.0,
+            charge=np.ones(n),
+            charge_group=np.arange(n) % 3,
+            family=np.arange(3),
+        )
+        result = wp.zeros(n, dtype=wp.vec2, device=launcher.device)
+        position = np.random.default_rng(7).random((n, 2)) * SQUARE
+        field.evaluate(wp.array(position.astype(np.float32), dtype=wp.vec2, device=launcher.device), result)
+        correction = field._correction
+        return len(correction.potential) // (field.fine_layout.node_count * len(field.blur.levels)), result.numpy()
+
+    rows, _ = potentials([image, image + 1e-9, other])
+    assert rows == 3
+    one, forces = potentials([image, image.copy(), image.copy()])
+    assert one == 1
+    two, of_two = potentials([image, image.copy(), other])
+    assert two == 2
+    # What the classes see is their own image, not only the first.
+    assert not np.allclose(forces, of_two)
+
+
 @pytest.mark.parametrize("width", [0.4, 0.8])
 def test_charges_and_targets_are_blurred_as_wide_as_is_asked(launcher, variances_of, width):
     """Near pairs, which the blur is about: random points have many."""
