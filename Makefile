@@ -19,7 +19,7 @@ TREES ?= 10000000
 PLANET_ARGS ?=
 PYTEST_ARGS ?=
 # Files of tests are handed to several processes; each takes a gigabyte or two.
-TEST_PROCESSES ?= --numprocesses auto --maxprocesses 4 --dist loadfile
+TEST_PROCESSES ?= --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 BENCH_ARGS ?=
 FUZZ_SECONDS ?= 600
 FUZZ_SEED ?= 0

@@ -60,7 +60,9 @@ if "CI" in os.environ:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip tests marked ``cuda`` where Warp sees no GPU."""
+    """Skip tests marked ``cuda`` where Warp sees no GPU; begin with the files of ``slow`` tests, which should not come last."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
     marked = [item for item in items if item.get_closest_marker("cuda")]
     if marked:
         import warp as wp

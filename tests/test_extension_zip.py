@@ -25,6 +25,8 @@ from packaging.requirements import Requirement
 if importlib.util.find_spec("bpy") is None:
     pytest.skip("needs Blender as a Python module", allow_module_level=True)
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 MODULE = "bl_ext.user_default.esh_scatter"
 

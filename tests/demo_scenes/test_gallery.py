@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "demo_scenes"
 NAMES = ("meadow", "beach", "crowd", "portrait")

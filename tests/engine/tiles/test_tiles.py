@@ -20,6 +20,8 @@ from esh.engine.cli import command_line
 from PIL import Image
 from scipy import ndimage, spatial
 
+pytestmark = pytest.mark.slow
+
 COMMAND = [sys.executable, "-m", "esh.engine.cli.command_line"]
 RECIPE = """
 version = 1
