@@ -36,6 +36,9 @@ SLACK = 2e-3
 SKIN = 0.08
 # Share of the bodies that may be beyond their skins before pairs are listed anew.
 STRAY_SHARE = 2e-3
+# Long bodies that keep their turns are parted as parallel ones where this share of those that are near lie side by side. Of planks of
+# 2 x .3 with random turns 5 % do; parted so they were less even at 60 %, by .01, in 1.2 times the time.
+SHARE_OF_PARALLELS = 0.25
 # Values without a derivation are choices; what others of them do is measured by benchmarks/constants.py, here on the scenes of
 # benchmarks/contact.py that are covered to 80 % and more (--scenes 8 --bodies 150), eight runs of each value.
 # Momentum at first, how much nearer to 1 it comes after so many rounds, and how far; and that of a second try. Measured: none overlap
@@ -162,7 +165,7 @@ class Separation(ABC):
         self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         self._prepare_bins(tables, is_round, pinned)
-        self._settings = wp.zeros(5, dtype=float, device=launcher.device)
+        self._settings = wp.zeros(6, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
         pairs = kernels_pairs.Pairs()
@@ -244,6 +247,10 @@ class Separation(ABC):
     def _lead(self, guidance: Guidance) -> None:
         """Say where bodies are to go."""
         raise NotImplementedError
+
+    def _parallels(self) -> float:
+        """Share of those that lie side by side among the pairs of long bodies that do not turn; 0 where nothing is made of that."""
+        return 0.0
 
     def _make_room(self, slots: int) -> None:  # noqa: B027
         """Make room for what else is known of so many pairs; nothing, as a rule."""
@@ -355,14 +362,10 @@ class Separation(ABC):
         self._moves.last.zero_()
         self._rebuild()
         if self._swappable and self._fixed and self._covered <= 1.0:
-            # The more that fit where they are, the less they need to move.
-            for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // self._count))):
-                self._find()
-                swapped = self._swap(number, 1.0, FIRST_KEEP)
-                if swapped < LEAST_SWAPS * self._count:
-                    break
+            self._swap_first()
         if not hot and self._covered <= 1.0 and self._free and not self._again:
             self._turn_first()
+        parallels = float(self._fixed and self._parallels() > SHARE_OF_PARALLELS)
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self._most_rounds
         swaps = HOT_SWAPS if hot else MOST_SWAPS
@@ -381,7 +384,7 @@ class Separation(ABC):
             if number % ROUNDS_AT_ONCE == 0:
                 # What the pull presses together is a little deep, so it ends with the last overlap that counts.
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
-                self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK], np.float32))
+                self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK, parallels], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
                 self._lead(guidance)
             self._find()
@@ -499,6 +502,14 @@ class Separation(ABC):
         if len(one):
             self._rebuild()
         return len(one)
+
+    def _swap_first(self) -> None:
+        """Let bodies trade places before the first round: the more that fit where they are, the less they need to move."""
+        for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // self._count))):
+            self._find()
+            swapped = self._swap(number, 1.0, FIRST_KEEP)
+            if swapped < LEAST_SWAPS * self._count:
+                break
 
     def _turn_first(self) -> None:
         """Turn bodies that may turn, where they are, so that they overlap less."""
