@@ -29,7 +29,8 @@ class Cover:
 
     Attributes:
         covered: Sum of the footprints, with the room that they keep, over that ground.
-        fits: Share of the ground that can be taken without overlap, about: it depends on how long bodies are, and whether they turn.
+        fits: Share of the ground that can be taken without overlap, about: it depends on how long bodies are, and
+            whether they turn or are parallel.
         crowded: Share of the bodies that are asked for where more is asked for than fits, 0 where nothing is.
     """
 
@@ -61,7 +62,7 @@ def cover_of(problem: Problem) -> Cover:
     check_is(problem, Problem, "`problem`")
     footprints = footprints_of(problem)
     area = _areas(problem, footprints)
-    fits = _fits(footprints, area)
+    fits = _fits(problem, footprints, area)
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
     # Of classes that may lie on each other, those that keep apart from one of them share the ground.
@@ -97,14 +98,38 @@ def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
     return footprints.areas(length, width, apart=True)
 
 
-def _fits(footprints: BodyFootprints, area: np.ndarray) -> float:
+def _fits(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
     """Mean over the ground that bodies take."""
     # Of every shape, not free and free; the last one is the capsule of a line.
     elongation = [elongation_of(outline) for outline in footprints.shapes] + [1.0]
-    fraction = np.array([[packable(e, free) for free in (False, True)] for e in elongation])
+    agreement = _agreement(problem, footprints, area)
+    fraction = np.array([[packable(e, free, agreement) for free in (False, True)] for e in elongation])
     # Lines lie side by side.
     free = footprints.free | (footprints.shape == CAPSULE)
     return float(np.average(fraction[footprints.shape, free.astype(np.int64)], weights=area))
+
+
+def _agreement(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
+    """How far the directions of the bodies that keep their turns agree, weighted by area: 1 if all are parallel, about 0 at random."""
+    kept = ~footprints.free & (footprints.shape != CAPSULE)
+    if isinstance(problem.domain, Surface) or any(c.look_at is not None for c in problem.classes) or not kept.any():
+        # How these lie only the run tells.
+        return 0.0
+    across = np.array([_across(outline.corners) for outline in footprints.shapes] + [0.0])
+    # A body that is turned half round lies as before.
+    direction = np.exp(2j * (footprints.turn + across[footprints.shape]))[kept]
+    return float(abs(np.average(direction, weights=area[kept])))
+
+
+def _across(corners: np.ndarray) -> float:
+    """Direction in which a core is narrowest [rad]."""
+    edge = np.roll(corners, -1, axis=0) - corners
+    edge = edge[np.hypot(*edge.T) > 0.0]
+    if not len(edge):
+        return 0.0
+    normal = np.arctan2(-edge[:, 0], edge[:, 1])
+    width = np.ptp(corners @ np.stack([np.cos(normal), np.sin(normal)]), axis=0)
+    return float(normal[np.argmin(width)])
 
 
 def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:
