@@ -29,7 +29,7 @@ MOMENTUM = wp.constant(1)
 COASTING = wp.constant(2)
 PULL = wp.constant(3)
 SLACK = wp.constant(4)
-PARALLELS = wp.constant(5)
+SHARPNESS = wp.constant(5)
 
 
 @wp.func
@@ -50,11 +50,20 @@ def asked_by_contact(
 
 
 @wp.func
-def asked_by_parallels(asked: wp.vec4, i: int, j: int, d: wp.vec2, lightness: float, slack: float, outlines: Outlines):
+def asked_by_parallels(
+    asked: wp.vec4,
+    i: int,
+    j: int,
+    d: wp.vec2,
+    lightness: float,
+    slack: float,
+    sharpness: float,
+    outlines: Outlines,
+):
     """What an overlap of two bodies that do not turn asks for: as their contact does, unless they are long and parallel."""
     result = asked
     give = lightness + outlines.lightness[j]
-    found = way_between_parallels(i, j, d, outlines, slack)
+    found = way_between_parallels(i, j, d, outlines, slack, sharpness)
     if give > 0.0 and found.weights > 0.0:
         push = found.way / (found.weights * give)
         result = wp.vec4(push[0], push[1], 0.0, 0.0)
@@ -84,7 +93,7 @@ def count_parallels(
             image = image_of(pairs.note[p], crowd.neighbors.grid.space.size)
             d = wp.vec2(other[0] - own[0] + image[0], other[1] - own[1] + image[1])
             pairs_of_long += 1
-            if way_between_parallels(i, j, d, outlines, 0.0).weights > 0.0:
+            if way_between_parallels(i, j, d, outlines, 0.0, 1.0).weights > 0.0:
                 side_by_side += 1
     long_pairs[i] = pairs_of_long
     parallel_pairs[i] = side_by_side
@@ -107,7 +116,7 @@ def find_pushes(
     ease = outlines.ease[i]
     width = outlines.width[i]
     slack_share = settings[SLACK]
-    parallels = settings[PARALLELS] > 0.0
+    sharpness = settings[SHARPNESS]
     for p in range(start, start + pairs.count[i]):
         j = pairs.second[p]
         note = pairs.note[p]
@@ -124,8 +133,8 @@ def find_pushes(
             pairs.note[p] = (note & ~FACE_BITS) | contact.hint
             if contact.distance < slack:
                 asked = asked_by_contact(contact, j, d, lightness, ease, slack, outlines)
-                if parallels and contact.distance < 0.0 and ease == 0.0 and outlines.ease[j] == 0.0:
-                    asked = asked_by_parallels(asked, i, j, d, lightness, slack, outlines)
+                if sharpness > 0.0 and contact.distance < 0.0 and ease == 0.0 and outlines.ease[j] == 0.0:
+                    asked = asked_by_parallels(asked, i, j, d, lightness, slack, sharpness, outlines)
                 depth = -contact.distance / narrower
         pairs.push[p] = asked
         pairs.depth[p] = depth

@@ -13,7 +13,7 @@ TINY = wp.constant(1.0e-9)
 CLEARLY = wp.constant(1.0e-4)
 # Two outlines lie side by side where the ways across them are at most this many times as wide as both are at their narrowest, and
 # together they are so many times as long.
-SIDE_BY_SIDE = wp.constant(1.25)
+SIDE_BY_SIDE = wp.constant(1.5)
 LONG = wp.constant(2.0)
 # The least that two outlines lie in one another along a face, as a share of the way to where they lie as deep as they can.
 LEAST_DEPTH = wp.constant(1.0e-4)
@@ -308,10 +308,13 @@ class WayOut:
 
 
 @wp.func
-def ways_across_faces(before: WayOut, a: Core, b: Core, d: wp.vec2, slack: float, corner: wp.array(dtype=wp.vec4)):
+def ways_across_faces(
+    before: WayOut, a: Core, b: Core, d: wp.vec2, slack: float, sharpness: float, corner: wp.array(dtype=wp.vec4)
+):
     """The ways of B, at offset ``d``, out of A across the faces of A, with those before; up to ``slack`` beyond the face.
 
-    A way counts by how short it is, as a share of what it is where both have one center, squared: along two planks as much as across.
+    A way counts by how short it is, as a share of what it is where both have one center, to the power of
+    ``sharpness``: along two planks as much as across.
     """
     result = before
     r = a.rounding + b.rounding
@@ -324,7 +327,7 @@ def ways_across_faces(before: WayOut, a: Core, b: Core, d: wp.vec2, slack: float
         result.shortest = wp.min(result.shortest, longest)
         if depth <= longest:
             share = wp.max(depth / longest, LEAST_DEPTH)
-            weight = 1.0 / (share * share)
+            weight = 1.0 / wp.pow(share, sharpness)
             result.way += n * (weight * (depth + slack))
             result.weights += weight
     return result
@@ -340,7 +343,7 @@ def are_long(i: int, j: int, outlines: Outlines):
 
 
 @wp.func
-def way_between_parallels(i: int, j: int, d: wp.vec2, outlines: Outlines, slack: float):
+def way_between_parallels(i: int, j: int, d: wp.vec2, outlines: Outlines, slack: float, sharpness: float):
     """The ways of body j, at offset ``d``, out of body i; with weights of 0 unless both are long and lie side by side.
 
     Pushed the shortest way only, which is across, rows of parallel planks that overlap lengthwise never slide apart. What this goes by
@@ -351,9 +354,9 @@ def way_between_parallels(i: int, j: int, d: wp.vec2, outlines: Outlines, slack:
         a = core_of(i, outlines)
         b = core_of(j, outlines)
         result.shortest = outlines.reach[i] + outlines.reach[j]
-        result = ways_across_faces(result, b, a, -d, slack, outlines.corner)
+        result = ways_across_faces(result, b, a, -d, slack, sharpness, outlines.corner)
         result.way = -result.way
-        result = ways_across_faces(result, a, b, d, slack, outlines.corner)
+        result = ways_across_faces(result, a, b, d, slack, sharpness, outlines.corner)
         if result.shortest > SIDE_BY_SIDE * 0.5 * (outlines.width[i] + outlines.width[j]):
             result.weights = 0.0
     return result
