@@ -13,12 +13,14 @@ from .problem import Problem
 from .surface import Surface
 from .validation import check_is
 
-__all__ = ["Cover", "cover_of"]
+__all__ = ["Cover", "agreement_of", "cover_of"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
 # What is asked for beyond what fits in a region counts from this share of it on: bodies can move a little to where there is room.
 CROWDED = 1.15
+# Bodies are long where their elongation is above this.
+LONG = 1.5
 # Bodies that a region has at least: fewer are no region.
 BODIES_PER_CELL = 16.0
 
@@ -62,7 +64,7 @@ def cover_of(problem: Problem) -> Cover:
     check_is(problem, Problem, "`problem`")
     footprints = footprints_of(problem)
     area = _areas(problem, footprints)
-    fits = _fits(problem, footprints, area)
+    fits = _fits(footprints, area, agreement_of(problem, footprints))
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
     # Of classes that may lie on each other, those that keep apart from one of them share the ground.
@@ -98,27 +100,29 @@ def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
     return footprints.areas(length, width, apart=True)
 
 
-def _fits(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
+def _fits(footprints: BodyFootprints, area: np.ndarray, agreement: float) -> float:
     """Mean over the ground that bodies take."""
     # Of every shape, not free and free; the last one is the capsule of a line.
     elongation = [elongation_of(outline) for outline in footprints.shapes] + [1.0]
-    agreement = _agreement(problem, footprints, area)
     fraction = np.array([[packable(e, free, agreement) for free in (False, True)] for e in elongation])
     # Lines lie side by side.
     free = footprints.free | (footprints.shape == CAPSULE)
     return float(np.average(fraction[footprints.shape, free.astype(np.int64)], weights=area))
 
 
-def _agreement(problem: Problem, footprints: BodyFootprints, area: np.ndarray) -> float:
-    """How far the directions of the bodies that keep their turns agree, weighted by area: 1 if all are parallel, about 0 at random."""
-    kept = ~footprints.free & (footprints.shape != CAPSULE)
+def agreement_of(problem: Problem, footprints: BodyFootprints) -> float:
+    """How far the directions of long bodies that keep their turns agree, weighted by area: 1 if all are parallel, about 0 at random.
+
+    0 where there are none, and where only a run tells how they lie.
+    """
+    long = np.array([elongation_of(outline) > LONG for outline in footprints.shapes] + [False])
+    kept = long[footprints.shape] & ~footprints.free
     if isinstance(problem.domain, Surface) or any(c.look_at is not None for c in problem.classes) or not kept.any():
-        # How these lie only the run tells.
         return 0.0
     across = np.array([_across(outline.corners) for outline in footprints.shapes] + [0.0])
     # A body that is turned half round lies as before.
     direction = np.exp(2j * (footprints.turn + across[footprints.shape]))[kept]
-    return float(abs(np.average(direction, weights=area[kept])))
+    return float(abs(np.average(direction, weights=_areas(problem, footprints)[kept])))
 
 
 def _across(corners: np.ndarray) -> float:

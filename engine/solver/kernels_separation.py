@@ -9,7 +9,7 @@ from ..space.kernels_space import Space, confine, difference
 from .kernels_descent import Bodies, confine_line, slide
 from .kernels_outlines import Outlines, wall_contact
 from .kernels_pairs import FACE_BITS, Crowd, Pairs, image_of
-from .kernels_touch import Contact, are_long, touch, way_between_parallels
+from .kernels_touch import Contact, touch, way_between_parallels
 
 wp.set_module_options({"enable_backward": False})
 
@@ -68,35 +68,6 @@ def asked_by_parallels(
         push = found.way / (found.weights * give)
         result = wp.vec4(push[0], push[1], 0.0, 0.0)
     return result
-
-
-@wp.kernel
-def count_parallels(
-    first: int,
-    crowd: Crowd,
-    pairs: Pairs,
-    # outputs
-    long_pairs: wp.array(dtype=wp.int32),
-    parallel_pairs: wp.array(dtype=wp.int32),
-):
-    """Of every body, if it does not turn: how many of the pairs whose first it is are of long ones, and lie side by side."""
-    i = first + wp.tid()
-    outlines = crowd.outlines
-    own = crowd.pose[i]
-    pairs_of_long = int(0)
-    side_by_side = int(0)
-    start = pairs.start[i]
-    for p in range(start, start + pairs.count[i]):
-        j = pairs.second[p]
-        if outlines.ease[i] == 0.0 and outlines.ease[j] == 0.0 and are_long(i, j, outlines):
-            other = crowd.pose[j]
-            image = image_of(pairs.note[p], crowd.neighbors.grid.space.size)
-            d = wp.vec2(other[0] - own[0] + image[0], other[1] - own[1] + image[1])
-            pairs_of_long += 1
-            if way_between_parallels(i, j, d, outlines, 0.0, 1.0).weights > 0.0:
-                side_by_side += 1
-    long_pairs[i] = pairs_of_long
-    parallel_pairs[i] = side_by_side
 
 
 @wp.kernel

@@ -154,14 +154,6 @@ class PlaneSeparation(Separation):
             grain=GRAIN_OF_NEIGHBORS,
         )
 
-    def _parallels(self) -> float:
-        long, parallel = (self.launcher.zeros(self._count, wp.int32) for _ in range(2))
-        inputs = [self._crowd, self._pairs]
-        self.launcher.launch(
-            kernels_separation.count_parallels, self._count, inputs, [long, parallel], grain=GRAIN_OF_NEIGHBORS
-        )
-        return float(parallel.numpy().sum()) / max(int(long.numpy().sum()), 1)
-
     def _launch_move(self) -> None:
         self.launcher.launch(
             kernels_separation.move_apart,

@@ -19,7 +19,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher, Recording
-from ..problem.cover import cover_of
+from ..problem.cover import agreement_of, cover_of
 from ..space.cell_sort import CellSort
 from . import kernels_outlines, kernels_pairs, kernels_trials
 from .body_flags import BodyFlags
@@ -36,9 +36,9 @@ SLACK = 2e-3
 SKIN = 0.08
 # Share of the bodies that may be beyond their skins before pairs are listed anew.
 STRAY_SHARE = 2e-3
-# Long bodies that keep their turns are parted as parallel ones where this share of those that are near lie side by side. Of planks of
-# 2 x .3 with random turns 5 % do; parted so they were less even at 60 %, by .01, in 1.2 times the time.
-SHARE_OF_PARALLELS = 0.25
+# Long bodies that keep their turns are parted as parallel ones where their directions agree so far: within some 13 degrees. Of those
+# with random turns some become neighbors of nearly their direction, too, and lie less evenly if they are parted so.
+PARALLEL = 0.9
 # How much the shorter way out counts for more there, while they are guided and later. Measured on 38 scenes of parallel planks: 3 or 4
 # from the first leave one jammed, 2 none; but what meets others of nearly its direction does not come to rest with 2.
 SHARPNESS, SHARPNESS_OF_GUIDANCE = 4.0, 2.0
@@ -167,6 +167,7 @@ class Separation(ABC):
         self._covered = float(tables.area.sum() / model.problem.domain.area)
         self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
+        self._parallel = self._fixed and agreement_of(model.problem, model.footprints) > PARALLEL
         self._prepare_bins(tables, is_round, pinned)
         self._settings = wp.zeros(6, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
@@ -250,10 +251,6 @@ class Separation(ABC):
     def _lead(self, guidance: Guidance) -> None:
         """Say where bodies are to go."""
         raise NotImplementedError
-
-    def _parallels(self) -> float:
-        """Share of those that lie side by side among the pairs of long bodies that do not turn; 0 where nothing is made of that."""
-        return 0.0
 
     def _make_room(self, slots: int) -> None:  # noqa: B027
         """Make room for what else is known of so many pairs; nothing, as a rule."""
@@ -368,7 +365,6 @@ class Separation(ABC):
             self._swap_first()
         if not hot and self._covered <= 1.0 and self._free and not self._again:
             self._turn_first()
-        parallels = self._fixed and self._parallels() > SHARE_OF_PARALLELS
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self._most_rounds
         swaps = HOT_SWAPS if hot else MOST_SWAPS
@@ -387,7 +383,7 @@ class Separation(ABC):
             if number % ROUNDS_AT_ONCE == 0:
                 # What the pull presses together is a little deep, so it ends with the last overlap that counts.
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
-                sharpness = parallels * (SHARPNESS_OF_GUIDANCE if number < guided else SHARPNESS)
+                sharpness = float(self._parallel) * (SHARPNESS_OF_GUIDANCE if number < guided else SHARPNESS)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK, sharpness], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
                 self._lead(guidance)
