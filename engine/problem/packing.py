@@ -25,18 +25,21 @@ LEAST = 0.25
 CELLS = 128
 
 
-def packable(elongation: float, free: bool) -> float:
+def packable(elongation: float, free: bool, agreement: float = 0.0) -> float:
     """Share of the ground that such bodies can cover without overlap, about.
 
     Args:
         elongation: Length over width of the rectangle that has a body's area and width; 0.79 for a disc.
         free: Whether bodies may turn so that they fit.
+        agreement: How far the directions of bodies that may not agree, from 0 to 1. Parallel ones fit like squares: where the plane is
+            stretched across them they are.
     """
     if elongation < 0.9:
         return DISCS
     if free:
         return FREE
-    return max(LEAST, FIXED / (1.0 + FIXED_FALL * math.sqrt(max(elongation - 1.0, 0.0))))
+    across = math.sqrt(max(1.0 - agreement**2, 0.0))
+    return max(LEAST, FIXED / (1.0 + FIXED_FALL * math.sqrt(max(elongation - 1.0, 0.0) * across)))
 
 
 def elongation_of(outline: Footprint) -> float:

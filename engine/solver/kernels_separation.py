@@ -9,7 +9,7 @@ from ..space.kernels_space import Space, confine, difference
 from .kernels_descent import Bodies, confine_line, slide
 from .kernels_outlines import Outlines, wall_contact
 from .kernels_pairs import FACE_BITS, Crowd, Pairs, image_of
-from .kernels_touch import Contact, touch
+from .kernels_touch import Contact, touch, way_between_parallels
 
 wp.set_module_options({"enable_backward": False})
 
@@ -29,6 +29,7 @@ MOMENTUM = wp.constant(1)
 COASTING = wp.constant(2)
 PULL = wp.constant(3)
 SLACK = wp.constant(4)
+SHARPNESS = wp.constant(5)
 
 
 @wp.func
@@ -48,6 +49,27 @@ def asked_by_contact(
     return asked
 
 
+@wp.func
+def asked_by_parallels(
+    asked: wp.vec4,
+    i: int,
+    j: int,
+    d: wp.vec2,
+    lightness: float,
+    slack: float,
+    sharpness: float,
+    outlines: Outlines,
+):
+    """What an overlap of two bodies that do not turn asks for: as their contact does, unless they are long and parallel."""
+    result = asked
+    give = lightness + outlines.lightness[j]
+    found = way_between_parallels(i, j, d, outlines, slack, sharpness)
+    if give > 0.0 and found.weights > 0.0:
+        push = found.way / (found.weights * give)
+        result = wp.vec4(push[0], push[1], 0.0, 0.0)
+    return result
+
+
 @wp.kernel
 def find_pushes(
     first: int,
@@ -65,6 +87,7 @@ def find_pushes(
     ease = outlines.ease[i]
     width = outlines.width[i]
     slack_share = settings[SLACK]
+    sharpness = settings[SHARPNESS]
     for p in range(start, start + pairs.count[i]):
         j = pairs.second[p]
         note = pairs.note[p]
@@ -81,6 +104,8 @@ def find_pushes(
             pairs.note[p] = (note & ~FACE_BITS) | contact.hint
             if contact.distance < slack:
                 asked = asked_by_contact(contact, j, d, lightness, ease, slack, outlines)
+                if sharpness > 0.0 and contact.distance < 0.0 and ease == 0.0 and outlines.ease[j] == 0.0:
+                    asked = asked_by_parallels(asked, i, j, d, lightness, slack, sharpness, outlines)
                 depth = -contact.distance / narrower
         pairs.push[p] = asked
         pairs.depth[p] = depth

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import warp as wp
 
-from .kernels_outlines import BAND, FACES_OF_ONE, Outlines, beyond_face, separation_along_faces
+from .kernels_outlines import BAND, FACES_OF_ONE, Outlines, beyond_face, separation_along_faces, support
 
 wp.set_module_options({"enable_backward": False})
 
 TINY = wp.constant(1.0e-9)
 # The face that a contact lies on changes to one of the other body only where that is clearly farther out: it must not flicker.
 CLEARLY = wp.constant(1.0e-4)
+# Two outlines lie side by side where the ways across them are at most this many times as wide as both are at their narrowest, and
+# together they are so many times as long.
+SIDE_BY_SIDE = wp.constant(1.5)
+LONG = wp.constant(2.0)
+# The least that two outlines lie in one another along a face, as a share of the way to where they lie as deep as they can.
+LEAST_DEPTH = wp.constant(1.0e-4)
 
 
 @wp.struct
@@ -290,3 +296,67 @@ def touch(i: int, j: int, d: wp.vec2, outlines: Outlines, enough: float, hint: i
     ``hint`` is that of the last contact of the two, 0 for none.
     """
     return touch_between(i, j, core_of(i, outlines), core_of(j, outlines), d, outlines, enough, hint)
+
+
+@wp.struct
+class WayOut:
+    """The ways out of an overlap, added up with their weights, and the weights; and the shortest that one of them can be at most."""
+
+    way: wp.vec2
+    weights: float
+    shortest: float
+
+
+@wp.func
+def ways_across_faces(
+    before: WayOut, a: Core, b: Core, d: wp.vec2, slack: float, sharpness: float, corner: wp.array(dtype=wp.vec4)
+):
+    """The ways of B, at offset ``d``, out of A across the faces of A, with those before; up to ``slack`` beyond the face.
+
+    A way counts by how short it is, as a share of what it is where both have one center, to the power of
+    ``sharpness``: along two planks as much as across.
+    """
+    result = before
+    r = a.rounding + b.rounding
+    for face in range(a.count):
+        v = corner[a.first + face]
+        n = wp.vec2(v[2], v[3])
+        lowest, _nearest = support(corner, b.first, b.count, n)
+        longest = n[0] * v[0] + n[1] * v[1] - lowest + r
+        depth = longest - (n[0] * d[0] + n[1] * d[1])
+        result.shortest = wp.min(result.shortest, longest)
+        if depth <= longest:
+            share = wp.max(depth / longest, LEAST_DEPTH)
+            weight = 1.0 / wp.pow(share, sharpness)
+            result.way += n * (weight * (depth + slack))
+            result.weights += weight
+    return result
+
+
+@wp.func
+def are_long(i: int, j: int, outlines: Outlines):
+    """Whether two bodies with faces are long, as they are together."""
+    a_count = outlines.first_corner[i + 1] - outlines.first_corner[i]
+    b_count = outlines.first_corner[j + 1] - outlines.first_corner[j]
+    reach = outlines.reach[i] + outlines.reach[j]
+    return a_count > 2 and b_count > 2 and reach > LONG * 0.5 * (outlines.width[i] + outlines.width[j])
+
+
+@wp.func
+def way_between_parallels(i: int, j: int, d: wp.vec2, outlines: Outlines, slack: float, sharpness: float):
+    """The ways of body j, at offset ``d``, out of body i; with weights of 0 unless both are long and lie side by side.
+
+    Pushed the shortest way only, which is across, rows of parallel planks that overlap lengthwise never slide apart. What this goes by
+    does not change where the plane is stretched: it parts parallel planks as it would part squares.
+    """
+    result = WayOut()
+    if are_long(i, j, outlines):
+        a = core_of(i, outlines)
+        b = core_of(j, outlines)
+        result.shortest = outlines.reach[i] + outlines.reach[j]
+        result = ways_across_faces(result, b, a, -d, slack, sharpness, outlines.corner)
+        result.way = -result.way
+        result = ways_across_faces(result, a, b, d, slack, sharpness, outlines.corner)
+        if result.shortest > SIDE_BY_SIDE * 0.5 * (outlines.width[i] + outlines.width[j]):
+            result.weights = 0.0
+    return result

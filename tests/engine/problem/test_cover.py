@@ -45,6 +45,23 @@ def test_bodies_that_may_not_turn_fit_less_than_those_that_may():
     assert 0.55 < fixed < 0.66 < 0.75 < free < 0.85
 
 
+def test_parallel_bodies_fit_like_squares():
+    def fits(turn, count=100):
+        return cover_of(problem_of(Footprints(PLANK, turn=turn), count)).fits
+
+    square = cover_of(problem_of(Footprints(Footprint.rectangle(1.0, 1.0), turn=0.0), 100)).fits
+    crossed = np.arange(100) % 2 * np.pi / 2
+    assert fits(0.4) == pytest.approx(square, abs=0.01)
+    assert fits(0.4 + crossed * 2) == pytest.approx(square, abs=0.01), "half a turn is none"
+    assert fits("random") == pytest.approx(fits(crossed), abs=0.02)
+    assert fits(0.4) > fits(np.linspace(-0.2, 0.2, 100)) > fits("random")
+    assert cover_of(problem_of(Footprints(PLANK, turn=0.4), 467)).warning is None
+    upright = Footprint.rectangle(0.3, 2.0)
+    sizes = [Size(n, count=50, footprint=Footprints(o, turn=t)) for n, o, t in (("a", PLANK, 0.4), ("b", upright, 0.4))]
+    both = Problem(Domain((20.0, 20.0)), [BodyClass("a", sizes)], avoid_overlap=True)
+    assert cover_of(both).fits == pytest.approx(fits(crossed)), "their outlines lie across each other"
+
+
 def test_a_crowded_region_is_told_from_too_little_space():
     peak = np.full((32, 32), 0.1)
     peak[12:20, 12:20] = 3.0

@@ -211,6 +211,27 @@ def test_what_cannot_fit_is_not_converged_and_says_why():
     assert any("at most about 82% fits" in note for note in report.notes)
 
 
+@pytest.mark.parametrize(
+    ("turn", "side", "boundary", "aspect", "cover", "jitter"),
+    [
+        (0.4, 16.0, "periodic", 2.0 / 0.3, 0.6, 0.0),
+        (0.0, 20.0, "periodic", 2.0 / 0.3, 0.6, 0.0),
+        (0.0, 20.0, "open", 2.0 / 0.3, 0.68, 0.0),
+        (0.4, 16.0, "periodic", 3.0, 0.7, 0.0),
+        (0.4, 16.0, "periodic", 10.0, 0.7, 0.0),
+        (0.4, 16.0, "periodic", 2.0 / 0.3, 0.7, 0.2),
+    ],
+)
+def test_parallel_planks_do_not_jam(contact, turn, side, boundary, aspect, cover, jitter):
+    height = math.sqrt(0.6 / aspect)
+    planks = Footprints(Footprint.rectangle(aspect * height, height), turn=turn, scale_jitter=jitter)
+    size = Size("s", count=round(cover * side**2 / 0.6), footprint=planks)
+    o = contact.outcome(Problem(Domain((side, side), boundary), [BodyClass("a", [size])], seed=1, avoid_overlap=True))
+    assert o["before"] > 100
+    assert (o["left"], o["reported"]) == (0, 0)
+    assert o["error"] < o["error before"] + 0.04
+
+
 @pytest.mark.parametrize("kind", [bool, np.bool_])
 def test_whoever_watches_can_end_contact_too(monkeypatch, kind):
     import esh.engine.solve as module
