@@ -20,10 +20,11 @@ from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import blur, kernels_blur, kernels_field, kernels_splines
+from . import blur, kernels_blur, kernels_field, kernels_near, kernels_splines
 from .blur import LEAST_OF_SMALL, SHARPER_BETWEEN, USUAL_REGULARITY
 from .field_meshes import FEWEST_NODES, charge_mesh, cutoff_of
 from .influence import convolution_of, far_influence
+from .near_tiles import every_other, lots_of
 from .target_correction import TargetCorrection
 
 __all__ = ["Field", "FieldTarget"]
@@ -162,7 +163,7 @@ class Field:
 
     def _make_room(self) -> None:
         """Room for the charges in the order of their cells, and for what is on the mesh."""
-        launcher, room = self.launcher, self.charge_count + kernels_field.LANES
+        launcher, room = self.launcher, self.charge_count + kernels_near.LANES
         self._cell_sort = CellSort(launcher, self.charge_count, self.cells.count_x * self.cells.count_y)
         charges = kernels_cells.SortedCharges()
         charges.order, charges.cell_start = self._cell_sort.order, self._cell_sort.cell_start
@@ -170,12 +171,18 @@ class Field:
         charges.group = launcher.empty(self.charge_count, wp.int32)
         charges.weight, charges.weight_stride = launcher.zeros(self.group_count * room, float), room
         self._sorted = charges
+        if not launcher.device.is_cuda:
+            # What is summed is taken away at once, so that these are 0 before every evaluation.
+            self._near = kernels_field.SortedSums()
+            self._near.x, self._near.y = (launcher.zeros(room, float) for _ in range(2))
+            self._lots = lots_of(self.cells.count_y, self.cells.count_x, repeats=self.space.periodic)
+            self._tile_count = sum(lot.count for lot in self._lots)
         self._node_charge = launcher.zeros(self.group_count * self.node_count, wp.int64)
         self._potential = launcher.empty(self.group_count * self.node_count, float)
 
     def _blurred_by(self, sharper: float) -> kernels_field.Blurred:
         """How sorted charges are blurred; ``sharper`` is what the variance between two families is divided by."""
-        room = self.charge_count + kernels_field.LANES
+        room = self.charge_count + kernels_near.LANES
         blurred = kernels_field.Blurred()
         blurred.family = self.launcher.zeros(room, wp.int32)
         # Where the blur is everywhere the same, this never changes.
@@ -214,23 +221,29 @@ class Field:
         with self.launcher.phase("FFT"):
             self._solve_far_field()
         with self.launcher.phase("near field, interpolation"):
-            at_once = 1 if self.launcher.device.is_cuda else kernels_field.LANES
+            self._add_near_and_far(field)
+
+    def _add_near_and_far(self, field: wp.array) -> None:
+        near = [self._sorted, self._blurred, self.cells, self.cutoff]
+        far = [self.mesh, self._potential, self._corrected]
+        if self.launcher.device.is_cuda:
+            self.launcher.launch(kernels_field.evaluate_field, self.charge_count, [*near, *far], [field])
+            return
+        for lot in self._lots:
             self.launcher.launch(
-                kernels_field.evaluate_field,
-                -(-self.charge_count // at_once),
-                [
-                    at_once,
-                    self._sorted,
-                    self._blurred,
-                    self.cells,
-                    self.cutoff,
-                    self.mesh,
-                    self._potential,
-                    self._corrected,
-                ],
-                [field],
-                grain=GRAIN_OF_NEIGHBORS // at_once,
+                kernels_near.add_pairs,
+                lot.count,
+                [lot.for_kernels, *near],
+                [self._near],
+                grain=max(1, GRAIN_OF_NEIGHBORS * self._tile_count // self.charge_count),
             )
+        self.launcher.launch(
+            kernels_field.add_far_field,
+            self.charge_count,
+            [self._sorted, self._blurred, *far],
+            [self._near, field],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
 
     def _sort(self, position: wp.array) -> None:
         self._cell_sort.sort(kernels_cells.compute_cell_keys, [position, self.cells])
@@ -263,10 +276,7 @@ class Field:
         # Threads must not write to one node at once. Charges are sorted by rows of cells, and two rows are higher than the
         # four nodes that a spline reaches: bands of at least two rows never meet once every other one is left out.
         bands = max(1, min(BANDS_PER_THREAD * self.launcher.thread_count, self.cells.count_y // 2))
-        # A periodic mesh joins the last band to the first: with an odd number of bands the last goes alone.
-        alone = 1 if self.space.periodic and bands % 2 == 1 and bands > 1 else 0
-        rounds = [(0, (bands - alone + 1) // 2), (1, (bands - alone) // 2), (bands - 1, alone)]
-        for first_band, count in rounds:
+        for first_band, count in every_other(bands, self.space.periodic):
             self.launcher.launch(
                 kernels_splines.deposit_bands,
                 count,

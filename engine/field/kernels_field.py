@@ -15,15 +15,22 @@ from .blur import LARGEST_Q
 from .kernels_blur import level_of
 from .kernels_splines import potential_gradient, potential_gradients
 
-__all__ = ["COLUMNS_PER_CUTOFF", "LANES", "ROWS_PER_CUTOFF", "evaluate_field"]
+__all__ = [
+    "COLUMNS_PER_CUTOFF",
+    "PAIR_CONSTANTS",
+    "ROWS_PER_CUTOFF",
+    "Blurred",
+    "Correction",
+    "SortedSums",
+    "add_far_field",
+    "evaluate_field",
+    "pair_strength",
+]
 
 wp.set_module_options({"enable_backward": False})
 
-# Neighbors that the CPU takes at once, and charges whose neighbors it looks up at once. Arrays of neighbors are longer by so many,
-# since the last of them may read beyond.
-LANES = 8
-# Cells along the cut-off, from row to row and along a row: narrow cells follow its circle, high ones keep ranges long.
-ROWS_PER_CUTOFF = 1
+# Cells along the cut-off, from row to row and along a row: narrow and low ones follow its circle, but make for short ranges.
+ROWS_PER_CUTOFF = 2
 COLUMNS_PER_CUTOFF = 4
 # The blur between two charges is exp(-q), taken as the eighth power of a cubic that is wrong by 1e-4; it has ended
 # where q is LARGEST_Q.
@@ -47,149 +54,92 @@ def _eighth_root() -> list[float]:
     return [1.0, *(float(np.float32(fitted[k])) / 2.0 ** (k + 1) for k in range(3))]
 
 
-# Native code because this loop is most of the near field's time. A charge is at no distance from itself, and so its term vanishes;
-# the tiny summand, far below the square of float32's smallest distance, only keeps it finite, and its square is still a normal number:
-# some processors take a hundred times as long for others. Of a charge's unit share, what the split spreads farther out than the
-# distance counts (a polynomial of v, which is 0 at the cut-off), less what the blur does, and the core is added.
-def _add_ranges(variance: str) -> str:
-    """C++ that goes through all ranges of neighbors; ``variance`` is that of a pair."""
+# Of a charge's unit share, what the split spreads farther out than the distance counts (a polynomial of v, which is 0 at the cut-off),
+# less what the blur does, and the core is added. A charge is at no distance from itself, and so its term vanishes; the tiny summand,
+# far below the square of float32's smallest distance, only keeps it finite, and its square is still a normal number: some processors
+# take a hundred times as long for others.
+PAIR_CONSTANTS = """
+    const float tiny = 1e-18f, narrower = 1.0f / blurred.sharper, core = blurred.core, half_per_core = 0.5f * blurred.per_core;
+    const float cutoff2 = cutoff * cutoff, per_cutoff = 1.0f / cutoff2;
+"""
+
+
+def pair_strength(variance: str) -> str:
+    """C++ for ``strength``, the force between two unit charges over their distance, from ``dx`` and ``dy``.
+
+    Args:
+        variance: C++ for that of the pair.
+    """
     return f"""
-    for (int range = 0; range < ranges; ++range)
-    {{
-        const int begin = begins[range], end = ends[range];
-        const float own_x = from_x[range], own_y = from_y[range];
-        for (int j = begin; j < end; j += L)
-        {{
-#if !defined(__CUDA_ARCH__)
-            #pragma clang fp contract(fast)
-#endif
-            const V dx = own_x - *(const V*)(xs + j);
-            const V dy = own_y - *(const V*)(ys + j);
             const V r2 = dx * dx + dy * dy + tiny;
             const V v = 1.0f - r2 * per_cutoff;
             // One division for the inverse of the pair's variance and that of r2.
             const V both = {variance};
             const V inverse = 1.0f / (r2 * both);
-            V twice_q = r2 * r2 * inverse;
-#if defined(__CUDA_ARCH__)
-            twice_q = fminf(twice_q, {2.0 * LARGEST_Q}f);
-#else
-            twice_q = __builtin_elementwise_min(twice_q, (V){2.0 * LARGEST_Q}f);
-#endif
+            const V twice_q = least(r2 * r2 * inverse, {2.0 * LARGEST_Q}f);
             const V root = {_text_of(_eighth_root(), "twice_q")};
             const V square = root * root;
             const V fourth = square * square;
             const V share = v * {_text_of(splitting.outside_share()[1:], "v")} - fourth * fourth;
-#if defined(__CUDA_ARCH__)
-            const V close = fmaxf(1.0f - twice_q * half_per_core, 0.0f);
-#else
-            const V close = __builtin_elementwise_max(1.0f - twice_q * half_per_core, (V)0.0f);
-#endif
-            const V near = *(const V*)(ws + j) * (share + core * close * close) * (both * inverse);
-#if defined(__CUDA_ARCH__)
-            const V strength = r2 < cutoff2 ? near : 0.0f;
-#else
-            const V strength = ((r2 < cutoff2) & (lane < end - j)) ? near : (V)0.0f;
-#endif
-            sum_x += strength * dx;
-            sum_y += strength * dy;
-        }}
-    }}
+            const V close = most(1.0f - twice_q * half_per_core, 0.0f);
+            const V strength = (share + core * close * close) * (both * inverse);
 """
 
 
-# Where the neighbors of a few charges are is found for all of them at once; cells of a row are neighbors in memory: those within the
-# cut-off are one range, or two where it reaches round the domain.
+# For a GPU: every charge has a thread, which goes through all of its neighbors.
 _SUM_NEAR = f"""
-    const float tiny = 1e-18f, narrower = 1.0f / blurred.sharper, core = blurred.core, half_per_core = 0.5f * blurred.per_core;
+#if defined(__CUDA_ARCH__)
+    typedef float V;
+    auto least = [](V v, float w) -> V {{ return fminf(v, w); }};
+    auto most = [](V v, float w) -> V {{ return fmaxf(v, w); }};
+    {PAIR_CONSTANTS}
     const float* __restrict__ xs = charges.x.data;
     const float* __restrict__ ys = charges.y.data;
     const float* __restrict__ vs = blurred.variance.data;
     const int* __restrict__ fs = blurred.family.data;
-#if defined(__CUDA_ARCH__)
-    enum {{ L = 1 }};
-    typedef float V;
-    typedef int I;
-    auto whole = [](V v) -> I {{ return (int)v; }};
-    auto real = [](I i) -> V {{ return (float)i; }};
-    auto root_of = [](V v) -> V {{ return sqrtf(v); }};
-    auto lesser = [](I i, I j) -> I {{ return i < j ? i : j; }};
-    auto larger = [](V v, V w) -> V {{ return fmaxf(v, w); }};
-#else
-    enum {{ L = {LANES} }};
-    typedef float V __attribute__((ext_vector_type({LANES}), aligned(4)));
-    typedef int I __attribute__((ext_vector_type({LANES}), aligned(4)));
-    const I lane = {{{", ".join(map(str, range(LANES)))}}};
-    auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
-    auto real = [](I i) -> V {{ return __builtin_convertvector(i, V); }};
-    auto root_of = [](V v) -> V {{ return __builtin_elementwise_sqrt(v); }};
-    auto lesser = [](I i, I j) -> I {{ return __builtin_elementwise_min(i, j); }};
-    auto larger = [](V v, V w) -> V {{ return __builtin_elementwise_max(v, w); }};
-#endif
-    const float cutoff2 = cutoff * cutoff, per_cutoff = 1.0f / cutoff2;
     const float per_column = grid.inverse_size[0], per_row = grid.inverse_size[1];
     const float height = 1.0f / per_row;
     const int columns = grid.count_x, rows = grid.count_y;
     const float period_x = space_period[0], period_y = space_period[1];
     const bool repeats_x = period_x > 0.0f, repeats_y = period_y > 0.0f;
-    enum {{ ROWS = {2 * ROWS_PER_CUTOFF + 1} }};
-    I lefts[ROWS], rights[ROWS];
-    const V all_x = *(const V*)(xs + start), all_y = *(const V*)(ys + start);
-    const I own_rows = lesser(whole(all_y * per_row), (I)(rows - 1));
-    for (int k = 0; k < ROWS; ++k)
+    const float x = xs[own], y = ys[own], own_variance = vs[own];
+    const int own_family = fs[own];
+    const int own_row = wp::min((int)(y * per_row), rows - 1);
+    const float* __restrict__ ws = charges.weight.data + (size_t)charges.group.data[own] * charges.weight_stride;
+    const float* __restrict__ qs = charges.charge.data;
+    wp::vec2 sum(0.0f, 0.0f);
+    auto add_range = [&](int begin, int end, float from_x, float from_y)
     {{
-        const V row = real(own_rows + (k - {ROWS_PER_CUTOFF}));
-        const V below = row * height - all_y, above = all_y - (row + 1.0f) * height;
-        const V beyond = larger(larger(below, above), (V)0.0f);
-        const V beside = root_of(larger(cutoff2 - beyond * beyond, (V)0.0f));
+        for (int j = begin; j < end; ++j)
+        {{
+            const V dx = from_x - xs[j];
+            const V dy = from_y - ys[j];
+            {pair_strength("(own_variance + vs[j]) * (fs[j] == own_family ? 1.0f : narrower)")}
+            const V weighted = r2 < cutoff2 ? ws[j] * qs[j] * strength : 0.0f;
+            sum[0] += weighted * dx;
+            sum[1] += weighted * dy;
+        }}
+    }};
+    for (int k = -{ROWS_PER_CUTOFF}; k <= {ROWS_PER_CUTOFF}; ++k)
+    {{
+        const int row = own_row + k;
+        const int across = row < 0 ? -1 : row >= rows ? 1 : 0;
+        if (across != 0 && !repeats_y) continue;
+        const float beyond = fmaxf(fmaxf(row * height - y, y - (row + 1) * height), 0.0f);
+        const float beside = sqrtf(fmaxf(cutoff2 - beyond * beyond, 0.0f));
         // Rounded down: what is cut off is positive.
-        lefts[k] = whole((all_x - beside) * per_column + (float)columns) - columns;
-        rights[k] = whole((all_x + beside) * per_column);
+        const int left = (int)((x - beside) * per_column + (float)columns) - columns;
+        const int right = (int)((x + beside) * per_column);
+        const int* __restrict__ starts = charges.cell_start.data + (size_t)(row - across * rows) * columns;
+        const float from_y = y - across * period_y;
+        add_range(starts[wp::max(left, 0)], starts[wp::min(right, columns - 1) + 1], x, from_y);
+        if (repeats_x && left < 0) add_range(starts[left + columns], starts[columns], x + period_x, from_y);
+        else if (repeats_x && right >= columns) add_range(starts[0], starts[right - columns + 1], x - period_x, from_y);
     }}
-    for (int own = start; own < stop; ++own)
-    {{
-        const float x = xs[own], y = ys[own], own_variance = vs[own];
-        const int own_family = fs[own];
-        const float* __restrict__ ws = charges.weight.data + (size_t)charges.group.data[own] * charges.weight_stride;
-        int begins[2 * ROWS], ends[2 * ROWS], ranges = 0;
-        float from_x[2 * ROWS], from_y[2 * ROWS];
-        for (int k = 0; k < ROWS; ++k)
-        {{
-            const int row = ((const int*)&own_rows)[own - start] + k - {ROWS_PER_CUTOFF};
-            const int across = row < 0 ? -1 : row >= rows ? 1 : 0;
-            if (across != 0 && !repeats_y) continue;
-            const int* __restrict__ starts = charges.cell_start.data + (size_t)(row - across * rows) * columns;
-            const int left = ((const int*)&lefts[k])[own - start], right = ((const int*)&rights[k])[own - start];
-            begins[ranges] = starts[wp::max(left, 0)];
-            ends[ranges] = starts[wp::min(right, columns - 1) + 1];
-            from_x[ranges] = x;
-            from_y[ranges++] = y - across * period_y;
-            if (repeats_x && (left < 0 || right >= columns))
-            {{
-                begins[ranges] = starts[left < 0 ? left + columns : 0];
-                ends[ranges] = starts[left < 0 ? columns : right - columns + 1];
-                from_x[ranges] = left < 0 ? x + period_x : x - period_x;
-                from_y[ranges++] = y - across * period_y;
-            }}
-        }}
-        V sum_x = (V)0.0f, sum_y = (V)0.0f;
-        if (blurred.alike != 0)
-        {{
-            const V of_all = own_variance + own_variance;
-            {_add_ranges("of_all")}
-        }}
-        else
-        {{
-            {_add_ranges("(own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower)")}
-        }}
-        float total_x = 0.0f, total_y = 0.0f;
-        for (int l = 0; l < L; ++l)
-        {{
-            total_x += ((const float*)&sum_x)[l];
-            total_y += ((const float*)&sum_y)[l];
-        }}
-        field.data[charges.order.data[own]] = wp::vec2(total_x, total_y);
-    }}
+    return sum;
+#else
+    return wp::vec2(0.0f, 0.0f);
+#endif
 """
 
 
@@ -211,17 +161,23 @@ class Blurred:
 
 @wp.func_native(_SUM_NEAR)
 def sum_near(
-    start: int,
-    stop: int,
+    own: int,
     charges: SortedCharges,
     blurred: Blurred,
     grid: CellGrid,
     space_period: wp.vec2,
     cutoff: float,
-    field: wp.array(dtype=wp.vec2),
-):
-    """Write the near part of the field at the sorted charges ``start .. stop - 1``, to where they were given."""
+) -> wp.vec2:
+    """Near part of the field at a sorted charge."""
     ...
+
+
+@wp.struct
+class SortedSums:
+    """Sums of near forces per unit charge, of charges in the order of their cells; with room for a few more."""
+
+    x: wp.array(dtype=float)
+    y: wp.array(dtype=float)
 
 
 @wp.struct
@@ -253,10 +209,26 @@ def correction_at(at: wp.vec2, group: int, variance: float, correction: Correcti
     return total
 
 
+@wp.func
+def far_field(
+    i: int,
+    charges: SortedCharges,
+    blurred: Blurred,
+    mesh: Mesh,
+    potential: wp.array(dtype=float),
+    correction: Correction,
+):
+    """Far part of the field at a sorted charge, and all of the targets."""
+    group = charges.group[i]
+    at = wp.vec2(charges.x[i], charges.y[i])
+    far = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
+    # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
+    return far + correction_at(at, group, blurred.variance[i], correction)
+
+
 @wp.kernel
 def evaluate_field(
     first: int,
-    at_once: int,
     charges: SortedCharges,
     blurred: Blurred,
     grid: CellGrid,
@@ -267,15 +239,27 @@ def evaluate_field(
     # outputs
     field: wp.array(dtype=wp.vec2),
 ):
-    """Force per unit charge on ``at_once`` charges an element, written in the order in which the charges were given."""
-    start = (first + wp.tid()) * at_once
-    stop = wp.min(start + at_once, charges.group.shape[0])
-    sum_near(start, stop, charges, blurred, grid, period(grid.space), cutoff, field)
-    for i in range(start, stop):
-        group = charges.group[i]
-        at = wp.vec2(charges.x[i], charges.y[i])
-        far = -potential_gradient(at, group * mesh.count_x * mesh.count_y, mesh, potential)
-        # The mesh carries charges minus targets; this is the rest of the targets, and so it attracts.
-        far += correction_at(at, group, blurred.variance[i], correction)
-        to = charges.order[i]
-        field[to] = far + field[to]
+    """Force per unit charge, written in the order in which the charges were given; on a GPU."""
+    i = first + wp.tid()
+    near = sum_near(i, charges, blurred, grid, period(grid.space), cutoff)
+    field[charges.order[i]] = far_field(i, charges, blurred, mesh, potential, correction) + near
+
+
+@wp.kernel
+def add_far_field(
+    first: int,
+    charges: SortedCharges,
+    blurred: Blurred,
+    mesh: Mesh,
+    potential: wp.array(dtype=float),
+    correction: Correction,
+    # outputs
+    near: SortedSums,
+    field: wp.array(dtype=wp.vec2),
+):
+    """The same, where the near part has been summed; on the CPU. The sums are 0 again, for the next time."""
+    i = first + wp.tid()
+    sum = wp.vec2(near.x[i], near.y[i])
+    near.x[i] = 0.0
+    near.y[i] = 0.0
+    field[charges.order[i]] = far_field(i, charges, blurred, mesh, potential, correction) + sum

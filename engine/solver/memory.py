@@ -29,7 +29,7 @@ __all__ = ["check_counts", "check_memory", "required_memory"]
 BYTES_FIXED = 380_000_000
 # Tables, poses, footprints, sorted copies and the report's arrays: what is left of the peaks of runs from 10,000 to 1,000,000 bodies.
 BYTES_PER_BODY = 260
-BYTES_PER_CHARGE = 170
+BYTES_PER_CHARGE = 180
 # Of outlines that are parted: tables, and pairs that are near; and every corner, as it is turned and as it might be.
 BYTES_PER_BODY_IN_CONTACT = 500
 BYTES_PER_CORNER = 64

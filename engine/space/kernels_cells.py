@@ -214,4 +214,4 @@ def gather_charges(
     charges.group[i] = group
     for g in range(group_count):
         at = wp.int64(g) * wp.int64(charges.weight_stride) + wp.int64(i)
-        charges.weight[at] = interaction[g * group_count + group] * q
+        charges.weight[at] = interaction[g * group_count + group]
