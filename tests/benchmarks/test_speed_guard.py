@@ -25,7 +25,7 @@ from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
 
 # An evaluation for 20,000 bodies beside a direct float32 sum over 8,192; its noise is said at the test.
-MEASURED_RATIO = 0.66
+MEASURED_RATIO = 0.46
 # Above the noise, and below the fifth that is to be seen, where continuous integration runs; other processors have other ratios
 # (1.33 on sixteen cores of a Xeon).
 SLACK = 1.18 if "CI" in os.environ else 3.0
@@ -46,13 +46,14 @@ def operations(count, groups):
         mixing = groups**2 * field.layout.node_count * 2
         splines = count * (16 * 4 + 2 * 16 * 8)
         cell = (size[0] / field.cells.count_x) * (size[1] / field.cells.count_y)
-        pairs = (2 * ROWS_PER_CUTOFF + 1) * (2 * COLUMNS_PER_CUTOFF + 1) * cell * count * 38
+        # Every pair once, and what it does to the second body is added to a sum in memory.
+        pairs = 0.5 * (2 * ROWS_PER_CUTOFF + 1) * (2 * COLUMNS_PER_CUTOFF + 1) * cell * count * 44
         return (transforms + mixing + splines + pairs) / count
 
 
 # Operations per body when this was written, which do not scatter.
 @pytest.mark.parametrize(
-    ("count", "groups", "budget"), [(10_000, 1, 4160), (10_000, 6, 8400), (100_000, 1, 3980), (100_000, 6, 9470)]
+    ("count", "groups", "budget"), [(10_000, 1, 2560), (10_000, 6, 5820), (100_000, 1, 2570), (100_000, 6, 5840)]
 )
 def test_an_evaluation_takes_no_more_operations_than_it_did(count, groups, budget):
     assert operations(count, groups) <= 1.1 * budget
@@ -74,7 +75,7 @@ class CountingLauncher(Launcher):
 # Launches of one evaluation, and the elements they run over per body, when this was written: a pass more is seen here, which
 # the operations above, reckoned from the mesh, do not show.
 @pytest.mark.parametrize(
-    ("count", "groups", "launches", "elements"), [(10_000, 1, 14, 3.2), (10_000, 6, 16, 5.2), (100_000, 1, 14, 3.2)]
+    ("count", "groups", "launches", "elements"), [(10_000, 1, 17, 3.2), (10_000, 6, 19, 5.2), (100_000, 1, 17, 3.2)]
 )
 def test_an_evaluation_makes_no_more_passes_than_it_did(count, groups, launches, elements):
     launcher = CountingLauncher(resolve_device("cpu"))
@@ -130,7 +131,7 @@ def test_easy_problems_stop_early_and_no_problem_takes_more_steps_than_asked():
 
 @pytest.mark.alone
 def test_an_evaluation_takes_no_longer_beside_a_direct_sum_than_it_did(monkeypatch):
-    """Noise: 0.64 to 0.66 on two idle cores, 0.56 to 0.60 beside one or two other processes, 0.51 on one core."""
+    """Noise: 0.36 to 0.46 on two idle cores, 0.47 beside other processes."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     monkeypatch.delitem(sys.modules, "direct_summation", raising=False)
     from direct_summation import DirectSummation
