@@ -87,10 +87,10 @@ class Descent:
             blur_over_spacing=smooth,
             smooth=smooth is not None,
         )
-        self.field, self.step_length = self._forces.field, self._forces.step_length
+        self.field = self._forces.field
         self._prepare_step_limits()
-        if model.problem.rectangle.natural and smooth is None:
-            self._hold_border(new)
+        held = model.problem.rectangle.natural and smooth is None
+        self.step_length = self._forces.step_lengths(launcher, self._shares_of_forces(new) if held else None)
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
         self.images = images_for_kernels(launcher, model.supports, model.size, to_support=back)
@@ -176,11 +176,10 @@ class Descent:
             [self.step_limit],
         )
 
-    def _hold_border(self, new: np.ndarray | None) -> None:
-        """Let forces count as :mod:`.held_border` says."""
+    def _shares_of_forces(self, new: np.ndarray | None) -> wp.array:
+        """How much of the forces counts, as :mod:`.held_border` says."""
         spacing = self.step_limit.numpy() / STEP_LIMIT
-        share = shares_of_forces(self.launcher, self.model, self.field.layout, spacing, new)
-        self.launcher.launch(kernels_descent.scale_step_lengths, share.shape[0], [share], [self.step_length])
+        return shares_of_forces(self.launcher, self.model, self.field.layout, spacing, new)
 
     def take_step(self) -> None:
         """Launch a whole step."""

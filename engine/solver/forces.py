@@ -39,7 +39,6 @@ class Forces:
 
     Attributes:
         field: The field; that of a mirrored domain is one of twice its extent.
-        step_length: Inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
     """
 
     def __init__(
@@ -77,10 +76,16 @@ class Forces:
         else:
             self.field = Field(launcher, **described)
             self.evaluate = self.field.evaluate
-        self.step_length = self._step_lengths(launcher, model.groups.count)
 
-    def _step_lengths(self, launcher: Launcher, group_count: int) -> wp.array:
+    def step_lengths(self, launcher: Launcher, share: wp.array | None = None) -> wp.array:
+        """Return the inverse of the energy's curvature at every node of the field's mesh, flat, one group after the other.
+
+        Args:
+            launcher: Where to run.
+            share: How much of the forces counts there, shaped alike; None where they count wholly.
+        """
         field, layout = self.field, self.field.layout
+        group_count = len(field.mean_attraction)
         # A group that nothing attracts keeps a finite step.
         least = np.maximum(SMALLEST_DENSITY * field.mean_attraction, 1e-30)
         result = launcher.empty(group_count * layout.node_count, float)
@@ -92,6 +97,7 @@ class Forces:
                 layout.node_count,
                 1.0 / layout.node_area,
                 wp.array(least, dtype=float, device=launcher.device),
+                wp.empty(0, dtype=float, device=launcher.device) if share is None else share,
             ],
             [result],
         )

@@ -65,7 +65,7 @@ class Guidance:
         self._charges.position = launcher.zeros(model.charge_count, wp.vec2)
         self._charges.field = launcher.zeros(model.charge_count, wp.vec2)
         self._steps = kernels_descent.Steps()
-        self._steps.length, self._steps.mesh = self._forces.step_length, self._forces.field.mesh
+        self._steps.length, self._steps.mesh = self._forces.step_lengths(launcher), self._forces.field.mesh
         # Nothing here asks how far a step may go.
         self._steps.limit = launcher.zeros(1, float)
         self._recording: Recording | None = None

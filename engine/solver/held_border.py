@@ -12,8 +12,9 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..space.density import sample_density
 from ..space.mesh_layout import MeshLayout
-from ..space.support import vectors_to_support
+from ..space.support import depth_in_support
 from .model import Model
 
 __all__ = ["shares_of_forces"]
@@ -48,6 +49,7 @@ def shares_of_forces(
     x = (np.arange(columns) - layout.margin) * layout.spacing[0]
     y = (np.arange(rows) - layout.margin) * layout.spacing[1]
     edge = np.minimum(np.minimum(x, width - x)[None], np.minimum(y, height - y)[:, None])
+    extent = columns * layout.spacing[0], rows * layout.spacing[1]
     of_class: list[np.ndarray] = []
     stirred = np.zeros((rows, columns), bool)
     if new is not None and len(new):
@@ -57,29 +59,18 @@ def shares_of_forces(
     for c in problem.classes:
         image = c.density_image
         if id(image) not in depth_of:
-            depth_of[id(image)] = np.minimum(edge, _depth_in_support(launcher, image, x, y, layout))
+            depth = edge
+            if not (image > 0.0).all():
+                nodes = np.stack([along.ravel() for along in np.meshgrid(x, y)], axis=1)
+                at_nodes = sample_density(image, nodes, model.size).reshape(layout.shape)
+                depth = np.minimum(edge, depth_in_support(launcher, at_nodes, extent))
+            depth_of[id(image)] = depth
         rarer = math.sqrt(model.body_count / max(c.body_count, 1))
         own = np.minimum(spacing.reshape(rows, columns) * rarer, MOST_OF_DOMAIN * min(width, height))
         share = np.clip((depth_of[id(image)] / own - HELD[0]) / (HELD[1] - HELD[0]), LEAST, 1.0)
         of_class.append(np.where(stirred, 1.0, share).ravel())
     shares = np.stack([of_class[k] for k in model.groups.class_index]).astype(np.float32)
     return wp.array(shares.ravel(), dtype=float, device=launcher.device)
-
-
-def _depth_in_support(
-    launcher: Launcher, image: np.ndarray, x: np.ndarray, y: np.ndarray, layout: MeshLayout
-) -> np.ndarray:
-    """How far nodes are from where a density is 0, shape ``[rows, columns]``; 0 there."""
-    if (image > 0.0).all():
-        return np.full(layout.shape, math.inf)
-    size = layout.space.size
-    row = np.clip(((1.0 - y / size[1]) * image.shape[0]).astype(int), 0, image.shape[0] - 1)
-    column = np.clip((x / size[0] * image.shape[1]).astype(int), 0, image.shape[1] - 1)
-    empty = np.where(image[np.ix_(row, column)] > 0.0, np.float32(0.0), np.float32(1.0))
-    if not empty.any():
-        return np.full(layout.shape, math.inf)
-    extent = layout.shape[1] * layout.spacing[0], layout.shape[0] * layout.spacing[1]
-    return np.hypot(*vectors_to_support(launcher, empty, extent).numpy().T).reshape(layout.shape)
 
 
 def _near(position: np.ndarray, spacing: np.ndarray, layout: MeshLayout) -> np.ndarray:

@@ -554,25 +554,20 @@ def find_step_lengths(
     node_count: int,
     inverse_node_area: float,
     least: wp.array(dtype=float),
-    # outputs
-    step_length: wp.array(dtype=float),
-):
-    """Inverse of the energy's curvature, 2 pi times the attracting density, which counts as ``least`` of its group at least."""
-    i = first + wp.tid()
-    density = wp.max(attraction[i] * inverse_node_area, least[i / node_count])
-    step_length[i] = 1.0 / (2.0 * wp.pi * density)
-
-
-@wp.kernel
-def scale_step_lengths(
-    first: int,
     share: wp.array(dtype=float),
     # outputs
     step_length: wp.array(dtype=float),
 ):
-    """Let forces of a group count for less at a node."""
+    """Inverse of the energy's curvature, 2 pi times the attracting density, which counts as ``least`` of its group at least.
+
+    It is multiplied by the ``share`` of the forces that counts at a node; an empty array says that they count wholly.
+    """
     i = first + wp.tid()
-    step_length[i] = step_length[i] * share[i]
+    density = wp.max(attraction[i] * inverse_node_area, least[i / node_count])
+    length = 1.0 / (2.0 * wp.pi * density)
+    if share.shape[0] > 0:
+        length = length * share[i]
+    step_length[i] = length
 
 
 @wp.kernel

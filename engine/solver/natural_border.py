@@ -11,7 +11,6 @@ spacing even that out: they move neighbors together, so that the order of these 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..problem.size import Size
 from ..space.density import move_into_support, sample_density
-from ..space.support import vectors_to_support
+from ..space.images_beyond import AxisBeyond, DensityBeyond, KnownWays, density_beyond, image_beyond
 from .model import Model
 
 __all__ = ["SMOOTH_OVER_SPACING", "SMOOTH_STEPS", "STEPS_WITHIN", "Kept", "NaturalBorder"]
@@ -35,9 +34,6 @@ __all__ = ["SMOOTH_OVER_SPACING", "SMOOTH_STEPS", "STEPS_WITHIN", "Kept", "Natur
 # there. For rare classes no farther than this share of the domain, unless that is nearer than so many spacings of all bodies.
 REACH = 5.0
 MOST_OF_DOMAIN = 0.2
-# A density that goes on over the whole domain ends nowhere, and makes no rows along its ends: that is taken if it does not make more
-# than so many times as many bodies.
-MOST_MORE = 4.0
 # Width of the blur between two charges over their spacing while the cut is evened out, and steps of that. Measured on 4,096 bodies,
 # uniform: errors at k = 1 and 2 are .0210 and .0106 as cut, .0029 and .0001 after ten steps (open: .0016 and .0003), and the largest
 # number at any distance from the border 1.5 times even (open: 5.8). With 1.0 these are .0010, .0001 and 2.2, with 2.0 .0063, .0005 and
@@ -51,22 +47,6 @@ STEPS_WITHIN = 12
 TURN = math.pi / 12.0
 # A domain that is longer than so many times its width is not joined to its other sides, which meshes would have to be fine for.
 MOST_ELONGATED = 100.0
-# How many widths of the margin are tried for one in which densities have few pixels.
-TRIED = 16
-
-
-class _Beyond(NamedTuple):
-    """A density that goes on beyond its edges.
-
-    Attributes:
-        image: That density.
-        more: Its integral over that of the part within the edges.
-        depth: How deep pixels lie within the edges [m]; None where these are the domain's only.
-    """
-
-    image: np.ndarray
-    more: float
-    depth: np.ndarray | None
 
 
 class Kept(NamedTuple):
@@ -109,25 +89,25 @@ class NaturalBorder:
         self.turn = (
             TURN if uniform and not any(_follows_images(size) for c in problem.classes for size in c.sizes) else 0.0
         )
-        self._beyond: list[_Beyond] = []
+        self._beyond: list[DensityBeyond] = []
         margin = (0.0, 0.0)
         if self.turn:
             across = np.array([[math.cos(TURN), math.sin(TURN)], [math.sin(TURN), math.cos(TURN)]]) @ domain.size
             self._size = (float(across[0]) + 2.0 * max(reach), float(across[1]) + 2.0 * max(reach))
             more = self._size[0] * self._size[1] / domain.area
-            self._beyond = [_Beyond(image, more, None) for image in images]
+            self._beyond = [DensityBeyond(image, more, None) for image in images]
         else:
             along = [
-                _Axis.of([image.shape[axis] for image in images], domain.size[1 - axis], max(reach))
+                AxisBeyond.of([image.shape[axis] for image in images], domain.size[1 - axis], max(reach))
                 for axis in range(2)
             ]
             margin = along[1].margin, along[0].margin
             self._size = (domain.size[0] + 2.0 * margin[0], domain.size[1] + 2.0 * margin[1])
-            made: dict[tuple[int, float], _Beyond] = {}
-            known: _KnownWays = {}
+            made: dict[tuple[int, float], DensityBeyond] = {}
+            known: KnownWays = {}
             for image, own in zip(images, reach, strict=True):
                 if (id(image), own) not in made:
-                    made[id(image), own] = _go_on(launcher, image, along, own, self._size, known)
+                    made[id(image), own] = density_beyond(launcher, image, along, own, self._size, known)
                 self._beyond.append(made[id(image), own])
         classes = [
             self._larger(number, c, beyond, margin)
@@ -146,7 +126,7 @@ class NaturalBorder:
         )
 
     def _larger(
-        self, number: int, body_class: PreparedClass, beyond: _Beyond, margin: tuple[float, float]
+        self, number: int, body_class: PreparedClass, beyond: DensityBeyond, margin: tuple[float, float]
     ) -> PreparedClass:
         """A class of as many more bodies as its density goes on; fixed ones are not among them."""
         sizes = []
@@ -176,7 +156,7 @@ class NaturalBorder:
             for name in ("length", "direction"):
                 value = getattr(line, name)
                 if isinstance(value, np.ndarray):
-                    told[name] = _image_beyond(value, beyond)
+                    told[name] = image_beyond(value, beyond)
                 elif name == "direction" and not isinstance(value, str):
                     told[name] = value + self.turn
             changes["line"] = replace(line, **told)
@@ -191,7 +171,7 @@ class NaturalBorder:
             if size.line is None and not isinstance(own.turn, str):
                 given["turn"] = given.get("turn", own.turn) + self.turn
             if own.slope is not None:
-                given["slope"] = _image_beyond(own.slope, beyond)
+                given["slope"] = image_beyond(own.slope, beyond)
             changes["footprint"] = replace(own, **given)
         return replace(size, count=more, share=None, **changes)
 
@@ -265,104 +245,8 @@ class NaturalBorder:
         return Kept(result, source)
 
 
-class _Axis(NamedTuple):
-    """How images are laid over the larger domain along one axis.
-
-    Attributes:
-        margin: Beyond either end [m].
-        pixels: Of a common grid over the domain: the margin is a whole number of them.
-        beyond: That number.
-    """
-
-    margin: float
-    pixels: int
-    beyond: int
-
-    @classmethod
-    def of(cls, counts: Sequence[int], length: float, reach: float) -> _Axis:
-        """The axis for images of so many pixels over a length [m]; pixels are no wider than the reach."""
-        pixels = max(counts)
-        pixels *= max(1, math.ceil(length / pixels / reach))
-        least = math.ceil(reach * pixels / length * (1.0 - 1e-9))
-        beyond = min(range(least, least + TRIED), key=lambda n: max(_finer(many, pixels, n) * many for many in counts))
-        return cls(beyond * length / pixels, pixels, beyond)
-
-    def finer(self, count: int) -> int:
-        """How many pixels one of an image of so many becomes, for the margin to be a whole number of them."""
-        return _finer(count, self.pixels, self.beyond)
-
-
-def _finer(count: int, pixels: int, beyond: int) -> int:
-    return pixels // math.gcd(pixels, count * beyond)
-
-
 def _share_of_ground(body_class: PreparedClass) -> float:
     return float((body_class.density_image > 0.0).mean())
-
-
-class _Ways(NamedTuple):
-    """Where a density is, seen from the pixels of a larger domain; every array has its shape.
-
-    Attributes:
-        nearest: Flat index of the nearest pixel that has a density.
-        away: Distance from it [m], 0 where there is a density.
-        deep: Distance from the nearest pixel that has none [m]; None where these are beyond the domain only.
-    """
-
-    nearest: np.ndarray
-    away: np.ndarray
-    deep: np.ndarray | None
-
-
-# By shape and pixels that have a density.
-_KnownWays = dict[tuple[tuple[int, ...], bytes], _Ways]
-
-
-def _go_on(
-    launcher: Launcher,
-    image: np.ndarray,
-    along: Sequence[_Axis],
-    reach: float,
-    size: tuple[float, float],
-    known: _KnownWays,
-) -> _Beyond:
-    """Let a density go on beyond its edges as far as ``reach`` [m], in a domain of ``size`` [m]."""
-    for number, axis in enumerate(along):
-        image = np.repeat(image, axis.finer(image.shape[number]), axis=number)
-    pads = [axis.beyond * n // axis.pixels for axis, n in zip(along, image.shape, strict=True)]
-    inner = np.pad(image, [(n, n) for n in pads])
-    pixel = np.array([size[0] / inner.shape[1], size[1] / inner.shape[0]])
-    key = inner.shape, np.packbits(inner > 0.0).tobytes()
-    if key not in known:
-        known[key] = (
-            _ways_beside(image.shape, pads, pixel) if (image > 0.0).all() else _ways(launcher, inner, size, pixel)
-        )
-    ways = known[key]
-    result = inner.ravel()[ways.nearest]
-    asked = float(image.sum(dtype=np.float64))
-    if float(result.sum(dtype=np.float64)) > MOST_MORE * asked:
-        result = np.where(ways.away <= reach + 0.5 * pixel.max(), result, np.float32(0.0))
-    more = float(result.sum(dtype=np.float64)) / asked
-    return _Beyond(result, more, None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away))
-
-
-def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray) -> _Ways:
-    """Ways to a rectangle that has a density everywhere, with so many pixels beside it."""
-    at = [np.arange(n + 2 * pad) for n, pad in zip(shape, pads, strict=True)]
-    row, column = (np.clip(i, pad, pad + n - 1) for i, n, pad in zip(at, shape, pads, strict=True))
-    away = np.hypot(((at[0] - row) * pixel[1])[:, None], ((at[1] - column) * pixel[0])[None])
-    return _Ways(row[:, None] * len(at[1]) + column, away, None)
-
-
-def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixel: np.ndarray) -> _Ways:
-    height, width = inner.shape
-    way = vectors_to_support(launcher, inner, size).numpy().reshape(height, width, 2)
-    row, column = np.indices(inner.shape)
-    row = np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1)
-    column = np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1)
-    back = vectors_to_support(launcher, np.where(inner > 0.0, np.float32(0.0), np.float32(1.0)), size).numpy()
-    deep = np.hypot(back[:, 0], back[:, 1]).reshape(height, width)
-    return _Ways(row * width + column, np.hypot(way[..., 0], way[..., 1]), deep)
 
 
 def _follows_images(size: Size) -> bool:
@@ -370,13 +254,3 @@ def _follows_images(size: Size) -> bool:
     line, footprint = size.line, size.footprint
     of_line = line is not None and any(isinstance(value, np.ndarray) for value in (line.length, line.direction))
     return of_line or (isinstance(footprint, Footprints) and footprint.slope is not None)
-
-
-def _image_beyond(image: np.ndarray, beyond: Sequence[float]) -> np.ndarray:
-    """Let an image go on beyond its edges, as far as these shares of its extent along x and y, with pixels about as large."""
-    at = []
-    for count, more in zip(image.shape[:2], (beyond[1], beyond[0]), strict=True):
-        total = max(1, math.ceil(count * (1.0 + 2.0 * more)))
-        middle = ((np.arange(total) + 0.5) / total * (1.0 + 2.0 * more) - more) * count
-        at.append(np.clip(middle.astype(int), 0, count - 1))
-    return image[np.ix_(*at)]

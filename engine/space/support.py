@@ -1,7 +1,8 @@
-"""Density images on the device, and the vectors from their empty pixels to the support: where the density is above zero."""
+"""Density images on the device, and ways between their empty pixels and the support: where the density is above zero."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from . import kernels_images, kernels_support
 
-__all__ = ["images_for_kernels", "vectors_to_support"]
+__all__ = ["depth_in_support", "images_for_kernels", "vectors_to_support"]
 
 
 def images_for_kernels(
@@ -75,3 +76,14 @@ def vectors_to_support(launcher: Launcher, image: np.ndarray, size: tuple[float,
     vector = launcher.empty(image.size, wp.vec2)
     launcher.launch(kernels_support.find_vectors, image.size, [width, pixel_size, nearest], [vector])
     return vector
+
+
+def depth_in_support(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+    """Return the distance from every pixel's center to that of the nearest empty one, in the unit of ``size``, shape as the image's.
+
+    It is 0 in empty pixels, and infinite where there are none.
+    """
+    empty = image <= 0.0
+    if not empty.any():
+        return np.full(image.shape, math.inf)
+    return np.hypot(*vectors_to_support(launcher, empty.astype(np.float32), size).numpy().T).reshape(image.shape)

@@ -53,7 +53,10 @@ def blurred(image, width, domain):
 @pytest.mark.parametrize("domain", [SQUARE, Domain((40.0, 40.0)), Domain((40.0, 40.0), "mirror")])
 @pytest.mark.parametrize("shape", ["even", "steps", "lake"])
 def test_blurred_over_clumps_a_density_is_the_one_that_was_asked_for(domain, shape):
-    """At edges of the domain and of the density, too: without that, these were off by two hundredths of the mean."""
+    """At edges of the domain and of the density, too: without that, these were off by two hundredths of the mean.
+
+    Where what lacks along edges is made up for by a Gaussian alone, they are off by a thousandth.
+    """
     row, column = (np.indices((40, 40)) + 0.5) / 40.0 - 0.5
     asked = {
         "even": np.ones((40, 40)),
@@ -65,7 +68,7 @@ def test_blurred_over_clumps_a_density_is_the_one_that_was_asked_for(domain, sha
     fine = np.kron(asked, np.ones((times, times)))
     # A wavelength is 5 m.
     off = blurred(image / image.mean() - fine / fine.mean(), 0.8 * 5.0 * times, domain)
-    assert np.sqrt((off**2).mean()) < 2e-3
+    assert np.sqrt((off**2).mean()) < 8e-4
     factor = (image / np.maximum(fine, 1e-9))[fine > 0.0]
     assert factor.std() > 0.9 * factor.mean()
     assert ((image > 0.0) == (fine > 0.0)).all()

@@ -26,3 +26,16 @@ def test_images_above_zero_in_the_same_pixels_are_searched_once(monkeypatch):
         assert not vectors[image.ravel() > 0.0].any() and vectors[image.ravel() == 0.0].any(axis=1).all()
     # What the images hold stays their own.
     assert made.pixel.numpy().tobytes() == np.concatenate([image.ravel() for image in images]).tobytes()
+
+
+def test_depths_are_distances_from_the_nearest_empty_pixel():
+    """Pixels are wider than high; what is beyond the image is not empty."""
+    row, column = np.indices((24, 40))
+    image = np.where(np.hypot(row - 9.0, column - 14.0) < 4.0, 0.0, 0.5).astype(np.float32)
+    image[20, 33] = 0.0
+    launcher = Launcher(resolve_device("cpu"))
+    depth = support.depth_in_support(launcher, image, (20.0, 6.0))
+    center = np.stack([column * 0.5, row * 0.25], axis=2)
+    way = center[:, :, None] - center[image == 0.0]
+    np.testing.assert_allclose(depth, np.hypot(way[..., 0], way[..., 1]).min(axis=2), rtol=1e-5)
+    assert np.isinf(support.depth_in_support(launcher, np.ones((3, 5), np.float32), (5.0, 3.0))).all()

@@ -1,0 +1,139 @@
+"""Images that go on beyond the edges of a domain, and densities beyond those within it, too: as the nearest place is that has any."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..device.launcher import Launcher
+from .support import depth_in_support, vectors_to_support
+
+__all__ = ["AxisBeyond", "DensityBeyond", "KnownWays", "density_beyond", "image_beyond"]
+
+# A density that goes on over the whole domain ends nowhere, and makes no rows along its ends: that is taken if it does not make more
+# than so many times as many bodies.
+MOST_MORE = 4.0
+# How many widths of the margin are tried for one in which densities have few pixels.
+TRIED = 16
+
+
+class DensityBeyond(NamedTuple):
+    """A density that goes on beyond its edges.
+
+    Attributes:
+        image: That density.
+        more: Its integral over that of the part within the edges.
+        depth: How deep pixels lie within the edges [m]; None where these are the domain's only.
+    """
+
+    image: np.ndarray
+    more: float
+    depth: np.ndarray | None
+
+
+class AxisBeyond(NamedTuple):
+    """How images are laid over the larger domain along one axis.
+
+    Attributes:
+        margin: Beyond either end [m].
+        pixels: Of a common grid over the domain: the margin is a whole number of them.
+        beyond: That number.
+    """
+
+    margin: float
+    pixels: int
+    beyond: int
+
+    @classmethod
+    def of(cls, counts: Sequence[int], length: float, reach: float) -> AxisBeyond:
+        """The axis for images of so many pixels over a length [m]; pixels are no wider than the reach."""
+        pixels = max(counts)
+        pixels *= max(1, math.ceil(length / pixels / reach))
+        least = math.ceil(reach * pixels / length * (1.0 - 1e-9))
+        beyond = min(range(least, least + TRIED), key=lambda n: max(_finer(many, pixels, n) * many for many in counts))
+        return cls(beyond * length / pixels, pixels, beyond)
+
+    def finer(self, count: int) -> int:
+        """How many pixels one of an image of so many becomes, for the margin to be a whole number of them."""
+        return _finer(count, self.pixels, self.beyond)
+
+
+def _finer(count: int, pixels: int, beyond: int) -> int:
+    return pixels // math.gcd(pixels, count * beyond)
+
+
+class _Ways(NamedTuple):
+    """Where a density is, seen from the pixels of a larger domain; every array has its shape.
+
+    Attributes:
+        nearest: Flat index of the nearest pixel that has a density.
+        away: Distance from it [m], 0 where there is a density.
+        deep: Distance from the nearest pixel that has none [m]; None where these are beyond the domain only.
+    """
+
+    nearest: np.ndarray
+    away: np.ndarray
+    deep: np.ndarray | None
+
+
+# By shape and pixels that have a density.
+KnownWays = dict[tuple[tuple[int, ...], bytes], _Ways]
+
+
+def density_beyond(
+    launcher: Launcher,
+    image: np.ndarray,
+    along: Sequence[AxisBeyond],
+    reach: float,
+    size: tuple[float, float],
+    known: KnownWays,
+) -> DensityBeyond:
+    """Let a density go on beyond its edges as far as ``reach`` [m], in a domain of ``size`` [m]."""
+    for number, axis in enumerate(along):
+        image = np.repeat(image, axis.finer(image.shape[number]), axis=number)
+    pads = [axis.beyond * n // axis.pixels for axis, n in zip(along, image.shape, strict=True)]
+    inner = np.pad(image, [(n, n) for n in pads])
+    pixel = np.array([size[0] / inner.shape[1], size[1] / inner.shape[0]])
+    key = inner.shape, np.packbits(inner > 0.0).tobytes()
+    if key not in known:
+        known[key] = (
+            _ways_beside(image.shape, pads, pixel) if (image > 0.0).all() else _ways(launcher, inner, size, pixel)
+        )
+    ways = known[key]
+    result = inner.ravel()[ways.nearest]
+    asked = float(image.sum(dtype=np.float64))
+    if float(result.sum(dtype=np.float64)) > MOST_MORE * asked:
+        result = np.where(ways.away <= reach + 0.5 * pixel.max(), result, np.float32(0.0))
+    more = float(result.sum(dtype=np.float64)) / asked
+    return DensityBeyond(result, more, None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away))
+
+
+def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray) -> _Ways:
+    """Ways to a rectangle that has a density everywhere, with so many pixels beside it."""
+    at = [np.arange(n + 2 * pad) for n, pad in zip(shape, pads, strict=True)]
+    row, column = (np.clip(i, pad, pad + n - 1) for i, n, pad in zip(at, shape, pads, strict=True))
+    away = np.hypot(((at[0] - row) * pixel[1])[:, None], ((at[1] - column) * pixel[0])[None])
+    return _Ways(row[:, None] * len(at[1]) + column, away, None)
+
+
+def _ways(launcher: Launcher, inner: np.ndarray, size: tuple[float, float], pixel: np.ndarray) -> _Ways:
+    height, width = inner.shape
+    way = vectors_to_support(launcher, inner, size).numpy().reshape(height, width, 2)
+    row, column = np.indices(inner.shape)
+    row = np.clip(row - np.rint(way[..., 1] / pixel[1]).astype(int), 0, height - 1)
+    column = np.clip(column + np.rint(way[..., 0] / pixel[0]).astype(int), 0, width - 1)
+    away = np.hypot(way[..., 0], way[..., 1])
+    return _Ways(row * width + column, away, depth_in_support(launcher, inner, size))
+
+
+def image_beyond(image: np.ndarray, beyond: Sequence[float]) -> np.ndarray:
+    """Let an image go on beyond its edges, as far as these shares of its extent along x and y, with pixels about as large."""
+    at = []
+    for count, more in zip(image.shape[:2], (beyond[1], beyond[0]), strict=True):
+        total = max(1, math.ceil(count * (1.0 + 2.0 * more)))
+        middle = ((np.arange(total) + 0.5) / total * (1.0 + 2.0 * more) - more) * count
+        at.append(np.clip(middle.astype(int), 0, count - 1))
+    return image[np.ix_(*at)]
