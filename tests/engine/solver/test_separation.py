@@ -261,7 +261,7 @@ def test_rows_are_found_by_what_lies_around_each_body(monkeypatch, mixed):
     right = column >= columns // 2
     turn = np.where(right & ((row + column) % 2 == 1) & mixed, math.pi / 2, 0.0)
     # The first one is no plank, and the last one may turn.
-    given = Footprints([PLANK, Footprint.rectangle(0.3, 0.3)], variant=np.arange(n) == 0, turn=turn)
+    given = Footprints([PLANK, Footprint.rectangle(0.3, 0.3)], variant=(np.arange(n) == 0).astype(int), turn=turn)
     sizes = [Size("given", count=n, footprint=given), Size("free", count=1, footprint=PLANK)]
     problem = Problem(Domain((18.0, 9.5)), [BodyClass("a", sizes)], avoid_overlap=True)
     found = []
