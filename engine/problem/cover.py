@@ -7,20 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .agreement import agreement_of
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
 from .packing import elongation_of, in_cells, packable
 from .problem import Problem
 from .surface import Surface
 from .validation import check_is
 
-__all__ = ["Cover", "agreement_of", "cover_of"]
+__all__ = ["Cover", "cover_of"]
 
 # Cells along the longer side of the domain in which what is asked for is compared with what fits; fewer where bodies are large.
 CELLS = 128
 # What is asked for beyond what fits in a region counts from this share of it on: bodies can move a little to where there is room.
 CROWDED = 1.15
-# Bodies are long where their elongation is above this.
-LONG = 1.5
 # Bodies that a region has at least: fewer are no region.
 BODIES_PER_CELL = 16.0
 
@@ -64,7 +63,7 @@ def cover_of(problem: Problem) -> Cover:
     check_is(problem, Problem, "`problem`")
     footprints = footprints_of(problem)
     area = _areas(problem, footprints)
-    fits = _fits(footprints, area, agreement_of(problem, footprints))
+    fits = _fits(footprints, area, agreement_of(problem, footprints, area))
     class_index = problem.body_indices()[0]
     of_class = np.bincount(class_index, weights=area, minlength=len(problem.classes))
     # Of classes that may lie on each other, those that keep apart from one of them share the ground.
@@ -108,32 +107,6 @@ def _fits(footprints: BodyFootprints, area: np.ndarray, agreement: float) -> flo
     # Lines lie side by side.
     free = footprints.free | (footprints.shape == CAPSULE)
     return float(np.average(fraction[footprints.shape, free.astype(np.int64)], weights=area))
-
-
-def agreement_of(problem: Problem, footprints: BodyFootprints) -> float:
-    """How far the directions of long bodies that keep their turns agree, weighted by area: 1 if all are parallel, about 0 at random.
-
-    0 where there are none, and where only a run tells how they lie.
-    """
-    long = np.array([elongation_of(outline) > LONG for outline in footprints.shapes] + [False])
-    kept = long[footprints.shape] & ~footprints.free
-    if isinstance(problem.domain, Surface) or any(c.look_at is not None for c in problem.classes) or not kept.any():
-        return 0.0
-    across = np.array([_across(outline.corners) for outline in footprints.shapes] + [0.0])
-    # A body that is turned half round lies as before.
-    direction = np.exp(2j * (footprints.turn + across[footprints.shape]))[kept]
-    return float(abs(np.average(direction, weights=_areas(problem, footprints)[kept])))
-
-
-def _across(corners: np.ndarray) -> float:
-    """Direction in which a core is narrowest [rad]."""
-    edge = np.roll(corners, -1, axis=0) - corners
-    edge = edge[np.hypot(*edge.T) > 0.0]
-    if not len(edge):
-        return 0.0
-    normal = np.arctan2(-edge[:, 0], edge[:, 1])
-    width = np.ptp(corners @ np.stack([np.cos(normal), np.sin(normal)]), axis=0)
-    return float(normal[np.argmin(width)])
 
 
 def _cells(problem: Problem, mean_area: float) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from .footprint import Footprint
 from .footprints import Footprints
 from .size import Size
 
-__all__ = ["elongation_of", "in_cells", "packable", "packable_share", "scale_to_fit"]
+__all__ = ["elongation_of", "in_cells", "is_long", "packable", "packable_share", "scale_to_fit"]
 
 # Share of the ground that contact fills in a few seconds: with discs; with bodies that may turn; with those that may not, as wide as
 # they are long, and how fast that falls with their length.
@@ -21,6 +21,8 @@ FREE = 0.8
 FIXED = 0.8
 FIXED_FALL = 0.12
 LEAST = 0.25
+# Bodies are long where their elongation is above this.
+LONG = 1.5
 # Cells along the longer side of the domain in which the densities of several classes are added up.
 CELLS = 128
 
@@ -45,6 +47,11 @@ def packable(elongation: float, free: bool, agreement: float = 0.0) -> float:
 def elongation_of(outline: Footprint) -> float:
     """Length over width of the rectangle that has the area and the width of an outline."""
     return outline.area / outline.width**2
+
+
+def is_long(outline: Footprint) -> bool:
+    """Whether an outline is so long that it matters how bodies with it are turned to each other."""
+    return elongation_of(outline) > LONG
 
 
 def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -> float:

@@ -28,6 +28,10 @@ SLACK = 1e-3
 AXIS_RADIUS = 0.25
 # Unless they lie this many times on each other all the same: then nothing parts them, and everybody touches nearly everybody.
 MOST_LAYERS = 30.0
+# Nor where each would cross so many if they were strewn at random: what lies around one of them is more than a body can heed. Measured
+# on 2,000 lines along a density's contours: contact leaves an eighth of their crossings at 50, a third at 100, and takes ten times as
+# long as all else there.
+MOST_CROSSINGS = 100.0
 # Bodies that the CPU looks after with one reading of a kernel's many arguments.
 BODIES_AT_ONCE = 32
 
@@ -36,10 +40,12 @@ def keeps_apart(model: Model) -> bool:
     """Whether anything is to be kept apart: all footprints, or of lines that may overlap what lies along their axes."""
     if model.problem.avoid_overlap or not model.kinds:
         return model.problem.avoid_overlap
-    longest = model.body.longest
+    longest, ground = model.body.longest, model.problem.domain.area
     radius = AXIS_RADIUS * radius_of(model.widths(longest), model.body.area)
-    layers = float((2.0 * longest * radius + np.pi * radius**2).sum()) / model.problem.domain.area
-    return layers < MOST_LAYERS
+    layers = float((2.0 * longest * radius + np.pi * radius**2).sum()) / ground
+    # What Buffon's needles cross.
+    crossings = 2.0 / np.pi * float(longest.sum()) ** 2 / (np.count_nonzero(longest) * ground)
+    return layers < MOST_LAYERS and crossings < MOST_CROSSINGS
 
 
 def contact_radii(model: Model, length: np.ndarray) -> np.ndarray:

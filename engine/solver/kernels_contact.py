@@ -26,6 +26,9 @@ from .kernels_descent import PINNED, Bodies, confine_line, slide
 
 wp.set_module_options({"enable_backward": False})
 
+# What is this many times as far as asked is so whatever rounding does.
+SURELY = wp.constant(1.0001)
+
 
 @wp.func
 def uncrossed(axis: wp.vec2, crossed: wp.vec2, along: float):
@@ -113,6 +116,19 @@ def push_between(i: int, j: int, between: wp.vec2, own: Capsule, other: Capsule,
 
 
 @wp.func
+def side_by_side(between: wp.vec2, own: Capsule, axis: wp.vec2, half: float, wanted: float):
+    """Whether one axis lies so far on one side of the other one's line that they are surely farther apart than is ``wanted``.
+
+    Most of the many axes around a long one do, and nothing else needs to be known of them.
+    """
+    across = wp.abs(own.half_axis[0] * axis[1] - own.half_axis[1] * axis[0])
+    far = wanted * SURELY + wp.length(between) * (SURELY - 1.0)
+    beyond_own = wp.abs(own.half_axis[0] * between[1] - own.half_axis[1] * between[0]) - across
+    beyond_other = wp.abs(axis[0] * between[1] - axis[1] * between[0]) - across
+    return beyond_own > far * own.half or beyond_other > far * half
+
+
+@wp.func
 def scale_of_pushes(pushes: float, damping: float):
     """Share of all pushes together that is made at once: many of them push the same way."""
     if pushes > 2.0:
@@ -145,8 +161,11 @@ def add_pushes_of_run(
                 other = pose[j]
                 between = difference(at, wp.vec2(other[0], other[1]), neighbors.grid.space)
                 wanted = (own.radius + footprints.radius[j]) * (1.0 + slack)
-                if wp.length(between) < own.half + 0.5 * other[3] + wanted:
-                    second = capsule(near.half_axis[s], 0.5 * other[3], footprints.radius[j], footprints.mass[j])
+                half = 0.5 * other[3]
+                if wp.length(between) < own.half + half + wanted and not side_by_side(
+                    between, own, near.half_axis[s], half, wanted
+                ):
+                    second = capsule(near.half_axis[s], half, footprints.radius[j], footprints.mass[j])
                     push = push_between(i, j, between, own, second, wanted)
                     result += wp.vec4(push.shift[0], push.shift[1], push.turn, push.count)
     return result

@@ -60,7 +60,7 @@ def asked_by_parallels(
     sharpness: float,
     outlines: Outlines,
 ):
-    """What an overlap of two bodies that do not turn asks for: as their contact does, unless they are long and parallel."""
+    """What an overlap of two long bodies that do not turn asks for: as their contact does, unless they are parallel."""
     result = asked
     give = lightness + outlines.lightness[j]
     found = way_between_parallels(i, j, d, outlines, slack, sharpness)
@@ -71,9 +71,62 @@ def asked_by_parallels(
 
 
 @wp.kernel
+def find_parallels(
+    first: int,
+    crowd: Crowd,
+    kept: wp.array(dtype=wp.int32),
+    # outputs
+    pairs: Pairs,
+):
+    """Note as the depth of every pair: 1 if the two are parallel, 0 if not, -1 unless both are ``kept``: long, with given turns."""
+    i = first + wp.tid()
+    own = crowd.pose[i]
+    start = pairs.start[i]
+    for p in range(start, start + pairs.count[i]):
+        j = pairs.second[p]
+        found = float(-1.0)
+        if kept[i] != 0 and kept[j] != 0:
+            other = crowd.pose[j]
+            image = image_of(pairs.note[p], crowd.neighbors.grid.space.size)
+            d = wp.vec2(other[0] - own[0] + image[0], other[1] - own[1] + image[1])
+            found = 0.0
+            if way_between_parallels(i, j, d, crowd.outlines, 0.0, 1.0).weights > 0.0:
+                found = 1.0
+        pairs.depth[p] = found
+
+
+@wp.kernel
+def find_rows(
+    first: int,
+    pairs: Pairs,
+    least: float,
+    # outputs
+    in_row: wp.array(dtype=wp.int32),
+):
+    """Whether every body is one of a row: at least this share of its like around it is parallel to it; see :func:`find_parallels`."""
+    i = first + wp.tid()
+    near = float(0.0)
+    parallel = float(0.0)
+    start = pairs.start[i]
+    for p in range(start, start + pairs.count[i]):
+        if pairs.depth[p] >= 0.0:
+            near += 1.0
+            parallel += pairs.depth[p]
+    for at in range(pairs.second_start[i], pairs.second_start[i + 1]):
+        p = pairs.second_slot[at]
+        if pairs.depth[p] >= 0.0:
+            near += 1.0
+            parallel += pairs.depth[p]
+    in_row[i] = 0
+    if parallel > 0.0 and parallel >= least * near:
+        in_row[i] = 1
+
+
+@wp.kernel
 def find_pushes(
     first: int,
     crowd: Crowd,
+    in_row: wp.array(dtype=wp.int32),
     settings: wp.array(dtype=float),
     # outputs
     pairs: Pairs,
@@ -104,7 +157,7 @@ def find_pushes(
             pairs.note[p] = (note & ~FACE_BITS) | contact.hint
             if contact.distance < slack:
                 asked = asked_by_contact(contact, j, d, lightness, ease, slack, outlines)
-                if sharpness > 0.0 and contact.distance < 0.0 and ease == 0.0 and outlines.ease[j] == 0.0:
+                if contact.distance < 0.0 and sharpness > 0.0 and in_row[i] != 0 and in_row[j] != 0:
                     asked = asked_by_parallels(asked, i, j, d, lightness, slack, sharpness, outlines)
                 depth = -contact.distance / narrower
         pairs.push[p] = asked

@@ -11,10 +11,8 @@ wp.set_module_options({"enable_backward": False})
 TINY = wp.constant(1.0e-9)
 # The face that a contact lies on changes to one of the other body only where that is clearly farther out: it must not flicker.
 CLEARLY = wp.constant(1.0e-4)
-# Two outlines lie side by side where the ways across them are at most this many times as wide as both are at their narrowest, and
-# together they are so many times as long.
+# Two long outlines lie side by side where the ways across them are at most this many times as wide as both are at their narrowest.
 SIDE_BY_SIDE = wp.constant(1.5)
-LONG = wp.constant(2.0)
 # The least that two outlines lie in one another along a face, as a share of the way to where they lie as deep as they can.
 LEAST_DEPTH = wp.constant(1.0e-4)
 
@@ -334,29 +332,19 @@ def ways_across_faces(
 
 
 @wp.func
-def are_long(i: int, j: int, outlines: Outlines):
-    """Whether two bodies with faces are long, as they are together."""
-    a_count = outlines.first_corner[i + 1] - outlines.first_corner[i]
-    b_count = outlines.first_corner[j + 1] - outlines.first_corner[j]
-    reach = outlines.reach[i] + outlines.reach[j]
-    return a_count > 2 and b_count > 2 and reach > LONG * 0.5 * (outlines.width[i] + outlines.width[j])
-
-
-@wp.func
 def way_between_parallels(i: int, j: int, d: wp.vec2, outlines: Outlines, slack: float, sharpness: float):
-    """The ways of body j, at offset ``d``, out of body i; with weights of 0 unless both are long and lie side by side.
+    """The ways of body j, at offset ``d``, out of body i, which are both long; with weights of 0 unless they lie side by side.
 
     Pushed the shortest way only, which is across, rows of parallel planks that overlap lengthwise never slide apart. What this goes by
     does not change where the plane is stretched: it parts parallel planks as it would part squares.
     """
     result = WayOut()
-    if are_long(i, j, outlines):
-        a = core_of(i, outlines)
-        b = core_of(j, outlines)
-        result.shortest = outlines.reach[i] + outlines.reach[j]
-        result = ways_across_faces(result, b, a, -d, slack, sharpness, outlines.corner)
-        result.way = -result.way
-        result = ways_across_faces(result, a, b, d, slack, sharpness, outlines.corner)
-        if result.shortest > SIDE_BY_SIDE * 0.5 * (outlines.width[i] + outlines.width[j]):
-            result.weights = 0.0
+    a = core_of(i, outlines)
+    b = core_of(j, outlines)
+    result.shortest = outlines.reach[i] + outlines.reach[j]
+    result = ways_across_faces(result, b, a, -d, slack, sharpness, outlines.corner)
+    result.way = -result.way
+    result = ways_across_faces(result, a, b, d, slack, sharpness, outlines.corner)
+    if result.shortest > SIDE_BY_SIDE * 0.5 * (outlines.width[i] + outlines.width[j]):
+        result.weights = 0.0
     return result

@@ -20,6 +20,10 @@ from .spatial_order import spatial_order
 
 __all__ = ["PlaneSeparation"]
 
+# A long body that keeps its turn is one of a row where this share of its like around it is parallel to it. Measured on 400 planks:
+# with 0.3 two turns at right angles leave 341 pairs at 55 %, and one turn among random ones 465 at 60 %; with 0.6 the first leave 37;
+# with 0.85 neither any.
+LEAST_PARALLEL = 0.9
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -149,10 +153,17 @@ class PlaneSeparation(Separation):
         self.launcher.launch(
             kernels_separation.find_pushes,
             self._count,
-            [self._crowd, self._settings],
+            [self._crowd, self._in_row, self._settings],
             [self._pairs],
             grain=GRAIN_OF_NEIGHBORS,
         )
+
+    def _find_rows(self) -> None:
+        for kernel, inputs, output in (
+            (kernels_separation.find_parallels, [self._crowd, self._kept], self._pairs),
+            (kernels_separation.find_rows, [self._pairs, LEAST_PARALLEL], self._in_row),
+        ):
+            self.launcher.launch(kernel, self._count, inputs, [output], grain=GRAIN_OF_NEIGHBORS)
 
     def _launch_move(self) -> None:
         self.launcher.launch(

@@ -19,7 +19,8 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher, Recording
-from ..problem.cover import agreement_of, cover_of
+from ..problem.cover import cover_of
+from ..problem.packing import is_long
 from ..space.cell_sort import CellSort
 from . import kernels_outlines, kernels_pairs, kernels_trials
 from .body_flags import BodyFlags
@@ -36,11 +37,9 @@ SLACK = 2e-3
 SKIN = 0.08
 # Share of the bodies that may be beyond their skins before pairs are listed anew.
 STRAY_SHARE = 2e-3
-# Long bodies that keep their turns are parted as parallel ones where their directions agree so far: within some 13 degrees. Of those
-# with random turns some become neighbors of nearly their direction, too, and lie less evenly if they are parted so.
-PARALLEL = 0.9
-# How much the shorter way out counts for more there, while they are guided and later. Measured on 38 scenes of parallel planks: 3 or 4
-# from the first leave one jammed, 2 none; but what meets others of nearly its direction does not come to rest with 2.
+# How much the shorter way out counts for more in rows of parallel bodies that keep their turns, while they are guided and later.
+# Measured on 38 scenes of parallel planks: 3 or 4 from the first leave one jammed, 2 none; but what meets others of nearly its
+# direction does not come to rest with 2.
 SHARPNESS, SHARPNESS_OF_GUIDANCE = 4.0, 2.0
 # Values without a derivation are choices; what others of them do is measured by benchmarks/constants.py, here on the scenes of
 # benchmarks/contact.py that are covered to 80 % and more (--scenes 8 --bodies 150), eight runs of each value.
@@ -167,7 +166,10 @@ class Separation(ABC):
         self._covered = float(tables.area.sum() / model.problem.domain.area)
         self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
-        self._parallel = self._fixed and agreement_of(model.problem, model.footprints) > PARALLEL
+        kept = np.array([is_long(shape) for shape in model.footprints.shapes] + [False])[model.footprints.shape]
+        kept &= (lightness == 0.0) | (ease == 0.0)
+        self._rows = self._fixed and np.count_nonzero(kept) > 1
+        self._kept, self._in_row = launcher.array(kept[order].astype(np.int32), wp.int32), launcher.zeros(n, wp.int32)
         self._prepare_bins(tables, is_round, pinned)
         self._settings = wp.zeros(6, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
@@ -251,6 +253,9 @@ class Separation(ABC):
     def _lead(self, guidance: Guidance) -> None:
         """Say where bodies are to go."""
         raise NotImplementedError
+
+    def _find_rows(self) -> None:  # noqa: B027
+        """Find out which of the bodies that are ``_kept`` lie in rows, where something is made of that."""
 
     def _make_room(self, slots: int) -> None:  # noqa: B027
         """Make room for what else is known of so many pairs; nothing, as a rule."""
@@ -383,7 +388,7 @@ class Separation(ABC):
             if number % ROUNDS_AT_ONCE == 0:
                 # What the pull presses together is a little deep, so it ends with the last overlap that counts.
                 pull = 0.0 if hot or clean else strongest * max(0.0, 1.0 - number / pull_rounds)
-                sharpness = float(self._parallel) * (SHARPNESS_OF_GUIDANCE if number < guided else SHARPNESS)
+                sharpness = float(self._rows) * (SHARPNESS_OF_GUIDANCE if number < guided else SHARPNESS)
                 self._settings.assign(np.array([DAMPING, momentum, COASTING, pull, SLACK, sharpness], np.float32))
             if number < guided and number % ROUNDS_PER_GUIDANCE == 0 and guidance is not None:
                 self._lead(guidance)
@@ -450,6 +455,8 @@ class Separation(ABC):
         pairs.start.assign(start.astype(np.int32))
         self._list_pairs(most, fill=True)
         self._seconds.sort(kernels_pairs.second_keys, [pairs.start, pairs, n])
+        if self._rows:
+            self._find_rows()
         if self._one_round is None:
             self._one_round = launcher.record(self._launch_find), launcher.record(self._launch_move)
 

@@ -17,6 +17,7 @@ import trimesh
 from esh import BodyClass, Domain, EshError, InputFileError, Line, Placement, Problem, Report, Size
 from esh.engine.files.bodies import bodies_from_columns, bodies_of
 from esh.engine.files.body_formats import FORMATS
+from esh.engine.files.cell_text import as_cell, name_in_cell
 from esh.engine.files.placement_files import WRITERS, write_placement
 from esh.engine.files.placement_reader import READABLE
 
@@ -482,14 +483,28 @@ def test_fixed_bodies_of_others_get_the_class_that_is_said(tmp_path):
 
 
 def test_names_that_are_quoted_for_spreadsheets_come_back_as_they_were(tmp_path):
-    classes = [BodyClass(name, [Size(f"{name} size", 0.1, 2)]) for name in ("=pine", "'beech", "'+oak")]
+    names = ("=pine", "'beech", "'+oak", 'ash;=HYPERLINK("a.b")')
+    classes = [BodyClass(name, [Size(f"{name} size", 0.1, 2)]) for name in names]
     placement = esh.solve(Problem(Domain((4.0, 4.0)), classes), device="cpu", max_steps=2)
     esh.write_placement(tmp_path / "a.csv", placement)
-    assert "'=pine" in (tmp_path / "a.csv").read_text()
-    assert esh.load_placement(tmp_path / "a.csv").class_name == ("=pine", "'beech", "'+oak")
+    written = (tmp_path / "a.csv").read_text()
+    assert "'=pine" in written and ";'=HYPERLINK" in written and ";=" not in written
+    assert esh.load_placement(tmp_path / "a.csv").class_name == names
     fixed = esh.read_fixed_bodies(tmp_path / "a.csv")
     again = Problem(Domain((4.0, 4.0)), classes, fixed=[fixed])
-    np.testing.assert_array_equal(np.sort(again.fixed.class_index), [0, 0, 1, 1, 2, 2])
+    np.testing.assert_array_equal(np.sort(again.fixed.class_index), [0, 0, 1, 1, 2, 2, 3, 3])
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "\n"])
+@pytest.mark.parametrize("start", ["=", "+", "-", "@", "\uff1d"])
+@pytest.mark.parametrize("before", ["", " ", '"', "'", " '\""])
+def test_no_part_of_a_name_is_a_formula_where_something_else_than_a_comma_separates(separator, start, before):
+    name = f"oak{separator}{before}{start}1+1{separator}=2"
+    cell = as_cell(name)
+    assert not any(part.lstrip(' "').startswith(("=", start)) for part in cell.split(separator))
+    assert name_in_cell(cell) == name
+    # A dash in a name is none, nor is what a comma separates: that is quoted.
+    assert as_cell("sea-buckthorn; old, =1") == "sea-buckthorn; old, =1"
 
 
 def test_a_table_of_text_keeps_large_ids_and_tells_the_line_of_a_mistake(tmp_path):

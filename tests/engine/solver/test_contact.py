@@ -11,6 +11,8 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
+from esh.engine.solver.contact import keeps_apart
+from esh.engine.solver.model import Model
 from esh.engine.solver.solver import Solver
 
 
@@ -150,3 +152,36 @@ def test_lines_that_lie_on_each_other_hundreds_of_times_are_not_pushed():
             assert (solver.descent.contact is not None) == kept
             solver.step()
             assert np.isfinite(solver.placement().position).all()
+
+
+@pytest.mark.parametrize(("boundary", "count"), [("open", 2000), ("periodic", 9000)])
+def test_lines_that_may_overlap_cross_where_each_has_too_many_around_it(boundary, count):
+    """As many as each would cross if they were strewn at random: counted by shapely."""
+    shapely = pytest.importorskip("shapely")
+    rng = np.random.default_rng(3)
+
+    def pushes(crossings, avoid=False):
+        length = math.sqrt(0.5 * math.pi * crossings / count)
+        line = Size("s", length * 1e-5, count, line=Line(length))
+        problem = Problem(Domain((1.0, 1.0), boundary), [BodyClass("a", [line])], avoid_overlap=avoid)
+        return length, keeps_apart(Model(problem))
+
+    length, few = pushes(95.0)
+    assert few and not pushes(105.0)[1] and pushes(105.0, avoid=True)[1]
+    middle, angle = rng.random((count, 2)), rng.uniform(0.0, math.pi, count)
+    half = 0.5 * length * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    shift = np.array([[x, y] for x in (-1, 0, 1) for y in (-1, 0, 1)]) if boundary == "periodic" else np.zeros((1, 2))
+    lines = [shapely.linestrings(np.stack([middle + s - half, middle + s + half], axis=1)) for s in shift]
+    tree = shapely.STRtree(np.concatenate(lines))
+    crossed = len(tree.query(shapely.linestrings(np.stack([middle - half, middle + half], axis=1)), "crosses")[0])
+    assert crossed / count == pytest.approx(95.0, rel=0.2 if boundary == "open" else 0.05)
+
+
+def test_many_long_thin_lines_end_soon(monkeypatch):
+    """What lies around each of them is not looked through, again and again: no kernel of contact is started."""
+    from esh.engine.solver import contact
+
+    monkeypatch.setattr(contact.Contact, "push", lambda *_: pytest.fail("pushed"))
+    line = Size("s", 1e-5, 3000, line=Line(0.5))
+    problem = Problem(Domain((1.0, 1.0)), [BodyClass("a", [line])])
+    assert np.isfinite(solve(problem, device="cpu", max_steps=2).position).all()

@@ -112,6 +112,38 @@ print(memory.required_memory(problem), peak, idle)
     assert foretold < 1.5 * peak and peak < 1.5 * max(foretold, of_problem + idle)
 
 
+SMALL = {
+    "dots": "[Size('s', 1e-4, 10)]",
+    "more dots": "[Size('s', 1e-6, 20_000)]",
+    "lines": "[Size('s', 1e-4, 300, line=Line(0.02))]",
+    "planks": "[Size('s', count=300, footprint=Footprint.rectangle(0.2, 0.03))]",
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is told in another unit elsewhere")
+@pytest.mark.parametrize("name", SMALL)
+def test_memory_of_small_runs_is_foretold_with_all_that_a_process_takes(name):
+    """In a process that holds nothing else, as that of the command: without Blender's module."""
+    script = f"""
+import resource, sys
+from esh.engine.problem.body_class import BodyClass
+from esh.engine.problem.domain import Domain
+from esh.engine.problem.footprint import Footprint
+from esh.engine.problem.line import Line
+from esh.engine.problem.problem import Problem
+from esh.engine.problem.size import Size
+from esh.engine.solve import solve
+from esh.engine.solver.memory import required_memory
+problem = Problem(Domain((4.0, 3.0)), [BodyClass("a", {SMALL[name]})], avoid_overlap=True)
+solve(problem, device="cpu", max_steps=20)
+assert "bpy" not in sys.modules
+print(required_memory(problem), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=200)
+    foretold, peak = map(int, finished.stdout.split()[-2:])
+    assert foretold < 1.5 * peak and peak < 1.5 * foretold
+
+
 def test_groups_on_long_meshes_are_refused_before_any_is_laid(monkeypatch):
     ranges = [BodyClass(f"{k}", [Size("s", (1e-3, 1e-2), 3000)]) for k in range(12)]
     problem = Problem(Domain((3000.0, 1.0), "periodic"), ranges)

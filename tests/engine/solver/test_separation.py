@@ -16,6 +16,7 @@ from esh.engine.problem.size import Size
 from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.footprint_tables import numbered, ranked
+from esh.engine.solver.plane_separation import PlaneSeparation
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -230,6 +231,61 @@ def test_parallel_planks_do_not_jam(contact, turn, side, boundary, aspect, cover
     assert o["before"] > 100
     assert (o["left"], o["reported"]) == (0, 0)
     assert o["error"] < o["error before"] + 0.04
+
+
+@pytest.mark.parametrize(
+    ("turned", "cover"), [("within 17 degrees", 0.65), ("at right angles", 0.5), ("half of them", 0.55)]
+)
+def test_planks_that_are_parallel_to_some_around_them_do_not_jam(contact, turned, cover):
+    """Pushed along each other wherever two are parallel, or wherever directions agree on the whole, they never came to rest."""
+    count, rng = 400, np.random.default_rng(1)
+    turns = {
+        "within 17 degrees": [rng.uniform(-0.3, 0.3, count)],
+        "at right angles": [0.0, math.pi / 2],
+        "half of them": [0.4, "random"],
+    }[turned]
+    sizes = [Size(f"{k}", count=count // len(turns), footprint=Footprints(PLANK, turn=t)) for k, t in enumerate(turns)]
+    side = math.sqrt(count * PLANK.area / cover)
+    o = contact.outcome(Problem(Domain((side, side)), [BodyClass("a", sizes)], seed=1, avoid_overlap=True))
+    assert o["before"] > 100
+    assert (o["left"], o["reported"]) == (0, 0)
+    assert o["error"] < o["error before"] + (0.12 if turned == "at right angles" else 0.04)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_rows_are_found_by_what_lies_around_each_body(monkeypatch, mixed):
+    """In the left half all planks lie one way, in the right half every other one may lie across."""
+    columns, rows = 8, 24
+    n, pitch = columns * rows, np.array([2.05, 0.35])
+    column, row = np.arange(n) % columns, np.arange(n) // columns
+    right = column >= columns // 2
+    turn = np.where(right & ((row + column) % 2 == 1) & mixed, math.pi / 2, 0.0)
+    # The first one is no plank, and the last one may turn.
+    given = Footprints([PLANK, Footprint.rectangle(0.3, 0.3)], variant=(np.arange(n) == 0).astype(int), turn=turn)
+    sizes = [Size("given", count=n, footprint=given), Size("free", count=1, footprint=PLANK)]
+    problem = Problem(Domain((18.0, 9.5)), [BodyClass("a", sizes)], avoid_overlap=True)
+    found = []
+    find_rows = PlaneSeparation._find_rows
+
+    def noted(parting):
+        find_rows(parting)
+        in_row = np.zeros(n + 1, bool)
+        in_row[parting._order] = parting._in_row.numpy() != 0
+        found.append(in_row)
+
+    monkeypatch.setattr(PlaneSeparation, "_find_rows", noted)
+    with Solver(problem, device="cpu") as solver:
+        pose = solver.state.pose.numpy().copy()
+        pose[:n, :2] = (np.stack([column, row], axis=1) * pitch + [1.2, 0.5]) / solver.model.unit
+        pose[n, :2] = pose[n // 2, :2]
+        solver.state.pose.assign(pose)
+        solver.separate()
+    first = found[0]
+    assert not first[0] and not first[n]
+    assert first[:n][~right][1:].mean() > 0.9
+    # Beside the border both halves see each other.
+    inner = first[:n][column > columns // 2].mean()
+    assert inner < 0.1 if mixed else inner > 0.9
 
 
 @pytest.mark.parametrize("kind", [bool, np.bool_])
