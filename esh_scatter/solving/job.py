@@ -462,4 +462,7 @@ def _check_result(result: object) -> bpy.types.Object | None:
     check_exists(result, "`result`")
     if not is_result(result):
         raise ProblemError(f'`result` must be an object that an earlier scatter made; "{result.name}" is not one')
+    if not result.is_editable:
+        # What is written onto it would be gone when the file is opened again.
+        raise ProblemError(f'`result` must belong to this file; "{result.name}" is linked from another one')
     return result

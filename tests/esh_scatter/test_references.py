@@ -119,6 +119,24 @@ def test_a_mesh_that_is_marked_as_a_result_is_none_and_is_never_replaced():
     assert len(scatter(ground, classes_of(fake), **OPTIONS).object.data.vertices) == 12
 
 
+def test_a_result_of_a_library_is_not_replaced_even_if_asked_for(tmp_path):
+    scatter(quad("Ground"), classes_of(quad("Tree", 0.5)), **OPTIONS)
+    library = tmp_path / "library.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["Ground", "Tree", "ESH Scatter"]
+    for item in wanted.objects:
+        bpy.context.scene.collection.objects.link(item)
+    ground, tree, result = wanted.objects
+    before = positions(result)
+    with pytest.raises(EshError, match=r'`result` must belong to this file; "ESH Scatter" is linked from another one'):
+        scatter(ground, classes_of(tree), result=result, seed=2, **OPTIONS)
+    assert positions(result) == before
+    made = scatter(ground, classes_of(tree), seed=2, **OPTIONS).object
+    assert made != result and made.is_editable and positions(result) == before
+
+
 def test_of_a_result_and_its_copy_the_result_is_replaced():
     ground, tree = quad("Ground"), quad("Tree", 0.5)
     first = scatter(ground, classes_of(tree), **OPTIONS).object
