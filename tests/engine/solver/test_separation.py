@@ -56,7 +56,9 @@ GROWS = {
 
 @pytest.mark.parametrize("name", GROWS)
 def test_outlines_are_parted_and_stay_even(contact, name):
-    o = contact.outcome(contact.SCENES[name](600 if "radii" in name else 180))
+    # Of few planks at random turns chance decides how even they stay.
+    many = {"collection, radii 1 and 0.1, 75 %": 600, "planks fixed, 60 %": 300}
+    o = contact.outcome(contact.SCENES[name](many.get(name, 180)))
     assert o["before"] > 5
     assert (o["left"], o["reported"]) == (0, 0)
     assert o["error"] <= o["error before"] + GROWS[name]
