@@ -19,7 +19,7 @@ from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
 from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
-from .packing import packable_share, scale_to_fit
+from .packing import packable_share, scale_to_fit, share_inside
 from .settings import values_of
 from .size import Size
 from .surface import PointsOnSurface, Surface
@@ -181,6 +181,11 @@ def prepare(
     area = domain if isinstance(domain, float) else domain.area
     if covering:
         image = np.minimum(image, np.float32(most))
+        if isinstance(domain, Domain):
+            mean = np.average(
+                [size.mean_area for size in body_class.sizes], weights=[size.share or 1.0 for size in body_class.sizes]
+            )
+            share *= share_inside(domain, float(mean))
     sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * area)
     return PreparedClass(
         body_class.name,

@@ -180,3 +180,14 @@ def test_fixed_bodies_that_leave_no_ground_are_a_sentence():
         ProblemError, match=r'class "a" is "cover", but its fixed bodies take the 2\d\d m² that it can cover'
     ):
         beside(np.random.default_rng(1).random((300, 2)) * 20.0)
+
+
+@pytest.mark.parametrize(("side", "most"), [(5.0, 16), (7.0, 34), (10.0, 73)])
+def test_what_lies_inside_of_the_edges_wholly_covers_less(side, most):
+    domain = Domain((side, side), inset=True)
+    covering = BodyClass("a", [Size("s", 1.0, share=1.0)], count="cover")
+    problem = Problem(domain, [covering], avoid_overlap=True)
+    assert problem.body_count == most and cover_of(problem).warning is None
+    crowd = BodyClass("a", [Size("s", 1.0, most + 5)])
+    assert "at most about" in cover_of(Problem(domain, [crowd], avoid_overlap=True)).warning
+    assert Problem(Domain((side, side)), [covering], avoid_overlap=True).body_count > most
