@@ -42,9 +42,14 @@ class Cover:
     crowded: float
 
     @property
+    def too_much(self) -> bool:
+        """Whether it cannot fit."""
+        return self.covered > ABOUT * self.fits
+
+    @property
     def warning(self) -> str | None:
         """A sentence where it cannot fit, or not everywhere; None where it may."""
-        if self.covered > ABOUT * self.fits:
+        if self.too_much:
             return (
                 f"the footprints cover {self.covered:.0%} of where they may be: at most about {self.fits:.0%} fits; "
                 "lower the counts or the areas"
