@@ -72,7 +72,8 @@ def cover(found: Cover) -> str:
     if found.too_much:
         return f"Overlap is unavoidable: it covers {found.covered:.0%} of the ground, about {found.fits:.0%} fits"
     if found.crowded > LEAST_CROWDED:
-        return f"Too crowded in places: {found.crowded:.0%} is asked for where more than {found.fits:.0%} of the ground would be covered"
+        share = f"{found.crowded:.0%}"
+        return f"Too crowded in places: {share} is asked for where more than {found.fits:.0%} of the ground would be covered"
     return ""
 
 
