@@ -458,12 +458,12 @@ def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(diffe
 
 
 @pytest.mark.parametrize("boundary", ["open", "periodic"])
-@pytest.mark.parametrize("footprint", [None, Footprint.rectangle(1.4, 0.7)])
-def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint):
+@pytest.mark.parametrize(("footprint", "apart"), [(None, 1.15), (Footprint.rectangle(1.4, 0.7), 1.6)])
+def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint, apart):
     generator, places = np.random.default_rng(1), np.zeros((0, 2))
     while len(places) < 50:
         place = 1.0 + generator.random(2) * 18.0
-        if (np.hypot(*(places - place).T) > 1.6).all():
+        if (np.hypot(*(places - place).T) > apart).all():
             places = np.vstack([places, place])
     fixed = FixedBodies(places, body_class="a", size="s")
     size = Size("s", None if footprint else 1.0, 200, footprint=footprint)
