@@ -9,7 +9,7 @@ import numpy as np
 
 from .agreement import agreement_of
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
-from .packing import elongation_of, in_cells, packable
+from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface
 from .validation import check_is
@@ -22,6 +22,8 @@ CELLS = 128
 CROWDED = 1.15
 # Bodies that a region has at least: fewer are no region.
 BODIES_PER_CELL = 16.0
+# What fits is known about: a count that was rounded up to a whole body is not too much.
+ABOUT = 1.01
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,14 @@ class Cover:
     crowded: float
 
     @property
+    def too_much(self) -> bool:
+        """Whether it cannot fit."""
+        return self.covered > ABOUT * self.fits
+
+    @property
     def warning(self) -> str | None:
         """A sentence where it cannot fit, or not everywhere; None where it may."""
-        if self.covered > self.fits:
+        if self.too_much:
             return (
                 f"the footprints cover {self.covered:.0%} of where they may be: at most about {self.fits:.0%} fits; "
                 "lower the counts or the areas"
@@ -75,6 +82,7 @@ def cover_of(problem: Problem) -> Cover:
         sample = problem.domain.sample()
         share = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
         return Cover(most / max(float(share) * problem.domain.area, 1e-300), fits, 0.0)
+    fits *= share_inside(problem.domain, float(area.mean()))
     shape = _cells(problem, float(area.mean()))
     shares = [in_cells(c.density_image, shape) for c in problem.classes]
     free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)

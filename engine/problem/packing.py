@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from .body_kind import disc_radius
+from .domain import Domain
 from .footprint import Footprint
 from .footprints import Footprints
 from .size import Size
 
-__all__ = ["elongation_of", "in_cells", "is_long", "packable", "packable_share", "scale_to_fit"]
+__all__ = ["elongation_of", "in_cells", "is_long", "packable", "packable_share", "scale_to_fit", "share_inside"]
 
 # Share of the ground that contact fills in a few seconds: with discs; with bodies that may turn; with those that may not, as wide as
 # they are long, and how fast that falls with their length.
@@ -74,6 +75,17 @@ def packable_share(sizes: Sequence[Size], room: float = 1.0, gap: float = 0.0) -
         radius = float(disc_radius(size.mean_area))
         fits.append(share * min(1.0, (radius / (radius * size.room * room + 0.5 * (size.gap + gap))) ** 2))
     return float(np.average(fits, weights=[size.share or 1.0 for size in sizes]))
+
+
+def share_inside(domain: Domain, area: float) -> float:
+    """Part of what fits in a domain that fits where bodies of this area [m²] must lie inside of its edges; 1 where they need not.
+
+    Along an edge they leave gaps, about as if a quarter of a disc's width were lost there: 16 discs of 1 m² fit in 5 m x 5 m.
+    """
+    if not domain.inset:
+        return 1.0
+    lost = float(disc_radius(area))
+    return float(np.prod([max(1.0 - lost / length, 0.0) for length in domain.size]))
 
 
 def scale_to_fit(images: Sequence[np.ndarray], fits: float) -> float:

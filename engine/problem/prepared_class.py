@@ -19,7 +19,7 @@ from .density_correction import correct_density
 from .domain import Domain
 from .image_filters import unsharp_mask
 from .obstacles import PIXELS_PER_SPACING, Obstacle, clearance, mask_shape
-from .packing import packable_share, scale_to_fit
+from .packing import packable_share, scale_to_fit, share_inside
 from .settings import values_of
 from .size import Size
 from .surface import PointsOnSurface, Surface
@@ -29,6 +29,7 @@ from .validation import MOST_BODIES, show
 __all__ = [
     "PreparedClass",
     "PreparedDensity",
+    "beside_fixed",
     "count_sizes",
     "cut_out",
     "cut_out_on_surface",
@@ -36,6 +37,11 @@ __all__ = [
     "prepare_all",
     "prepare_density",
 ]
+
+# Bodies that do not move leave gaps beside them: what fits falls by so much for each share of the ground that they take, down to this
+# part of it, as where discs are strewn and none can move. Measured with 10 to 140 fixed discs on the ground of 400.
+LOST_BESIDE_FIXED = 0.65
+LEAST_BESIDE_FIXED = 0.63
 
 
 class PreparedDensity(NamedTuple):
@@ -175,6 +181,11 @@ def prepare(
     area = domain if isinstance(domain, float) else domain.area
     if covering:
         image = np.minimum(image, np.float32(most))
+        if isinstance(domain, Domain):
+            mean = np.average(
+                [size.mean_area for size in body_class.sizes], weights=[size.share or 1.0 for size in body_class.sizes]
+            )
+            share *= share_inside(domain, float(mean))
     sizes = count_sizes(body_class, share * float(image.mean(dtype=np.float64)) * area)
     return PreparedClass(
         body_class.name,
@@ -268,6 +279,33 @@ def cut_out_on_surface(body_class: PreparedClass, surface: Surface, obstacles: S
             f'`obstacles` must leave some ground where the density of class "{body_class.name}" is above 0'
         )
     return replace(body_class, asked=asked, sizes=count_sizes(asked, mean * surface.area))
+
+
+def beside_fixed(body_class: PreparedClass, domain: Domain | Surface, taken: float) -> PreparedClass:
+    """Return a class with a count of ``"cover"`` that covers what fixed bodies leave of its ground, without overlap.
+
+    Args:
+        body_class: As it covers all of the ground.
+        domain: Where.
+        taken: Area of the fixed bodies [m²].
+
+    Raises:
+        ProblemError: Less than half a body is left.
+    """
+    asked = body_class.asked
+    assert asked is not None
+    wanted = sum((size.count or 0) * size.mean_area for size in body_class.sizes)
+    here = body_class.density_image if isinstance(domain, Domain) else body_class.density_on(domain.sample())
+    ground = float(np.mean(here > 0.0)) * domain.area
+    fits = packable_share(asked.sizes, asked.room, asked.gap)
+    most = body_class.share * ground * max(fits - LOST_BESIDE_FIXED * taken / ground, LEAST_BESIDE_FIXED * fits)
+    left = min(wanted, most) - taken
+    if left < 0.5 * min(size.mean_area for size in body_class.sizes):
+        raise ProblemError(
+            f'`count` of class "{body_class.name}" is "cover", but its fixed bodies take the {min(wanted, most):.3g} m² that it can '
+            "cover without overlap"
+        )
+    return replace(body_class, sizes=count_sizes(asked, left))
 
 
 def prepare_density(body_class: BodyClass) -> PreparedDensity:

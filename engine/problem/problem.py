@@ -26,7 +26,7 @@ from .feasibility import check_feasible, check_known_in_rectangles, check_known_
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
-from .prepared_class import PreparedClass, cut_out, cut_out_on_surface, prepare_all
+from .prepared_class import PreparedClass, beside_fixed, cut_out, cut_out_on_surface, prepare_all
 from .settings import Settings, described, setting, settle, takes, values_of
 from .size import with_count
 from .surface import Surface
@@ -141,11 +141,31 @@ class Problem(ProblemSettings):
         settle(self, **values_of(settings, ProblemSettings))
         settle(self, domain=domain, classes=prepared, balance=balance, obstacles=obstacles)
         settle(self, fixed=fixed_table(fixed, prepared, domain))
-        counted = [self._with_fixed(index, c) for index, c in enumerate(prepared)]
+        counted = [self._with_fixed(index, c) for index, c in enumerate(self._beside_fixed(prepared))]
         settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))
         if self.body_count == len(self.fixed.id):
             raise ProblemError("a problem must have at least one body to place; all of them are fixed")
         check_feasible(self)
+
+    def _beside_fixed(self, classes: tuple[PreparedClass, ...]) -> list[PreparedClass]:
+        """Classes of which those that are to cover the ground, without overlap, cover what fixed bodies leave of it."""
+        covers = np.array([c.asked is not None and c.asked.count == "cover" for c in classes])
+        if not self.avoid_overlap or self.include_fixed or not len(self.fixed.id) or not covers.any():
+            return list(classes)
+        wanted = np.array([sum((size.count or 0) * size.mean_area for size in c.sizes) for c in classes])
+        kept = self.balance.classes_apart
+        apart = np.ones((len(classes), len(classes)), bool) if kept is None else kept.astype(bool)
+        taken = np.zeros(len(classes))
+        for index, area in enumerate(
+            np.bincount(self.fixed.class_index, weights=self.fixed.area, minlength=len(classes))
+        ):
+            # A class that covers its part of the ground makes room for its own; for others, all that keep apart from them.
+            makers = np.arange(len(classes)) == index if covers[index] else covers & apart[index]
+            taken += area * wanted * makers / max(float(wanted[makers].sum()), 1e-300)
+        return [
+            beside_fixed(c, self.domain, area) if area > 0.0 else c
+            for c, area in zip(classes, taken.tolist(), strict=True)
+        ]
 
     def _with_fixed(self, index: int, body_class: PreparedClass) -> PreparedClass:
         """A class whose sizes count all of their bodies, fixed ones among them."""

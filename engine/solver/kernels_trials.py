@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_images import Images, in_support
 from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
 from ..space.kernels_space import confine, difference
+from .kernels_descent import Bodies
 from .kernels_outlines import Outlines, apart, turned_corner, wall_contact
 from .kernels_pairs import Crowd
 from .kernels_separation import WALL_COST
 
 wp.set_module_options({"enable_backward": False})
+
+# What overlapping a body that cannot give way costs beside it, more than all else: nobody goes to such a place. And the depth from
+# which on it counts, in widths of the narrower one.
+PINNED_COST = 1e3
+TOLERABLE = 1e-3
+# How far a place that is tried may be, in reaches of the body: near ones are tried first.
+NEAREST_PLACE, FARTHEST_PLACE = 1.0, 30.0
 
 
 @wp.struct
@@ -50,6 +59,8 @@ def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: C
                 if depth > 0.0:
                     depth = depth / wp.min(outlines.width[i], outlines.width[j])
                     total += depth * depth
+                    if outlines.lightness[j] == 0.0 and depth > TOLERABLE:
+                        total += PINNED_COST
     return total
 
 
@@ -143,6 +154,45 @@ def propose_swaps(
                     chosen = j
     partner[q] = chosen
     gain[q] = best
+
+
+@wp.kernel
+def propose_places(
+    first: int,
+    stuck: wp.array(dtype=wp.int32),
+    candidates: int,
+    seed: int,
+    bodies: Bodies,
+    images: Images,
+    crowd: Crowd,
+    # outputs
+    place: wp.array(dtype=wp.vec2),
+    cost: wp.array(dtype=float),
+):
+    """The place around it, on its density, where a stuck body overlaps the least; and its squared overlaps there."""
+    q = first + wp.tid()
+    i = stuck[q]
+    outlines = crowd.outlines
+    space = crowd.neighbors.grid.space
+    support = bodies.support[outlines.body[i]]
+    own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
+    state = wp.rand_init(seed, i)
+    least = float(PINNED_COST)
+    chosen = own
+    for candidate in range(candidates):
+        share = float(candidate) / float(candidates)
+        far = outlines.reach[i] * NEAREST_PLACE * wp.pow(FARTHEST_PLACE / NEAREST_PLACE, share)
+        # Two draws, one after the other: an expression's parts have no order of their own.
+        aside = wp.randn(state)
+        ahead = wp.randn(state)
+        at = confine(own + far * wp.vec2(aside, ahead), space)
+        if in_support(at, support, images, space.size):
+            here = cost_of_place(i, outlines.first_corner[i], i, at, least, crowd)
+            if here < least:
+                least = here
+                chosen = at
+    place[q] = chosen
+    cost[q] = least
 
 
 @wp.kernel

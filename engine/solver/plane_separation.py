@@ -24,6 +24,8 @@ __all__ = ["PlaneSeparation"]
 # with 0.3 two turns at right angles leave 341 pairs at 55 %, and one turn among random ones 465 at 60 %; with 0.6 the first leave 37;
 # with 0.85 neither any.
 LEAST_PARALLEL = 0.9
+# Places that a body tries which is wedged between pinned ones.
+PLACES_TO_TRY = 200
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -210,6 +212,30 @@ class PlaneSeparation(Separation):
         self.launcher.launch(
             kernels_trials.propose_swaps, len(stuck), [stuck, *inputs, self._crowd, self._cost], outputs, grain=8
         )
+
+    def _leave_wedges(self, number: int) -> int:
+        launcher, cost = self.launcher, self.launcher.zeros(self._count, float)
+        self._sort()
+        self._find_costs(cost)
+        movable = self._outlines.lightness.numpy() > 0.0
+        stuck = np.flatnonzero(movable & (cost.numpy() >= kernels_trials.PINNED_COST))
+        if not len(stuck):
+            return 0
+        place, left = launcher.empty(len(stuck), wp.vec2), launcher.zeros(len(stuck), float)
+        seed = (self._model.problem.seed * 7919 + (1 << 21) + number) % (1 << 31)
+        on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
+        inputs = [on_device, PLACES_TO_TRY, seed, self._bodies, self._images, self._crowd]
+        launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
+        found = left.numpy() < kernels_trials.PINNED_COST
+        poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
+        moved = stuck[found]
+        poses[moved, :2] = home[moved, :2] = place.numpy()[found]
+        last[moved] = 0.0
+        self._crowd_pose.assign(poses)
+        self._moves.home.assign(home)
+        self._moves.last.assign(last)
+        self._rebuild()
+        return len(moved)
 
     def _find_costs(self, cost: wp.array) -> None:
         self.launcher.launch(kernels_trials.find_costs, self._count, [self._crowd], [cost], grain=GRAIN_OF_NEIGHBORS)

@@ -91,6 +91,9 @@ CANDIDATES = 60
 PLACES_TO_TRY = 300_000
 STUCK_SHARE = 0.2
 FIRST_KEEP = 1.0
+# Bodies that stand wedged between pinned ones jump to another place: rounds without guidance before the first pass, and passes.
+ROUNDS_BEFORE_JUMPS = 150
+MOST_JUMPS = 10
 # Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
 # body's squared overlaps.
 FIRST_TURNS = 30
@@ -147,6 +150,7 @@ class Separation(ABC):
         unit = model.unit
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
+        self._pinned = bool(pinned.any())
         mass = tables.area / tables.area.mean()
         is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
         is_round = is_round[tables.shape]
@@ -256,6 +260,14 @@ class Separation(ABC):
 
     def _find_rows(self) -> None:  # noqa: B027
         """Find out which of the bodies that are ``_kept`` lie in rows, where something is made of that."""
+
+    def _leave_wedges(self, number: int) -> int:
+        """Have bodies that overlap pinned ones, which do not give way, jump to where they overlap none; returns how many do.
+
+        Args:
+            number: Of the pass.
+        """
+        return 0
 
     def _make_room(self, slots: int) -> None:  # noqa: B027
         """Make room for what else is known of so many pairs; nothing, as a rule."""
@@ -374,7 +386,7 @@ class Separation(ABC):
         most = self._most_rounds
         swaps = HOT_SWAPS if hot else MOST_SWAPS
         guidance = None if hot else self._guidance
-        guided, strongest = 0, PULL
+        guided, strongest, jumps = 0, PULL, 0
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         if guidance is not None:
             guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
@@ -423,6 +435,12 @@ class Separation(ABC):
                 if number and number % ROUNDS_PER_SWAP == 0 and swapped < swaps and deep and self._swappable:
                     swapped += 1
                     if self._swap(FIRST_SWAPS + number, STUCK_SHARE, KEEP):
+                        since = 0
+                        self._find()
+                late = number >= guided + ROUNDS_BEFORE_JUMPS and number % ROUNDS_PER_SWAP == 0
+                if late and deep and self._pinned and jumps < MOST_JUMPS:
+                    jumps += 1
+                    if self._leave_wedges(number):
                         since = 0
                         self._find()
             self._move()

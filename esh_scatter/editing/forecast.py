@@ -98,7 +98,7 @@ def scale_counts_to_fit(scatter: Any, scene: bpy.types.Scene) -> float:
     whole = 1.0
     for _ in range(TIMES):
         cover = forecast(scatter, scene)
-        if cover is None or cover.covered <= cover.fits:
+        if cover is None or not cover.too_much:
             break
         factor = MARGIN * cover.fits / cover.covered
         for body_class in scatter.ready_classes():

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ...engine.problem.cover import Cover
 
 __all__ = ["UNBROKEN", "cover", "evenness", "evenness_word", "meters", "notes", "overlaps", "placed", "summary"]
 
@@ -64,18 +67,13 @@ def overlaps(report: dict[str, Any]) -> str:
     return f"{count:,} pair{'s' * (count != 1)}" + (f", up to {meters(deepest)}" if deepest > 0.0 else "")
 
 
-def cover(covered: float, fits: float, crowded: float) -> str:
-    """Return what cannot be avoided, before a run: "covers 131%, about 78% fits"; empty where nothing need be said.
-
-    Args:
-        covered: Sum of the footprints over the ground that there is for them.
-        fits: Share of the ground that can be taken without overlap.
-        crowded: Share of the objects that are asked for where more is asked for than fits.
-    """
-    if covered > fits:
-        return f"Overlap is unavoidable: it covers {covered:.0%} of the ground, about {fits:.0%} fits"
-    if crowded > LEAST_CROWDED:
-        return f"Too crowded in places: {crowded:.0%} is asked for where more than {fits:.0%} of the ground would be covered"
+def cover(found: Cover) -> str:
+    """Return what cannot be avoided, before a run: "covers 131%, about 78% fits"; empty where nothing need be said."""
+    if found.too_much:
+        return f"Overlap is unavoidable: it covers {found.covered:.0%} of the ground, about {found.fits:.0%} fits"
+    if found.crowded > LEAST_CROWDED:
+        share = f"{found.crowded:.0%}"
+        return f"Too crowded in places: {share} is asked for where more than {found.fits:.0%} of the ground would be covered"
     return ""
 
 

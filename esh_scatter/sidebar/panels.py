@@ -317,10 +317,10 @@ def _draw_forecast(
     if not scatter.avoid_overlap:
         return
     cover = forecast.known(scatter, context.scene, record)
-    text = words.cover(cover.covered, cover.fits, cover.crowded) if cover is not None else ""
+    text = words.cover(cover) if cover is not None else ""
     if cover is not None and text:
         write_text(context, column, text, icon="ERROR")
-        if cover.covered > cover.fits:
+        if cover.too_much:
             column.operator("esh.counts_to_fit")
 
 

@@ -52,12 +52,10 @@ def test_what_cannot_fit_is_said_before_a_run(scatter):
     cover = cover_of(scatter)
     assert cover.covered == pytest.approx(270 * 0.48 / 100.0, rel=1e-6)
     assert 0.7 < cover.fits < 0.82
-    assert words.cover(*[getattr(cover, name) for name in ("covered", "fits", "crowded")]) == (
-        f"Overlap is unavoidable: it covers 130% of the ground, about {cover.fits:.0%} fits"
-    )
+    assert words.cover(cover) == (f"Overlap is unavoidable: it covers 130% of the ground, about {cover.fits:.0%} fits")
     scatter.classes[0].sizes[0].count = 100
     cover = cover_of(scatter)
-    assert words.cover(cover.covered, cover.fits, cover.crowded) == ""
+    assert words.cover(cover) == ""
     # Room around them counts.
     scatter.classes[0].room = 1.6
     assert cover_of(scatter).covered == pytest.approx(0.48 * 1.6**2, rel=1e-6)

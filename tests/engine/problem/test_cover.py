@@ -6,6 +6,7 @@ from esh.engine.errors import ProblemError
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.cover import cover_of
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
@@ -136,3 +137,57 @@ def test_the_cover_of_a_surface_counts_its_area_where_bodies_may_be():
         problem = Problem(surface, [BodyClass("a", [Size("s", area=0.02, count=100)], density)], avoid_overlap=True)
         assert cover_of(problem).covered == pytest.approx(covered, rel=0.02)
         assert cover_of(problem).warning is None
+
+
+def strewn(count: int, distance: float) -> np.ndarray:
+    """Places in 20 m x 20 m, no two nearer than this."""
+    generator, places = np.random.default_rng(1), np.zeros((0, 2))
+    while len(places) < count:
+        place = generator.random(2) * 20.0
+        if (np.hypot(*(places - place).T) > distance).all():
+            places = np.vstack([places, place])
+    return places
+
+
+def beside(places: np.ndarray, density: float = 1.0, **changes) -> Problem:
+    classes = [BodyClass("a", [Size("s", 1.0, share=1.0)], density, count="cover"), BodyClass("b", [Size("s", 1.0, 2)])]
+    fixed = FixedBodies(places, body_class=changes.pop("of", "a"), size="s")
+    return Problem(Domain((20.0, 20.0)), classes, avoid_overlap=True, fixed=fixed, **changes)
+
+
+def count_of_a(problem: Problem) -> int:
+    return problem.classes[0].body_count
+
+
+def test_bodies_that_cover_the_ground_make_room_for_fixed_ones():
+    alone = count_of_a(beside(np.zeros((0, 2))))
+    counts = [count_of_a(beside(strewn(n, 1.13))) for n in (10, 60, 120)]
+    # Counts of a class are of all of its bodies.
+    assert alone > counts[0] > counts[1] > counts[2] > 0.6 * alone
+    assert counts[1] < alone - 30
+    # Of another class they are not bodies of this one.
+    assert count_of_a(beside(strewn(60, 1.13), of="b")) == counts[1] - 60
+
+
+def test_fixed_bodies_take_nothing_from_what_has_room_beside_them():
+    assert count_of_a(beside(strewn(30, 1.13), 0.3)) == 120
+    # Counts that include them say what there is to be.
+    assert count_of_a(beside(strewn(60, 1.13), include_fixed=True, of="a")) == count_of_a(beside(np.zeros((0, 2))))
+
+
+def test_fixed_bodies_that_leave_no_ground_are_a_sentence():
+    with pytest.raises(
+        ProblemError, match=r'class "a" is "cover", but its fixed bodies take the 2\d\d m² that it can cover'
+    ):
+        beside(np.random.default_rng(1).random((300, 2)) * 20.0)
+
+
+@pytest.mark.parametrize(("side", "most"), [(5.0, 16), (7.0, 34), (10.0, 73)])
+def test_what_lies_inside_of_the_edges_wholly_covers_less(side, most):
+    domain = Domain((side, side), inset=True)
+    covering = BodyClass("a", [Size("s", 1.0, share=1.0)], count="cover")
+    problem = Problem(domain, [covering], avoid_overlap=True)
+    assert problem.body_count == most and cover_of(problem).warning is None
+    crowd = BodyClass("a", [Size("s", 1.0, most + 5)])
+    assert "at most about" in cover_of(Problem(domain, [crowd], avoid_overlap=True)).warning
+    assert Problem(Domain((side, side)), [covering], avoid_overlap=True).body_count > most

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
+from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
@@ -454,3 +455,22 @@ def test_combinations_are_numbered_as_sorting_their_rows_would_number_them(diffe
     expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
     np.testing.assert_array_equal(numbered(number, ranked(room), other), expected)
     assert len(numbered(number[:0], ranked(room[:0]))) == 0
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+@pytest.mark.parametrize(("footprint", "apart"), [(None, 1.15), (Footprint.rectangle(1.4, 0.7), 1.6)])
+def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint, apart):
+    generator, places = np.random.default_rng(1), np.zeros((0, 2))
+    while len(places) < 50:
+        place = 1.0 + generator.random(2) * 18.0
+        if (np.hypot(*(places - place).T) > apart).all():
+            places = np.vstack([places, place])
+    fixed = FixedBodies(places, body_class="a", size="s")
+    size = Size("s", None if footprint else 1.0, 200, footprint=footprint)
+    problem = Problem(
+        Domain((20.0, 20.0), boundary=boundary), [BodyClass("a", [size])], avoid_overlap=True, fixed=fixed, seed=3
+    )
+    placement = solve(problem, device="cpu")
+    assert placement.report.overlaps == 0 and placement.report.converged
+    away = np.hypot(*(placement.position[:, None] - places).transpose(2, 0, 1)).min(axis=0)
+    assert away.max() < 1e-5
