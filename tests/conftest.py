@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -41,8 +42,11 @@ class RootAsPlainFolder:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let a checkout lie in a folder of any name, such as ``esh-scatter``."""
+    """Let a checkout lie in a folder of any name, such as ``esh-scatter``, and tests be run in the background."""
     config.pluginmanager.register(RootAsPlainFolder())
+    # A script's job in the background ignores Ctrl-C, and so would all processes that tests start and press it for.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

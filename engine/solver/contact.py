@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
@@ -116,6 +116,7 @@ class Contact:
         *,
         again: bool = False,
         guided: bool = False,
+        room: tuple[Sequence[float], Sequence[float]] | None = None,
     ) -> bool:
         """Part all outlines, where the space can hold them; returns whether none overlap any more.
 
@@ -126,8 +127,10 @@ class Contact:
             go_on: Called now and then; returning False ends it.
             again: Whether they were parted before, and have moved little since.
             guided: Whether forces may keep them even meanwhile, where that takes some; they follow the densities of the problem.
+            room: Lower left and upper right corner [m] of where bodies may be put that stay wedged between pinned ones; None: of
+                all the domain.
         """
-        parting = PlaneSeparation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend)
+        parting = PlaneSeparation(self._model, self.launcher, self._bodies, self._images, pose, turn, bend, room)
         if not guided or not needs_guidance(self._model) or parting.too_crowded:
             return parting.run(go_on, again=again)
         guidance = Guidance(self._model, self.launcher, self._bodies, bend)

@@ -44,6 +44,18 @@ def cost_of_walls(i: int, corners: int, at: wp.vec2, outlines: Outlines, size: w
 
 
 @wp.func
+def cost_of_pair(i: int, corners: int, j: int, d: wp.vec2, outlines: Outlines):
+    """The squared overlap of body i with body j at a place relative to it, and more where that one cannot give way."""
+    depth = -apart(i, corners, j, outlines.first_corner[j], d, outlines, 0.0)
+    if depth <= 0.0:
+        return 0.0
+    depth = depth / wp.min(outlines.width[i], outlines.width[j])
+    if outlines.lightness[j] == 0.0 and depth > TOLERABLE:
+        return depth * depth + PINNED_COST
+    return depth * depth
+
+
+@wp.func
 def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: Crowd):
     """What there was before, and the squared overlaps that body i would have at a place with body j and its images."""
     total = before
@@ -55,12 +67,7 @@ def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: C
         for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
             if wp.length_sq(d) < within * within:
-                depth = -apart(i, corners, j, outlines.first_corner[j], d, outlines, 0.0)
-                if depth > 0.0:
-                    depth = depth / wp.min(outlines.width[i], outlines.width[j])
-                    total += depth * depth
-                    if outlines.lightness[j] == 0.0 and depth > TOLERABLE:
-                        total += PINNED_COST
+                total += cost_of_pair(i, corners, j, d, outlines)
     return total
 
 
@@ -162,6 +169,7 @@ def propose_places(
     stuck: wp.array(dtype=wp.int32),
     candidates: int,
     seed: int,
+    room: wp.vec4,
     bodies: Bodies,
     images: Images,
     crowd: Crowd,
@@ -169,7 +177,10 @@ def propose_places(
     place: wp.array(dtype=wp.vec2),
     cost: wp.array(dtype=float),
 ):
-    """The place around it, on its density, where a stuck body overlaps the least; and its squared overlaps there."""
+    """The place around it where a stuck body overlaps the least, and its squared overlaps there.
+
+    Places are on its density, and between the two corners of ``room``.
+    """
     q = first + wp.tid()
     i = stuck[q]
     outlines = crowd.outlines
@@ -186,7 +197,8 @@ def propose_places(
         aside = wp.randn(state)
         ahead = wp.randn(state)
         at = confine(own + far * wp.vec2(aside, ahead), space)
-        if in_support(at, support, images, space.size):
+        in_room = at[0] >= room[0] and at[1] >= room[1] and at[0] <= room[2] and at[1] <= room[3]
+        if in_room and in_support(at, support, images, space.size):
             here = cost_of_place(i, outlines.first_corner[i], i, at, least, crowd)
             if here < least:
                 least = here

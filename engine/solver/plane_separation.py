@@ -41,6 +41,8 @@ class PlaneSeparation(Separation):
         pose: Where the bodies are, as the state has it; they are moved.
         turn: How the outlines are turned, of lines from their axes [rad], float, shape ``[n]``; those that may turn are turned.
         bend: As the state has it.
+        room: Lower left and upper right corner [m] of where bodies may be put that stay wedged between pinned ones; None: of all the
+            domain.
     """
 
     def __init__(
@@ -52,11 +54,14 @@ class PlaneSeparation(Separation):
         pose: wp.array,
         turn: wp.array,
         bend: wp.array,
+        room: tuple[Sequence[float], Sequence[float]] | None = None,
     ) -> None:
         self._pose, self._turn, self._bend = pose, turn, bend
         self._bodies, self._images = bodies, images
         n, domain, unit = model.body_count, model.problem.rectangle, model.unit
         self._space = model.space.for_kernels()
+        low, high = ((0.0, 0.0), domain.size) if room is None else room
+        self._room = wp.vec4(*(float(side) / unit for side in (*low, *high)))
         given = pose.numpy()
         length = given[:, 3].astype(np.float64) * unit
         tables = footprint_tables(model.footprints, length, model.widths(length) if model.kinds else np.zeros(n))
@@ -224,7 +229,7 @@ class PlaneSeparation(Separation):
         place, left = launcher.empty(len(stuck), wp.vec2), launcher.zeros(len(stuck), float)
         seed = (self._model.problem.seed * 7919 + (1 << 21) + number) % (1 << 31)
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
-        inputs = [on_device, PLACES_TO_TRY, seed, self._bodies, self._images, self._crowd]
+        inputs = [on_device, PLACES_TO_TRY, seed, self._room, self._bodies, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
         found = left.numpy() < kernels_trials.PINNED_COST
         poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))

@@ -385,14 +385,14 @@ class Separation(ABC):
             self._turn_first()
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self._most_rounds
-        swaps = HOT_SWAPS if hot else MOST_SWAPS
+        self._swaps_left, self._jumps_left = HOT_SWAPS if hot else MOST_SWAPS, MOST_JUMPS
         guidance = None if hot else self._guidance
-        guided, strongest, jumps = 0, PULL, 0
+        guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         if guidance is not None:
             guided = min(ROUNDS_OF_GUIDANCE, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
-        least, since, swapped, clean = math.inf, 0, 0, 0
+        least, since, clean = math.inf, 0, 0
         best, stopped = math.inf, False
         best_places: list[wp.array] = []
         for number in range(guided + most + 1):
@@ -433,20 +433,28 @@ class Separation(ABC):
                 if go_on is not None and not go_on():
                     stopped = True
                     break
-                if number and number % ROUNDS_PER_SWAP == 0 and swapped < swaps and deep and self._swappable:
-                    swapped += 1
-                    if self._swap(FIRST_SWAPS + number, STUCK_SHARE, KEEP):
-                        since = 0
-                        self._find()
-                late = number >= guided + ROUNDS_BEFORE_JUMPS and number % ROUNDS_PER_SWAP == 0
-                if late and deep and self._pinned and jumps < MOST_JUMPS:
-                    jumps += 1
-                    if self._leave_wedges(number):
-                        since = 0
-                        self._find()
+                if number and number % ROUNDS_PER_SWAP == 0 and deep and self._change_places(number, number - guided):
+                    since = 0
+                    self._find()
             self._move()
         self._recall(best_places)
         return None if stopped else False
+
+    def _change_places(self, number: int, unguided: int) -> int:
+        """Give bodies that stay stuck other places: those of others of their kind, and free ones; returns how many have one.
+
+        Args:
+            number: Of the round.
+            unguided: Rounds since bodies were guided.
+        """
+        changed = 0
+        if self._swaps_left and self._swappable:
+            self._swaps_left -= 1
+            changed = self._swap(FIRST_SWAPS + number, STUCK_SHARE, KEEP)
+        if self._jumps_left and self._pinned and unguided >= ROUNDS_BEFORE_JUMPS:
+            self._jumps_left -= 1
+            changed += self._leave_wedges(number)
+        return changed
 
     def _recall(self, places: Sequence[wp.array]) -> None:
         """Put bodies where they were; nowhere else, if nothing is given."""

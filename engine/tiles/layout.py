@@ -72,6 +72,11 @@ class Box:
                 np.minimum(result, self.high[axis] - position[:, axis], out=result)
         return result
 
+    def inside(self, depth: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Lower left and upper right corner [m], from those of this part, of what is at least so far from all cuts."""
+        left, right, below, above = (depth if cut else 0.0 for cut in self.cut)
+        return (left, below), (self.size[0] - right, self.size[1] - above)
+
     def fade(self, x: np.ndarray, y: np.ndarray, taper: float) -> np.ndarray:
         """How much counts at a place: 1, and within ``taper`` [m] of a cut less and less, down to 0 on it; broadcast over x, y."""
         along = []

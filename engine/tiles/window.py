@@ -231,7 +231,9 @@ def relax(
         with times.of("contact"):
             _call_back(descent, box, pose, ~pinned, margin)
             if part and descent.contact is not None:
-                descent.contact.separate(state.pose, state.turn, state.bend)
+                # What looks like a free place beyond the pinned bodies along a cut is that of somebody whom this window does not hold.
+                room = box.inside(margin + longest)
+                descent.contact.separate(state.pose, state.turn, state.bend, room=room)
         with times.of("readback"):
             moved = _moved(bodies, ~pinned, model, state)
             position = _settled(plan, box, model, position_in_meters(model, state, launcher), ~pinned)

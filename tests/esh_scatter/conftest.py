@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -17,3 +18,25 @@ def empty_file() -> Iterator[None]:
     registration.register()
     yield
     registration.unregister()
+
+
+@pytest.fixture
+def follow() -> Callable[..., None]:
+    """Let the timer of Live run until nothing is left to do, or until what is asked for holds."""
+    from esh.esh_scatter.solving import live
+
+    def run(until: Callable[[], bool] | None = None, seconds: float = 90.0) -> None:
+        deadline = time.monotonic() + seconds
+        still = 0
+        while still < 3:
+            assert time.monotonic() < deadline, "it does not come to rest"
+            for one in live._followed.values():
+                one._looked = 0.0
+            if live._tick() is None:
+                return
+            still = 0 if any(one.busy for one in live._followed.values()) else still + 1
+            if until is not None and until():
+                return
+            time.sleep(0.01)
+
+    return run

@@ -1,7 +1,5 @@
 """Borders: how objects stand along the edges of the ground, in runs, with what stays, and while a result is followed."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ bpy = pytest.importorskip("bpy")
 
 from esh import EshError, ScatterClass, ScatterJob, ScatterSize, scatter  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
-from esh.esh_scatter.solving import live  # noqa: E402
 
 SIDE = 20.0
 OPTIONS = {"device": "cpu", "max_steps": 40}
@@ -119,22 +116,11 @@ def test_what_is_pinned_stays():
         np.testing.assert_allclose(after[number], before[number], atol=1e-5)
 
 
-def follow(seconds=60.0):
-    deadline, still = time.monotonic() + seconds, 0
-    while still < 3:
-        assert time.monotonic() < deadline, "it does not come to rest"
-        for one in live._followed.values():
-            one._looked = 0.0
-        live._tick()
-        still = 0 if any(one.busy for one in live._followed.values()) else still + 1
-        time.sleep(0.01)
-
-
 def depth_of(place):
     return 0.5 * SIDE - np.abs(np.array(place)[..., :2]).max(axis=-1)
 
 
-def test_live_leaves_who_stands_at_the_border_where_they_are():
+def test_live_leaves_who_stands_at_the_border_where_they_are(follow):
     made = settings_with(boundary="NATURAL")
     bpy.ops.esh.scatter()
     made = bpy.context.scene.esh_scatter.active
@@ -153,7 +139,7 @@ def test_live_leaves_who_stands_at_the_border_where_they_are():
 
 
 @pytest.mark.parametrize("when", ["while it lives", "before"])
-def test_live_begins_anew_for_another_border(when):
+def test_live_begins_anew_for_another_border(when, follow):
     made = settings_with(900, boundary="OPEN")
     bpy.ops.esh.scatter()
     made = bpy.context.scene.esh_scatter.active

@@ -50,23 +50,6 @@ def active():
     return bpy.context.scene.esh_scatter.active
 
 
-def follow(until=None, seconds=60.0):
-    """Let Blender's timer run until nothing is left to do."""
-    deadline = time.monotonic() + seconds
-    still = 0
-    while still < 3:
-        assert time.monotonic() < deadline, "it does not come to rest"
-        for one in live._followed.values():
-            one._looked = 0.0
-        if live._tick() is None:
-            return
-        busy = any(one.busy for one in live._followed.values())
-        still = 0 if busy else still + 1
-        if until is not None and until():
-            return
-        time.sleep(0.01)
-
-
 def points(name=None):
     """Return places by the numbers of the points; of one class by its name."""
     scatter = active()
@@ -85,7 +68,7 @@ def moved(before, after):
     return np.array([np.linalg.norm(after[n] - before[n]) for n in both])
 
 
-def switch_on(scatter):
+def switch_on(scatter, follow):
     bpy.ops.esh.scatter()
     scatter.live = True
     before = points()
@@ -95,8 +78,8 @@ def switch_on(scatter):
     return before
 
 
-def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter):
-    before = switch_on(scatter)
+def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter, follow):
+    before = switch_on(scatter, follow)
     there = points("Pine")
     image = bpy.data.images["mask.png"]
     pixels = np.empty(64 * 64 * 4, np.float32)
@@ -115,11 +98,11 @@ def test_a_painted_image_is_followed_and_what_is_far_from_it_stays(scatter):
     assert not active().outdated and active().report["classes"][0]["sizes"][0]["placed"] == 200
 
 
-def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, monkeypatch):
+def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, monkeypatch, follow):
     """Other programs may have the processors while it is read; that says nothing of how long reading takes."""
     from esh.esh_scatter.solving.job import ScatterJob
 
-    switch_on(scatter)
+    switch_on(scatter, follow)
     read = ScatterJob._read
 
     def slowly(job, context):
@@ -138,8 +121,8 @@ def test_a_stroke_is_followed_on_after_a_slow_moment_of_the_machine(scatter, mon
         assert min(place[0] for place in points("Pine").values()) > border, "the brush is still down"
 
 
-def test_counts_weights_and_the_target_are_followed(scatter):
-    before = switch_on(scatter)
+def test_counts_weights_and_the_target_are_followed(scatter, follow):
+    before = switch_on(scatter, follow)
     scatter.classes["Beech"].sizes[0].count = 230
     follow()
     after = points()
@@ -164,7 +147,7 @@ def test_counts_weights_and_the_target_are_followed(scatter):
     assert np.abs(np.median(way, axis=0) - (100, 0, 0)).max() < 0.05
 
 
-def test_what_was_changed_while_it_was_off_is_followed_from_what_is_there(scatter):
+def test_what_was_changed_while_it_was_off_is_followed_from_what_is_there(scatter, follow):
     """Counts, a class that is new, and one that is gone: all others stay about where they are, and are the same."""
     bpy.ops.esh.scatter()
     before = points()
@@ -192,8 +175,8 @@ def test_what_was_changed_while_it_was_off_is_followed_from_what_is_there(scatte
     assert len(points("Bush")) == 20 and not points("Bush").keys() & pines.keys()
 
 
-def test_a_class_comes_and_goes(scatter):
-    switch_on(scatter)
+def test_a_class_comes_and_goes(scatter, follow):
+    switch_on(scatter, follow)
     scatter.classes["Beech"].mute = True
     follow()
     assert len(points()) == 200 and [e["name"] for e in active().report["classes"]] == ["Pine"]
@@ -203,21 +186,21 @@ def test_a_class_comes_and_goes(scatter):
     assert set(scatter.result.data["esh_scatter_classes"]) == {c.uid for c in scatter.classes}
 
 
-def test_another_seed_places_others(scatter):
-    before = switch_on(scatter)
+def test_another_seed_places_others(scatter, follow):
+    before = switch_on(scatter, follow)
     scatter.seed = 5
     follow()
     assert np.median(moved(before, points())) > 1.0
 
 
-def test_without_a_result_it_makes_one(scatter):
+def test_without_a_result_it_makes_one(scatter, follow):
     scatter.live = True
     follow()
     assert len(points()) == 400 and scatter.report["overlaps"] == 0 and not scatter.outdated
 
 
-def test_what_is_shown_at_once_is_not_taken_back(scatter):
-    switch_on(scatter)
+def test_what_is_shown_at_once_is_not_taken_back(scatter, follow):
+    switch_on(scatter, follow)
     scatter.classes["Pine"].sizes[0].count = 210
     follow(until=lambda: live._followed[next(iter(live._followed))]._worker.busy)
     scatter.classes["Pine"].tilt = 0.3
@@ -258,8 +241,8 @@ def delete_result():
         (delete_result, "result is no longer"),
     ],
 )
-def test_it_stops_with_a_sentence_when_something_is_gone(scatter, loss, said):
-    switch_on(scatter)
+def test_it_stops_with_a_sentence_when_something_is_gone(scatter, loss, said, follow):
+    switch_on(scatter, follow)
     loss()
     follow()
     scatter = active()
@@ -267,8 +250,8 @@ def test_it_stops_with_a_sentence_when_something_is_gone(scatter, loss, said):
     assert not live._followed and not any(hook in handlers for handlers, hook in live._hooks())
 
 
-def test_what_cannot_be_solved_is_said_and_it_goes_on_when_it_can(scatter):
-    switch_on(scatter)
+def test_what_cannot_be_solved_is_said_and_it_goes_on_when_it_can(scatter, follow):
+    switch_on(scatter, follow)
     group = scatter.target.vertex_groups["here"]
     group.add(list(range(441)), 0.0, "REPLACE")
     follow()
@@ -279,9 +262,9 @@ def test_what_cannot_be_solved_is_said_and_it_goes_on_when_it_can(scatter):
     assert live.status(bpy.context.scene, scatter) == "" and not scatter.outdated
 
 
-def test_undo_is_followed(scatter):
+def test_undo_is_followed(scatter, follow):
     bpy.ops.ed.undo_push(message="before")
-    switch_on(scatter)
+    switch_on(scatter, follow)
     bpy.ops.ed.undo_push(message="scattered")
     scatter.classes["Pine"].sizes[0].count = 260
     follow()
@@ -295,8 +278,8 @@ def test_undo_is_followed(scatter):
     assert len(points("Pine")) == active().classes["Pine"].sizes[0].count == 260 and not active().outdated
 
 
-def test_another_file_ends_it(scatter, tmp_path):
-    switch_on(scatter)
+def test_another_file_ends_it(scatter, tmp_path, follow):
+    switch_on(scatter, follow)
     scatter.classes["Pine"].sizes[0].count = 260
     live._tick()
     worker = next(iter(live._followed.values()))._worker
@@ -313,20 +296,20 @@ def test_another_file_ends_it(scatter, tmp_path):
     assert len(points("Pine")) == 260 and not active().outdated
 
 
-def test_nothing_listens_while_nothing_is_live(scatter):
+def test_nothing_listens_while_nothing_is_live(scatter, follow):
     def listening():
         return [hook for handlers, hook in live._hooks() if hook in handlers]
 
     assert not listening()
-    switch_on(scatter)
+    switch_on(scatter, follow)
     assert len(listening()) == 4
     scatter.live = False
     follow()
     assert not listening() and not live._followed
 
 
-def test_a_run_by_hand_is_where_it_goes_on_from(scatter):
-    switch_on(scatter)
+def test_a_run_by_hand_is_where_it_goes_on_from(scatter, follow):
+    switch_on(scatter, follow)
     scatter.seed = 3
     bpy.ops.esh.scatter()
     live.reset(bpy.context.scene, scatter)

@@ -1,7 +1,6 @@
 """Objects that look at a point or an object: after a run, at once when that is changed or moved, and beside pins."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -85,16 +84,13 @@ def test_what_is_looked_at_is_followed_when_it_moves(scatter):
     assert not scatter.outdated and np.abs(past(scatter.result, (-50.0, 0.0))).max() < 1e-3
 
 
-def test_live_turns_them_without_solving(scatter):
+def test_live_turns_them_without_solving(scatter, follow):
     chairs, stage = scatter.classes[0], bpy.data.objects["Stage"]
     chairs.use_look_at, chairs.look_at_object = True, stage
     bpy.ops.esh.scatter()
     scatter.live = True
     try:
-        deadline = time.monotonic() + 60.0
-        while live._tick() is not None and (not live._followed or any(one.busy for one in live._followed.values())):
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        follow()
         (one,) = live._followed.values()
         place = kept_ground.read_attribute(scatter.result.data, "position")
         stage.location = (-50.0, 0.0, 0.0)

@@ -205,7 +205,7 @@ def test_scripts_keep_what_was_moved_unless_they_say_otherwise(ground):
     assert np.linalg.norm(state(result.data)[0][number][:2] - (2.0, 2.0)) > 0.05
 
 
-def test_live_makes_room_for_what_is_moved(made):
+def test_live_makes_room_for_what_is_moved(made, follow):
     made.live = True
     follow()
     mesh = made.result.data
@@ -221,19 +221,6 @@ def test_live_makes_room_for_what_is_moved(made):
     far = [n for n in others if np.linalg.norm(before[n][:2] - (3.0, 4.0)) > 6.0]
     assert np.median([np.linalg.norm(after[n] - before[n]) for n in far]) < 0.3
     assert not made.outdated
-
-
-def follow():
-    import time
-
-    deadline, still = time.monotonic() + 90, 0
-    while still < 3:
-        assert time.monotonic() < deadline, "it does not come to rest"
-        for one in live._followed.values():
-            one._looked = 0.0
-        live._tick()
-        still = 0 if any(one.busy for one in live._followed.values()) else still + 1
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("steep", [0.02, 0.5])
@@ -368,7 +355,7 @@ def test_on_a_whole_surface_a_removed_place_is_a_ball(on_ball):
     assert np.linalg.norm(after - below, axis=1).min() < 0.6
 
 
-def test_live_goes_on_from_where_objects_are_on_a_whole_surface(on_ball):
+def test_live_goes_on_from_where_objects_are_on_a_whole_surface(on_ball, follow):
     on_ball.live = True
     follow()
     before, _ = state(on_ball.result.data)
@@ -388,7 +375,7 @@ def stands(mesh):
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_live_goes_on_from_an_edited_result_when_it_is_switched_on_again(on_ball, whole):
+def test_live_goes_on_from_an_edited_result_when_it_is_switched_on_again(on_ball, whole, follow):
     """After edits bodies have numbers, outlines and scales that no run would give them that begins anew."""
     moss, fern = on_ball.classes
     if not whole:

@@ -236,17 +236,7 @@ def test_a_collection_of_the_same_footprints_takes_the_place_of_another_at_once(
     assert scattered.outdated and set(shown(scattered)) == {"Pink", "Violet", "Yellow"}
 
 
-def test_live_goes_on_with_what_was_chosen_at_once(scattered):
-    def follow():
-        deadline, still = time.monotonic() + 60, 0
-        while still < 3:
-            assert time.monotonic() < deadline, "it does not come to rest"
-            for one in live._followed.values():
-                one._looked = 0.0
-            live._tick()
-            still = 0 if any(one.busy for one in live._followed.values()) else still + 1
-            time.sleep(0.01)
-
+def test_live_goes_on_with_what_was_chosen_at_once(scattered, follow):
     bpy.ops.esh.scatter()
     scattered.live = True
     follow()
