@@ -18,8 +18,9 @@ SCENES ?= 10
 TREES ?= 10000000
 PLANET_ARGS ?=
 PYTEST_ARGS ?=
-# Files of tests are handed to several processes; each takes a gigabyte or two.
-TEST_PROCESSES ?= --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# Files of tests are handed to several processes, one more than processors, since some tests wait; each takes a gigabyte or two.
+PROCESSORS := $(or $(shell getconf _NPROCESSORS_ONLN 2>/dev/null),1)
+TEST_PROCESSES ?= --numprocesses $(shell expr $(PROCESSORS) + 1) --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 BENCH_ARGS ?=
 FUZZ_SECONDS ?= 600
 FUZZ_SEED ?= 0

@@ -42,7 +42,8 @@ def scatter():
         body_class = made.add_class()
         body_class.name = ["Mask", "Laid out", "Weights", "Wet", "Painted", "Collected"][number]
         size = body_class.sizes[0]
-        size.source_object, size.source_collection, size.count = bpy.context.object, trees, 5
+        # So many begin once; fewer try several starts.
+        size.source_object, size.source_collection, size.count = bpy.context.object, trees, 60
         size.source_kind = "COLLECTION" if number == 5 else "OBJECT"
     mask, laid_out, weights, wet, painted, _ = made.classes
     mask.add_layer("IMAGE", image=image("mask.png"))

@@ -103,9 +103,23 @@ def active():
     return bpy.context.scene.esh_scatter.active
 
 
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    """Where the scene is kept, which is made once."""
+    return tmp_path_factory.mktemp("undo") / "scene.blend"
+
+
 @pytest.fixture
-def scene():
+def scene(scene_file):
     """Something for every button."""
+    if not scene_file.exists():
+        make_scene()
+        bpy.ops.wm.save_as_mainfile(filepath=str(scene_file))
+    bpy.ops.wm.open_mainfile(filepath=str(scene_file))
+    bpy.ops.ed.undo_push(message="made")
+
+
+def make_scene():
     new_object("Ground", 20.0), new_object("Tree", 0.5, (40.0, 0.0, 0.0)), new_object("Stone", 0.5, (45.0, 0.0, 0.0))
     kinds = bpy.data.collections.new("Kinds")
     bpy.context.scene.collection.children.link(kinds)
@@ -113,7 +127,8 @@ def scene():
         item = new_object(name, 0.3, (40.0, 0.0, 0.0))
         bpy.context.scene.collection.objects.unlink(item)
         kinds.objects.link(item)
-    bpy.data.images.new("Inks", 8, 8).generated_color = (0.8, 0.2, 0.1, 1.0)
+    inks = bpy.data.images.new("Inks", 8, 8)
+    inks.generated_color, inks.use_fake_user = (0.8, 0.2, 0.1, 1.0), True
     made = bpy.context.scene.esh_scatter.add_scatter(bpy.data.objects["Ground"])
     for name in ("Pine", "Beech"):
         body_class = made.add_class()
@@ -129,7 +144,6 @@ def scene():
     for item in bpy.context.scene.objects:
         item.select_set(item.name in ("Ground", "Stone"))
     bpy.context.view_layer.objects.active = bpy.data.objects["Ground"]
-    bpy.ops.ed.undo_push(message="made")
 
 
 def make_ready(name):
