@@ -27,7 +27,8 @@ from typing import Any
 
 import numpy as np
 from direct_summation import DirectSummation, direct_solve
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.field.splitting import split_variance
 from esh.engine.quality.coverage import coverage_error
 from esh.engine.solve import solve

@@ -18,7 +18,8 @@ from pathlib import Path
 import figures_of_color
 import figures_of_lines
 import figures_of_sizes
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from experiment_run import Run
 
 

@@ -80,7 +80,7 @@ def plan(processors: int) -> list[tuple[int, list[Case]]]:
 def run_cases(cases: list[Case], repeat: int, deadline: float) -> None:
     """Time cases in this process, warm, and print a line of JSON for each."""
     from esh.engine.device import threads
-    from esh.engine.device.launcher import core_count
+    from esh.engine.device.devices import core_count
     from esh.engine.device.profile import Profile
     from esh.engine.solve import solve
     from problems import problem_of

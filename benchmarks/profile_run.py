@@ -16,7 +16,7 @@ import statistics
 import time
 
 import warp as wp
-from esh.engine.device.launcher import core_count
+from esh.engine.device.devices import core_count
 from esh.engine.device.profile import Profile
 from esh.engine.solve import solve
 from problems import problem_of

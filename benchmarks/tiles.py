@@ -260,7 +260,7 @@ def compare(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("cases", nargs="*", choices=[*CASES, []], default=list(CASES))
+    parser.add_argument("cases", nargs="*", choices=[*CASES, []], default=[])
     parser.add_argument("--bodies", type=int, default=160_000)
     parser.add_argument("--tile", type=float, default=None, help="meters; mean spacings here")
     parser.add_argument("--workers", type=int, default=0)
@@ -268,7 +268,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     from esh.engine.tiles.tiles import STEPS
 
-    for case in options.cases:
+    for case in options.cases or CASES:
         compare(
             case,
             options.bodies,

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Recording, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Recording
 from esh.engine.solve import solve
 from esh.engine.solver.solver import Solver
 from problems import problem_of

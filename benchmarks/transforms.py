@@ -23,7 +23,8 @@ import numpy as np
 import scipy
 import scipy.fft
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.solver.solver import Solver
 from esh.engine.transforms.convolution import Convolution
 from esh.engine.transforms.convolution_gpu import GpuTransforms

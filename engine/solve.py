@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .device.launcher import Launcher, resolve_device
+from .device.devices import resolve_device
+from .device.launcher import Launcher
 from .device.profile import Profile
 from .errors import ProblemError
 from .problem.domain import Domain

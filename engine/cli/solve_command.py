@@ -189,8 +189,8 @@ def _start_warp() -> None:
     """Start Warp without a word on the streams that are the report's and ours, but for where kernels are kept."""
     import warp
 
+    from ..device.devices import resolve_device
     from ..device.kernel_cache import CacheWarning
-    from ..device.launcher import resolve_device
     from ..native_output import muted
 
     # Warp tells of every kernel it loads on the stream that the report goes to, and of a missing GPU on the other.

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher, resolve_device
+from ..device.devices import resolve_device
+from ..device.launcher import Launcher
 from ..field.influence import product_influence
 from ..problem.domain import Domain
 from ..problem.of_bodies import one_by_one

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from ..device.launcher import core_count, gpu_environments, launcher_of_process, processes_on_gpus, resolve_device
+from ..device.devices import core_count, gpu_environments, processes_on_gpus, resolve_device
+from ..device.launcher import launcher_of_process
 from ..errors import EshError, ProblemError
 from ..problem.placement import Placement
 from ..problem.problem import Problem

@@ -12,7 +12,8 @@ import math
 import numpy as np
 import warp as wp
 
-from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher, resolve_device
+from ..device.devices import resolve_device
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.problem import Problem
 from ..space.kernels_images import Images
 from ..space.support import images_for_kernels

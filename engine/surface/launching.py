@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher, resolve_device
+from ..device.devices import resolve_device
+from ..device.launcher import Launcher
 
 __all__ = ["launch_on_cpu"]
 

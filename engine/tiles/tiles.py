@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.launcher import core_count, gpu_environments, processes_on_gpus, resolve_device
+from ..device.devices import core_count, gpu_environments, processes_on_gpus, resolve_device
 from ..errors import EshError, ProblemError
 from ..files.recipe import recipe_densities
 from ..files.recipe_writer import write_recipe

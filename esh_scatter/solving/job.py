@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ...engine.device.launcher import resolve_device
+from ...engine.device.devices import resolve_device
 from ...engine.errors import ProblemError
 from ...engine.problem.balance import Balance
 from ...engine.problem.body_class import BodyClass

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import FieldTarget
 from esh.engine.problem.balance import Balance

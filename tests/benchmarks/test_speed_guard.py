@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.field.kernels_field import COLUMNS_PER_CUTOFF, ROWS_PER_CUTOFF
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain

@@ -5,7 +5,8 @@ import pytest
 import trimesh
 import warp as wp
 from esh.engine.cascade.points import chosen, empty_points, lists_of, nearest_of, thinned
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.fixed_bodies import FixedBodies

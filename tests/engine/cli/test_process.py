@@ -347,7 +347,7 @@ def test_a_home_that_cannot_be_written_has_its_kernels_elsewhere_and_says_so(tmp
 import warnings
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
-    from esh.engine.device.launcher import resolve_device
+    from esh.engine.device.devices import resolve_device
     resolve_device("cpu")
 import warp
 print(warp.config.kernel_cache_dir)

@@ -5,7 +5,8 @@ import gc
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import CACHE_LINE, LARGE_ARRAY, Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import CACHE_LINE, LARGE_ARRAY, Launcher
 
 
 @pytest.fixture

@@ -12,8 +12,9 @@ import weakref
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device import launcher as launching
-from esh.engine.device.launcher import Launcher, Until, core_count, resolve_device
+from esh.engine.device import devices
+from esh.engine.device.devices import core_count, resolve_device
+from esh.engine.device.launcher import Launcher, Until
 from esh.engine.device.profile import Profile
 from esh.engine.errors import DeviceError
 from esh.engine.problem.body_class import BodyClass
@@ -236,7 +237,8 @@ LATE_WAKERS = """
 import os, threading, time
 import numpy as np
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 
 @wp.func_native("volatile int x = 0; for (int k = 0; k < n; ++k) x = x + k; return x;")
 def burn(n: int) -> int: ...
@@ -361,11 +363,11 @@ def test_cells_are_sorted_and_their_items_keep_their_order(threads, count, cells
 
 def test_a_run_leaves_a_processor_to_others_where_there_are_four(monkeypatch):
     monkeypatch.delenv("ESH_THREADS", raising=False)
-    monkeypatch.setattr(launching, "_container_cores", lambda: None)
+    monkeypatch.setattr(devices, "_container_cores", lambda: None)
     for cores, threads in ((1, 1), (2, 2), (3, 3), (4, 3), (16, 15)):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: range(cores), raising=False)
         assert core_count() == threads
-    monkeypatch.setattr(launching, "_container_cores", lambda: 2)
+    monkeypatch.setattr(devices, "_container_cores", lambda: 2)
     assert core_count() == 2
 
 

@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.field.blur import (
     BLUR_OVER_SPACING,
     CORE,

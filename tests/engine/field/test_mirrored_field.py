@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 from esh import BodyClass, Domain, Problem, Size, solve
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.field.blur import LEAST_OF_SMALL
 from esh.engine.field.direct_sum import direct_field
 from esh.engine.field.field import FieldTarget

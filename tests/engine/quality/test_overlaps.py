@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.body_footprints import footprints_of
 from esh.engine.problem.domain import Domain

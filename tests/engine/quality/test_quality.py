@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.footprint import Footprint

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.quality.summaries import largest_by_kind, least_and_number, median_of_least, sum_of_whole
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.placement import Placement
 from esh.engine.problem.problem import Problem

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import warp as wp
-from esh.engine.device.launcher import gpu_environments
+from esh.engine.device.devices import gpu_environments
 from esh.engine.scenes import warm_pools
 from esh.engine.scenes.worker_pool import WorkerPool
 

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
 from esh.engine.problem.line import Line

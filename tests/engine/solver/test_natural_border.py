@@ -145,7 +145,8 @@ def test_rare_classes_are_kept_even():
 
 def test_margins_are_whole_pixels_of_all_images():
     """The density within the border is what was asked for, pixel by pixel, and beyond it that of the nearest pixel."""
-    from esh.engine.device.launcher import Launcher, resolve_device
+    from esh.engine.device.devices import resolve_device
+    from esh.engine.device.launcher import Launcher
 
     rng = np.random.default_rng(5)
     images = [rng.random((7, 12)).astype(np.float32) + 0.1, rng.random((21, 5)).astype(np.float32) + 0.1, UNIFORM]

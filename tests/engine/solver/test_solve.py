@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.errors import DeviceError, ProblemError
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass

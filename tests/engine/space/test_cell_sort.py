@@ -7,7 +7,8 @@ import gc
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.space import kernels_cells
 from esh.engine.space.cell_sort import CellSort, position_of
 from esh.engine.space.space import Space

@@ -54,7 +54,8 @@ def test_sample_density_reads_the_pixel_under_a_point():
 
 @pytest.mark.parametrize("periodic", [False, True])
 def test_the_devices_deposit_equals_the_hosts(periodic):
-    from esh.engine.device.launcher import Launcher, resolve_device
+    from esh.engine.device.devices import resolve_device
+    from esh.engine.device.launcher import Launcher
     from esh.engine.space.mesh_layout import open_mesh, periodic_mesh
     from esh.engine.space.space import Space
     from esh.engine.space.target_deposit import deposit_images, mix_images

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.domain import Domain
 from esh.engine.space import kernels_space
 from esh.engine.space.space import Space

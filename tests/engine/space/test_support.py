@@ -1,7 +1,8 @@
 """Ways to where a density is above zero: images that are so in the same pixels share them."""
 
 import numpy as np
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.space import support
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.surface import kernels_facets
 from esh.engine.surface.facets import FACET, MOST_SLENDER, TILE, Facets

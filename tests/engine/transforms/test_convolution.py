@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import warp as wp
-from esh.engine.device.launcher import Launcher, resolve_device
+from esh.engine.device.devices import resolve_device
+from esh.engine.device.launcher import Launcher
 from esh.engine.transforms.convolution import Convolution, good_length
 from esh.engine.transforms.convolution_gpu import GpuTransforms
 
