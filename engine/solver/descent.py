@@ -8,17 +8,21 @@ half of those of Nesterov's momentum: `benchmarks/optimizers.py`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN, GRAIN_OF_NEIGHBORS, Launcher
 from ..field.field import FieldTarget
 from ..field.mirrored_field import COPIES
+from ..problem.placement import Placement
 from ..space.support import images_for_kernels
 from ..space.target_deposit import mix_images
 from . import kernels_descent, kernels_direction, kernels_dots
 from .contact import Contact, keeps_apart
 from .direction import Direction
+from .final_placement import facing_turns, placement_of, position_in_meters
 from .forces import SMALLEST_DENSITY, Forces
 from .held_border import shares_of_forces
 from .initial_placement import first_pose
@@ -113,6 +117,25 @@ class Descent:
             self.contact = Contact(model, launcher, self.bodies, self.images)
         self.place_charges()
         self.step = launcher.record(self.take_step)
+
+    def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
+        """Part all outlines, where the space can hold them; returns whether none overlap any more; see :meth:`.Contact.separate`."""
+        if self.contact is None:
+            return True
+        state = self.state
+        return self.contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
+
+    def positions(self) -> np.ndarray:
+        """Where the bodies are [m], shape ``[body_count, 2]``."""
+        return position_in_meters(self.model, self.state, self.launcher)
+
+    def facing(self) -> tuple[wp.array, np.ndarray]:
+        """How outlines are turned [rad], and how they would look at the points of their classes, both of shape ``[body_count]``."""
+        return self.state.turn, facing_turns(self.model, self.positions())
+
+    def placement(self) -> Placement:
+        """The bodies as they are; the report is empty."""
+        return placement_of(self.model, self.state, self.launcher)
 
     def restart(self, start: int) -> None:
         """Go back to where bodies start, or to another one of the places where they might have."""

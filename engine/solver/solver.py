@@ -27,10 +27,7 @@ from .descent import Descent
 from .edit import carry_lines, carry_over
 from .final_placement import (
     angle_within,
-    facing_turns,
     looks_at_point,
-    placement_of,
-    position_in_meters,
     somebody_looks,
 )
 from .ink import with_widths
@@ -42,7 +39,7 @@ from .spread import spread
 from .state import State
 from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
-from .surface_placement import facing_headings, placement_on_surface, points_of
+from .surface_placement import points_of
 from .surface_places import PlacesOnSurface, spots_of_places
 from .surface_state import SurfaceState
 
@@ -202,7 +199,7 @@ class Solver:
             self._border = None
             smooth = self._go_on_from(before, kept.position, kept.source, border.turn, SMOOTH_OVER_SPACING)
             smooth.step.play(SMOOTH_STEPS)
-            position = position_in_meters(self.model, smooth.state, self.launcher)
+            position = smooth.positions()
             self.descent = self._go_on_from(smooth, position, np.arange(self.model.body_count))
             self.descent.step.play(STEPS_WITHIN)
 
@@ -217,7 +214,7 @@ class Solver:
     def _cut_position(self) -> Kept:
         """Which bodies are within a natural border, and where."""
         assert self._border is not None and isinstance(self.descent, Descent)
-        return self._border.cut(position_in_meters(self.descent.model, self.descent.state, self.launcher), self.model)
+        return self._border.cut(self.descent.positions(), self.model)
 
     def _go_on_from(
         self,
@@ -319,7 +316,7 @@ class Solver:
         model = Model(problem, unit=before.unit if 1.0 / MOST_GROWTH < ratio < MOST_GROWTH else None)
         old = before_edit.state
         pose = old.pose.numpy().astype(np.float64)
-        position = position_in_meters(before, old, self.launcher)
+        position = before_edit.positions()
         carried = carry_over(before, position, model, self._next_identity, self._spread)
         model.carry(before, carried)
         start = np.full((model.body_count, 4), np.nan)
@@ -546,40 +543,27 @@ class Solver:
         if self.descent.contact is None or not self.model.problem.avoid_overlap:
             return True
         with self.launcher.phase("contact"):
-            parted = self._part(go_on, again=again)
+            parted = self.descent.separate(go_on, again=again)
             for _ in range(MOST_FACINGS):
                 # Who was parted looks from elsewhere now.
                 if not self._face(LOOKS_AWAY) or (go_on is not None and not go_on()):
                     break
-                parted = self._part(go_on, again=True)
+                parted = self.descent.separate(go_on, again=True)
             self.descent.place_charges()
         return parted
-
-    def _part(self, go_on: Callable[[], bool] | None, *, again: bool) -> bool:
-        """Part outlines once; see :meth:`separate`."""
-        descent = self.descent
-        if isinstance(descent, SurfaceDescent):
-            return descent.separate(go_on, again=again)
-        state, contact = descent.state, descent.contact
-        assert contact is not None
-        return contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
 
     def _face(self, past: float) -> bool:
         """Turn outlines that look past the point of their class by more than this [rad]; tell whether there were any.
 
         They keep these turns while they are parted.
         """
-        model, descent = self.model, self.descent
+        model = self.model
         if not somebody_looks(model):
             return False
         looking = looks_at_point(model) & model.footprints.is_outline
         if not looking.any():
             return False
-        if isinstance(descent, SurfaceDescent):
-            turns, wanted = descent.state.heading, facing_headings(model, points_of(descent.facets, descent.state))
-        else:
-            position = position_in_meters(model, descent.state, self.launcher)
-            turns, wanted = descent.state.turn, facing_turns(model, position)
+        turns, wanted = self.descent.facing()
         turn = turns.numpy().copy()
         away = looking & (np.abs(angle_within(wanted - turn, 2.0 * math.pi)) > past)
         turn[away] = wanted[away]
@@ -595,15 +579,11 @@ class Solver:
             ProblemError: A position is no finite number.
         """
         self._cut()
-        if isinstance(self.descent, SurfaceDescent):
-            charges = self.descent.charge_positions() if self.model.may_bend.any() else None
-            placement = placement_on_surface(self.model, self.descent.facets, self.descent.state, charges)
-        else:
-            placement = placement_of(self.model, self.descent.state, self.launcher)
+        placement = self.descent.placement()
         # One that is not makes their sum so, too.
         if not np.isfinite(placement.position.sum()):
             raise ProblemError(OVERFLOW)
-        drawn = bool(self.model.kinds) and not isinstance(self.descent, SurfaceDescent)
+        drawn = bool(self.model.kinds) and not isinstance(self.model.problem.domain, Surface)
         # Ghosts, of which a placement has none, would be missing; and what is kept apart does not overlap.
         if drawn and not self.model.problem.avoid_overlap and not (self.model.body.flags & BodyFlags.GHOST).any():
             with self.launcher.phase("widths"):
@@ -650,9 +630,7 @@ class Solver:
             return self._left_at.copy()
         if self._border is not None:
             return self._cut_position().position
-        if isinstance(self.descent, SurfaceDescent):
-            return points_of(self.descent.facets, self.descent.state).position
-        return position_in_meters(self.model, self.descent.state, self.launcher)
+        return self.descent.positions()
 
 
 def _charges_per_body(model: Model) -> np.ndarray:

@@ -17,6 +17,7 @@ from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..errors import ProblemError
+from ..problem.placement import Placement
 from ..problem.surface import Surface
 from ..surface import kernels_facets
 from ..surface.facets import Facets
@@ -32,6 +33,7 @@ from .surface_contact import SurfaceContact
 from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules, tangent_frame
 from .surface_own_forces import own_forces
+from .surface_placement import facing_headings, placement_on_surface, points_of
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_separation import SurfaceSeparation
 from .surface_state import SurfaceState
@@ -157,6 +159,19 @@ class SurfaceDescent:
         """
         parting = SurfaceSeparation(self.model, self.launcher, self.bodies, self.ground, self.facets, self.state)
         return parting.run(go_on, again=again)
+
+    def positions(self) -> np.ndarray:
+        """Where the bodies are [m], shape ``[body_count, 3]``."""
+        return points_of(self.facets, self.state).position
+
+    def facing(self) -> tuple[wp.array, np.ndarray]:
+        """How outlines are turned [rad], and how they would look at the points of their classes, both of shape ``[body_count]``."""
+        return self.state.heading, facing_headings(self.model, points_of(self.facets, self.state))
+
+    def placement(self) -> Placement:
+        """The bodies as they are; the report is empty."""
+        charges = self.charge_positions() if self.model.may_bend.any() else None
+        return placement_on_surface(self.model, self.facets, self.state, charges)
 
     def charge_positions(self) -> np.ndarray:
         """Where all charges are [m], shape ``[charge_count, 3]``."""
