@@ -94,8 +94,20 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
     # USD writes to names only, and takes the format from them.
     with tempfile.TemporaryDirectory(prefix="esh-usd-") as beside:
         exported = Path(beside) / f"bodies{ending}"
-        layer.Export(str(exported))
+        _export(layer, exported)
         file.write(exported.read_bytes())
+
+
+def _export(layer: Any, path: Path) -> None:
+    """Write a layer; raise an OSError where USD cannot, which has errors of its own and says one for every block."""
+    try:
+        written = layer.Export(str(path))
+        reason = "USD does not say why"
+    except _pxr("Tf").ErrorException as error:
+        written = False
+        reason = next((str(getattr(one, "commentary", one)) for one in error.args), "USD does not say why")
+    if not written:
+        raise OSError(f"USD could not write to the folder for temporary files: {reason}")
 
 
 def write_usda(file: BinaryIO, bodies: Bodies, folder: Path) -> None:

@@ -174,7 +174,7 @@ class ScatterJob:
         densities = [stored_density(c.density, f'`density` of class "{c.name}"', known) for c in self.classes]
         names: set[str] = set().union(*(attribute_names(density) for density in densities))
         directions = [direction_of(c) for c in self.classes]
-        own = self.result or find_result(context.scene, self.target, self.name)
+        own = _check_mode(self.result or find_result(context.scene, self.target, self.name))
         obstacles = read_obstacles(self._given_obstacles, known, [*targets, *([own] if own else [])])
         pins = None if own is None else self._pins(own, sources)
         del self._given_obstacles
@@ -390,7 +390,7 @@ class ScatterJob:
         # All of them first: nothing has been changed if one is gone.
         scene = self._scene.get() if context is None else context.scene
         target, sources = self.target, self.sources
-        replaced = self.result or find_result(scene, target, self.name)
+        replaced = _check_mode(self.result or find_result(scene, target, self.name))
         points = self._points_of_placement()
         item = write_result(
             scene,
@@ -452,6 +452,13 @@ def _check_pinned(pinned: object, class_count: int) -> bool | list[int | None]:
         f"`pinned` must be true, false, or for every class of the result a number from 0 to {class_count - 1} or None; got "
         f"{show(pinned)}"
     )
+
+
+def _check_mode(replaced: bpy.types.Object | None) -> bpy.types.Object | None:
+    """Refuse a result in Edit Mode: Blender neither says how its points were moved so far, nor gives it others."""
+    if replaced is not None and replaced.mode == "EDIT":
+        raise ProblemError(f'result "{replaced.name}" is in Edit Mode, where it cannot be replaced; switch to Object Mode')
+    return replaced
 
 
 def _check_result(result: object) -> bpy.types.Object | None:

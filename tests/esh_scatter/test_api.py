@@ -442,3 +442,22 @@ def test_what_blender_rounds_far_from_the_origin_is_said(away, told):
     result = scatter(ground, [ScatterClass("tree", [ScatterSize("all", 30, tree)])], **OPTIONS)
     assert any("rounds positions to 0.5 m" in note for note in result.report.notes) == told
     assert len(result.report.notes) == told
+
+
+def test_a_result_in_edit_mode_is_not_replaced_and_nothing_is_lost():
+    ground, tree = quad(), quad("Tree", 0.5)
+    trees = [ScatterClass("tree", [ScatterSize("any", 30, tree)])]
+    first = scatter(ground, trees, **OPTIONS).object
+    fewer = [ScatterClass("tree", [ScatterSize("any", 10, tree)])]
+    job = ScatterJob(ground, fewer, **OPTIONS)
+    job.solve()
+    bpy.context.view_layer.objects.active = first
+    bpy.ops.object.mode_set(mode="EDIT")
+    meshes = len(bpy.data.meshes)
+    for run in (lambda: scatter(ground, fewer, **OPTIONS), job.write):
+        with pytest.raises(EshError, match="is in Edit Mode"):
+            run()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(first.data.vertices) == 30 and len(bpy.data.meshes) == meshes
+    job.write()
+    assert len(first.data.vertices) == 10

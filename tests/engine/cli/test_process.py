@@ -14,6 +14,8 @@ import pytest
 from esh.engine.cli import command_line
 from esh.engine.errors import EshError
 from esh.engine.files import placement_files
+from esh.engine.files.body_formats import FORMATS
+from esh.engine.files.placement_files import WRITERS
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 
@@ -306,6 +308,26 @@ def test_an_archive_that_breaks_off_says_nothing_from_its_destructor(folder):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000)),
     )
     assert end_of(process) == (2, "", "esh-scatter: b.npz cannot be written: file too large\n")
+    assert files_of(folder) == before
+
+
+@pytest.mark.parametrize("ending", sorted(WRITERS))
+def test_a_full_disk_is_a_sentence_whatever_the_format(folder, ending):
+    import resource
+
+    if ending in FORMATS:
+        pytest.importorskip(FORMATS[ending].library or "numpy")
+    write(folder, 3000)
+    Path(f"b{ending}").write_text("before")
+    before = files_of(folder)
+    process = start(
+        *("solve", "forest.toml", "-o", f"b{ending}", "--device", "cpu", "--max-steps", "1"),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3_000, 3_000)),
+    )
+    status, out, err = end_of(process)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"esh-scatter: b{ending} cannot be written: ") and err.endswith("file too large\n")
+    assert err.count("\n") == 1
     assert files_of(folder) == before
 
 
