@@ -18,8 +18,8 @@ RESOLUTION = 512
 DIRECTIONS = 720
 # An outline longer than this many widths makes line bodies.
 LONGEST_DOT = 2.5
-# An object stands on its origin where this lies at least such a share of the extent within every side of its outline.
-WELL_WITHIN = 0.1
+# An object's origin is near the middle of its outline where the outline reaches at most so many times as far from it.
+NEAR_MIDDLE = 1.15
 
 
 @dataclass(frozen=True)
@@ -49,18 +49,17 @@ class Outline:
 
     @property
     def foot(self) -> tuple[float, float]:
-        """What of the outline stands where its body is, from the object's origin [m]: this origin, or else the center.
+        """What is where the body is, from the object's origin [m]: the origin itself where it is near the middle, or else the center.
 
-        Bodies turn about where they are. About an origin at their corner or beside them they would sweep over ground that no force
-        has left to them.
+        Bodies turn about where they are, and forces leave them ground around it. About an origin near their edge or beside them they
+        would sweep over ground that is others'.
         """
-        corners = np.array(self.corners).reshape(-1, 2)
-        edge = np.roll(corners, -1, axis=0) - corners
-        # How far all corners, and the origin, lie within the line through every side.
-        normal = np.stack([-edge[:, 1], edge[:, 0]], axis=1)
-        depth = normal @ corners.T - (normal * corners).sum(axis=1, keepdims=True)
-        origin = -(normal * corners).sum(axis=1)
-        return (0.0, 0.0) if (origin >= WELL_WITHIN * depth.max(axis=1, initial=0.0)).all() else self.center
+        if not self.corners:
+            return (0.0, 0.0)
+        from_origin, from_center = (
+            np.hypot(*(np.array(self.corners) - middle).T).max() for middle in ((0.0, 0.0), self.center)
+        )
+        return (0.0, 0.0) if from_origin <= NEAR_MIDDLE * from_center else self.center
 
     def scaled(self, factor: float) -> Outline:
         """Return the outline of an object that is larger by a factor."""

@@ -457,7 +457,9 @@ def _check_pinned(pinned: object, class_count: int) -> bool | list[int | None]:
 def _check_mode(replaced: bpy.types.Object | None) -> bpy.types.Object | None:
     """Refuse a result in Edit Mode: Blender neither says how its points were moved so far, nor gives it others."""
     if replaced is not None and replaced.mode == "EDIT":
-        raise ProblemError(f'result "{replaced.name}" is in Edit Mode, where it cannot be replaced; switch to Object Mode')
+        raise ProblemError(
+            f'result "{replaced.name}" is in Edit Mode, where it cannot be replaced; switch to Object Mode'
+        )
     return replaced
 
 
