@@ -167,8 +167,7 @@ def test_points_that_were_moved_by_hand_stay_where_they_were_put(scatter):
     mesh.vertices[0].co.z += 5.0
     height = mesh.vertices[0].co.z
     scatter.classes[0].align_to_normal = 0.5
-    # It leans about its middle, from which its origin is half a diagonal away.
-    assert mesh.vertices[0].co.z == pytest.approx(height, abs=0.05)
+    assert mesh.vertices[0].co.z == pytest.approx(height)
 
 
 def test_color_eye_and_camera_of_a_class_are_changed_at_once(scatter):
