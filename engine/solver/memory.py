@@ -44,6 +44,8 @@ BYTES_PER_NODE_AND_GROUP = 8 + 4 + 4 + 4
 # bodies are surveyed in float64.
 BYTES_PER_PIXEL = 4 + 4 + 4 + 8
 BYTES_PER_PIXEL_MEANWHILE = 24
+# Of the longest side of an image: the weights of its pixels at the nodes of a mesh. Much only where it is a single row.
+BYTES_PER_PIXEL_OF_A_SIDE = 170
 # Per cell of the report's grid: charges, their difference from the target, and shares.
 BYTES_PER_CELL = 8 + 4 + 4
 # The start's pyramid: shares, and their sums in float64 on all levels.
@@ -82,7 +84,9 @@ def _required_for_images(problem: Problem) -> int:
         for line in (size.line for size in c.sizes)
         if line is not None
     )
-    return BYTES_PER_PIXEL * sum(sizes) + BYTES_PER_PIXEL_MEANWHILE * max(sizes) + directions
+    side = max(max(image.shape) for image in _distinct_images(problem))
+    meanwhile = BYTES_PER_PIXEL_MEANWHILE * max(sizes) + BYTES_PER_PIXEL_OF_A_SIDE * side
+    return BYTES_PER_PIXEL * sum(sizes) + meanwhile + directions
 
 
 def _required_for_meshes(problem: Problem) -> int:

@@ -6,6 +6,8 @@ resolutions of image, mesh and spacing need not match.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 __all__ = [
@@ -13,6 +15,7 @@ __all__ = [
     "Band",
     "box_integrals",
     "move_into_support",
+    "order_of_axes",
     "overlap_bands",
     "sample_density",
     "spline_bands",
@@ -129,13 +132,19 @@ def move_into_support(image: np.ndarray, position: np.ndarray, size: tuple[float
 
 def _apply(bands: list[Band], image: np.ndarray) -> np.ndarray:
     """Sum an image with one band per axis."""
-    for first, weights in bands:
-        rows = np.zeros((len(first), image.shape[1]))
+    for axis in order_of_axes(image.shape, [len(first) for first, _ in bands]):
+        first, weights = bands[axis]
+        given = np.ascontiguousarray(np.moveaxis(image, axis, 0))
+        rows = np.zeros((len(first), given.shape[1]))
         for k in range(weights.shape[1]):
-            rows += weights[:, k, None] * image[np.clip(first + k, 0, image.shape[0] - 1)]
-        # The second turn brings the axes back into their order.
-        image = np.ascontiguousarray(rows.T)
-    return image
+            rows += weights[:, k, None] * given[np.clip(first + k, 0, given.shape[0] - 1)]
+        image = np.moveaxis(rows, 0, axis)
+    return np.ascontiguousarray(image)
+
+
+def order_of_axes(given: Sequence[int], made: Sequence[int]) -> tuple[int, int]:
+    """Return along which axis an image is summed first: the one that leaves less; a single row of pixels may be very long."""
+    return (0, 1) if made[0] * given[1] <= given[0] * made[1] else (1, 0)
 
 
 def _fold(values: np.ndarray, fold: int) -> np.ndarray:

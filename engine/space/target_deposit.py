@@ -9,7 +9,7 @@ import warp as wp
 
 from ..device.launcher import GRAIN, Launcher
 from . import kernels_density
-from .density import FOLD, Band, overlap_bands, spline_bands
+from .density import FOLD, Band, order_of_axes, overlap_bands, spline_bands
 from .mesh_layout import MeshLayout
 
 __all__ = ["deposit_images", "integrate_boxes", "mix_images"]
@@ -58,15 +58,16 @@ def integrate_boxes(launcher: Launcher, image: np.ndarray, shape: tuple[int, int
 def _apply_bands(
     launcher: Launcher, image: np.ndarray, bands: list[Band], fold: int, shape: tuple[int, int], result: wp.array
 ) -> None:
-    """Weigh an image's rows, then its columns, into ``result``, of ``shape``; its total is 1."""
+    """Weigh an image's rows and columns into ``result``, of ``shape``; its total is 1."""
     device = launcher.device
-    height, width = image.shape
-    rows, columns = shape
     total = float(image.sum(dtype=np.float64))
     source = wp.array((image[::-1] / total).astype(np.float32).ravel(), dtype=float, device=device)
-    on_rows = launcher.empty(rows * width, float)
-    steps = ((source, (height, width), on_rows, (rows, width)), (on_rows, (rows, width), result, (rows, columns)))
-    for along, ((first, weight), (given, given_shape, made, made_shape)) in enumerate(zip(bands, steps, strict=True)):
+    order = order_of_axes(image.shape, shape)
+    between = (shape[0], image.shape[1]) if order[0] == 0 else (image.shape[0], shape[1])
+    halfway = launcher.empty(between[0] * between[1], float)
+    steps = ((source, image.shape, halfway, between), (halfway, between, result, shape))
+    for along, (given, given_shape, made, made_shape) in zip(order, steps, strict=True):
+        first, weight = bands[along]
         band = kernels_density.Band()
         band.first = wp.array(first, dtype=wp.int32, device=device)
         band.weight = wp.array(weight.ravel(), dtype=float, device=device)

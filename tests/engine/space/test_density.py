@@ -1,5 +1,7 @@
 """Integrals of piecewise constant images, against sums over ever finer pixels."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from esh.engine.space.density import box_integrals, move_into_support, sample_density, spline_deposit
@@ -87,3 +89,19 @@ def test_bodies_far_from_all_support_find_it_whatever_the_resolution():
     assert (np.abs(moved[:, None] - full) <= 0.5 * pixel).all(axis=2).any(axis=1).all()
     nearest = np.abs((position[:, None] - full) / pixel).max(axis=2).argmin(axis=1)
     assert (away.argmin(axis=1) == nearest).mean() > 0.8
+
+
+@pytest.mark.parametrize("shape", [(1, 200_000), (200_000, 1)])
+def test_an_image_of_one_row_is_not_made_as_high_as_a_mesh(shape):
+    image = np.random.default_rng(4).random(shape)
+    tracemalloc.start()
+    try:
+        cells = box_integrals(image, (200, 200))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # 200 rows of 200,000 pixels would take 320 MB.
+    assert peak < 60e6
+    blocks = image.ravel().reshape(200, 1000).sum(axis=1) / image.sum() / 200.0
+    expected = np.tile(blocks, (200, 1)) if shape[0] == 1 else np.tile(blocks[::-1, None], (1, 200))
+    np.testing.assert_allclose(cells, expected, rtol=1e-9)
