@@ -11,12 +11,12 @@ from typing import Any
 
 import bpy
 
-from ..engine.errors import EshError, ProblemError
+from ..engine.errors import EshError
 from ..engine.problem.body_class import Unsharp
 from ..engine.problem.line import Line
 from ..engine.problem.scatter_settings import ScatterSettings, Standing
 from ..engine.problem.settings import takes
-from ..engine.problem.validation import show
+from ..engine.problem.validation import check_progress
 from ..engine.solver.solver import Progress
 from .classes.amount import Amount
 from .classes.scatter_class import ScatterClass, ScatterSize
@@ -103,8 +103,7 @@ def scatter(
     Raises:
         EshError: One sentence that says what is wrong; nothing was changed.
     """
-    if progress is not None and not callable(progress):
-        raise ProblemError(f"`progress` must be a function, or None; got {show(progress)}")
+    check_progress(progress)
     job = ScatterJob(target, classes, settings, name=name, result=result, obstacles=obstacles, pinned=pinned, **changes)
     job.solve(progress)
     return job.write()

@@ -515,6 +515,12 @@ def check_is(value: object, kind: type[Kind], key: str) -> Kind:
     return value
 
 
+def check_progress(value: object) -> None:
+    """Raise ProblemError for what cannot be called after steps; None is nobody."""
+    if value is not None and not callable(value):
+        raise ProblemError(f"`progress` must be a function, or None; got {show(value)}")
+
+
 def as_path(value: object, key: str = "`path`") -> Path:
     """Return the path of a file, which text may be; raise ProblemError for anything else."""
     if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):

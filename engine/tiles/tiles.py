@@ -12,7 +12,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from ..errors import EshError, ProblemError
 from ..files.recipe import recipe_densities
 from ..files.recipe_writer import write_recipe
 from ..problem.problem import Problem
-from ..problem.validation import check_count, show
+from ..problem.validation import as_path, check_count, check_progress, show
 from ..scenes.ray_pool import RayPool
 from ..scenes.run_folder import make_folder, open_run_folder
 from ..scenes.worker import Failure, carry_out
@@ -126,13 +126,14 @@ def solve_tiles(
     if ending not in TILE_WRITERS:
         raise ProblemError(f"`ending` must be {' or '.join(TILE_WRITERS)}; got {show(ending)}")
     check_tile_ending(ending)
-    if len(steps) != 3:
+    if not isinstance(steps, Sequence) or len(steps) != 3:
         raise ProblemError(f"`steps` must be three numbers, one for each pass; got {show(steps)}")
     checked = tuple(check_count(number, "`steps`") for number in steps)
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 0):
         raise ProblemError(f"`workers` must be a whole number of at least 0, or None; got {show(workers)}")
     on_gpu = resolve_device(device).is_cuda or gpus > 0.0
-    folder = Path(folder).resolve()
+    check_progress(progress)
+    folder = as_path(folder, "`folder`").resolve()
     recipe = _recipe_of(problem, folder)
     scene = read_tiled_recipe(recipe, seed)
     tiles = choose_tiles(scene, tile, on_gpu)
@@ -309,7 +310,7 @@ def _processes(run: TileRun, plan: Plan, on_gpu: bool) -> int:
 def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:
     """The recipe's file; a problem is written as one."""
     if not isinstance(problem, Problem):
-        return Path(problem).resolve()
+        return as_path(problem, "`problem`").resolve()
     if not isinstance(problem.domain.size, tuple) or len(problem.domain.size) != 2:
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
     recipe = folder / "problem" / "problem.toml"

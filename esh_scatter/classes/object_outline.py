@@ -6,9 +6,10 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.validation import show
 from ...engine.surface.mesh_outline import Outline, outline_from_above
 from ...engine.surface.triangle_mesh import TriangleMesh
-from ..targets.target import members_of, read_triangles, world_matrix
+from ..targets.target import check_exists, members_of, read_triangles, world_matrix
 from .shown_geometry import is_shown_as_it_is, realized, repeats_by
 
 __all__ = ["measure_footprint", "outline_of", "read_source"]
@@ -32,6 +33,9 @@ def measure_footprint(
     Raises:
         ProblemError: It has no faces, or all of them stand upright.
     """
+    if not isinstance(item, bpy.types.Object | bpy.types.Collection):
+        raise ProblemError(f"`item` must be an object or a collection; got {show(item)}")
+    check_exists(item, "`item`")
     return outline_of(read_source(item, context or bpy.context, key), key)
 
 

@@ -15,7 +15,7 @@ from ...engine.files.body_formats import FORMATS
 from ...engine.files.placement_files import check_ending, check_writable, write_bodies
 from ...engine.files.placement_reader import load_placement
 from ...engine.files.quaternions import multiply_xyzw
-from ...engine.problem.validation import show
+from ...engine.problem.validation import as_path, show
 from ..targets.target import RESULT_TAG, check_exists
 from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
 from .result import CLASS_NAMES, write_result
@@ -37,7 +37,7 @@ def export_result(path: str | Path, result: bpy.types.Object | None = None) -> N
     Raises:
         EshError: No result, another ending, a file that cannot be written, or a missing library.
     """
-    path = Path(path)
+    path = as_path(path)
     item = bpy.context.view_layer.objects.active if result is None else result
     item = _check_result(item)
     _expose_usd()
@@ -77,7 +77,7 @@ def import_placement(
         EshError: A file that cannot be read, or a source that is no object.
     """
     _expose_usd()
-    path = Path(path)
+    path = as_path(path)
     bodies = load_placement(path)
     if not len(bodies.position):
         raise EshError(f"{path} must hold at least one body; it has none")

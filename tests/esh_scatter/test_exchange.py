@@ -192,3 +192,10 @@ def test_mistakes_are_one_sentence(result, tmp_path):
     with pytest.raises(EshError, match="must have the same scale along all axes"):
         esh.export_result(tmp_path / "b.ply", result.object)
     assert [path.name for path in Path(tmp_path).iterdir()] == ["a.ply"]
+
+
+@pytest.mark.parametrize("path", [None, 3, b"x.ply"])
+def test_a_path_that_is_none_is_a_sentence(path):
+    for read_or_write in (esh.export_result, esh.import_placement):
+        with pytest.raises(esh.EshError, match="`path` must be the path of a file"):
+            read_or_write(path)

@@ -62,3 +62,9 @@ def test_what_stands_upright_takes_no_ground():
     bpy.ops.mesh.primitive_plane_add(rotation=(math.pi / 2, 0, 0.5))
     with pytest.raises(EshError, match="Plane"):
         area()
+
+
+def test_what_is_no_object_is_a_sentence():
+    for item in (None, "Cube", bpy.context.scene):
+        with pytest.raises(EshError, match="`item` must be an object or a collection"):
+            measure_footprint(item)

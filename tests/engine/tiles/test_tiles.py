@@ -364,3 +364,20 @@ def test_a_geotiff_is_read_by_window_and_keeps_its_place(recipe, tmp_path):
     )
     with pytest.raises(EshError, match="must not be given for a GeoTIFF"):
         solved(recipe, tmp_path / "unsharp")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "said"),
+    [
+        ((None, "tiles"), {}, "`problem` must be the path of a file; got None"),
+        (("dots.toml", 3), {}, "`folder` must be the path of a file; got 3"),
+        (("dots.toml", "tiles"), {"steps": 5}, "`steps` must be three numbers, one for each pass; got 5"),
+        (("dots.toml", "tiles"), {"progress": "x"}, '`progress` must be a function, or None; got "x"'),
+    ],
+)
+def test_what_has_no_meaning_is_said(arguments, options, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(esh.ProblemError) as caught:
+        esh.solve_tiles(*arguments, **{"device": "cpu", **options})
+    assert str(caught.value) == said
+    assert not list(tmp_path.iterdir())
