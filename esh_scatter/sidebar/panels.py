@@ -196,6 +196,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row.operator("esh.instances_edit", text=text, icon=icon)
         if editing:
             write_text(context, column, "Select points and move them (G). What you move stays there in the next run")
+            write_text(context, column, "Alt Z shows points that objects hide")
         buttons = column.column(align=True)
         row = buttons.row(align=True)
         row.operator("esh.instances_pin", icon="PINNED")

@@ -41,7 +41,8 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
             _draw_fact(facts, "Closest Pair", words.meters(report["closest"]))
             _draw_fact(facts, "Typical Spacing", words.meters(report["usual"]))
         _draw_fact(facts, "Ground Covered", f"{report['covered']:.0%}")
-        _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps on {report['device']}")
+        _draw_fact(facts, "Time", f"{report['seconds']:.1f} s, {report['steps']} steps")
+        _draw_fact(facts, "Device", report["device"].upper())
         for note in words.notes(report):
             write_text(context, layout, note, icon="ERROR")
 

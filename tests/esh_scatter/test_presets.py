@@ -64,11 +64,11 @@ def test_a_preset_is_as_large_as_its_ground(ground, width):
     bpy.ops.esh.preset_apply(filepath=str(BUILT_IN / "pizza.json"))
     scatter = bpy.context.scene.esh_scatter.active
     salami = scatter.classes["Salami"].sizes[0]
-    assert scatter.first_target == target and salami.count == 16
+    assert scatter.first_target == target and salami.count == 14
     bounds = salami.source_object.bound_box
     diameter = max(corner[0] for corner in bounds) - min(corner[0] for corner in bounds)
-    # 16 discs on 24 % of the ground.
-    assert diameter == pytest.approx(width * (4 * 0.24 / 16 / 3.1416) ** 0.5, rel=0.03)
+    # 14 discs on 24 % of the ground.
+    assert diameter == pytest.approx(width * (4 * 0.24 / 14 / 3.1416) ** 0.5, rel=0.03)
     assert all(salami.source_object not in list(scene.objects) for scene in bpy.data.scenes), "only its instances show"
 
 
