@@ -48,7 +48,7 @@ class Balance(Settings):
             more="The C >= 1 of Schmaltz, Gwosdek and Weickert 2012, with C_i = C^i for size rank i; or the list C_1, C_2, ..., "
             "one for each larger size. For sizes that are a range, it is the square of C that every doubling of the area adds as a "
             "factor: C = 2 is the paper's min(A_j², A_k²)",
-            label="Favor Large Sizes",
+            label="Favor Large",
             low=1.0,
             high=1e6,
             soft_high=8.0,
@@ -69,7 +69,7 @@ class Balance(Settings):
         metadata=setting(
             "How evenly classes with few objects are spread where others have many. 0 treats all classes alike",
             more="The power of the largest class's count over a class's own by which its own factor is raised; 0 is the paper's",
-            label="Favor Rare Classes",
+            label="Favor Rare",
             low=0.0,
             high=2.0,
         ),
