@@ -18,6 +18,8 @@ RESOLUTION = 512
 DIRECTIONS = 720
 # An outline longer than this many widths makes line bodies.
 LONGEST_DOT = 2.5
+# An object's origin is near the middle of its outline where the outline reaches at most so many times as far from it.
+NEAR_MIDDLE = 1.15
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,20 @@ class Outline:
     def is_long(self) -> bool:
         """Whether such bodies are lines unless somebody says otherwise."""
         return self.length > LONGEST_DOT * self.width
+
+    @property
+    def foot(self) -> tuple[float, float]:
+        """What is where the body is, from the object's origin [m]: the origin itself where it is near the middle, or else the center.
+
+        Bodies turn about where they are, and forces leave them ground around it. About an origin near their edge or beside them they
+        would sweep over ground that is others'.
+        """
+        if not self.corners:
+            return (0.0, 0.0)
+        from_origin, from_center = (
+            np.hypot(*(np.array(self.corners) - middle).T).max() for middle in ((0.0, 0.0), self.center)
+        )
+        return (0.0, 0.0) if from_origin <= NEAR_MIDDLE * from_center else self.center
 
     def scaled(self, factor: float) -> Outline:
         """Return the outline of an object that is larger by a factor."""

@@ -37,6 +37,7 @@ __all__ = [
     "SourceReader",
     "engine_size",
     "measure_size",
+    "standing_on",
     "variant_footprints",
     "variants_of",
     "with_any_outline",
@@ -239,12 +240,17 @@ def _line_around(
 
 
 def _footprint(outline: Outline, long: bool) -> Footprint:
-    """Return an object's outline as the solver takes it: around its origin, or along its axis around its middle."""
-    corners = np.array(outline.corners)
+    """Return an object's outline as the solver takes it: around what stands on the point, of long ones along their axis."""
+    corners = np.array(outline.corners) - standing_on(outline, long)
     if long:
         c, s = math.cos(outline.angle), math.sin(outline.angle)
-        corners = (corners - outline.center) @ np.array([[c, -s], [s, c]])
+        corners = corners @ np.array([[c, -s], [s, c]])
     return Footprint.polygon(corners)
+
+
+def standing_on(outline: Outline, long: bool) -> tuple[float, float]:
+    """Return what of an object stands on its point, from its origin [m]: of a long one its middle."""
+    return outline.center if long else outline.foot
 
 
 def variant_footprints(shape: SizeShape) -> list[Footprint]:

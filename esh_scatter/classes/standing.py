@@ -18,6 +18,9 @@ from ...engine.surface.instances import body_rotations, rotate
 
 __all__ = ["Ground", "Stand", "draw", "stand", "turns_towards"]
 
+# Where the normal points up by less than this, the ground is a wall.
+STEEPEST = 0.3
+
 
 @dataclass(frozen=True, eq=False)
 class Ground:
@@ -100,6 +103,18 @@ def _tilted(normal: np.ndarray, align: float, tilt: np.ndarray) -> np.ndarray:
     return rotate(leaning, np.broadcast_to([0.0, 0.0, 1.0], normal.shape))
 
 
+def _onto_ground(way: np.ndarray, ground: Ground) -> np.ndarray:
+    """Return ways from origins to points [m], shape ``[n, 3]``, raised or lowered so that origins are on the ground, too.
+
+    Near its point the ground is a plane. Long objects lie on their middles, and on walls nothing is raised.
+    """
+    normal = ground.normal.astype(np.float64)
+    steep = ground.long | (np.abs(normal[:, 2]) < STEEPEST)
+    way = way.copy()
+    way[:, 2] -= np.where(steep, 0.0, (way * normal).sum(axis=1) / np.where(steep, 1.0, normal[:, 2]))
+    return way
+
+
 def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     """Return how objects stand on their points; all float32.
 
@@ -126,5 +141,5 @@ def stand(standing: Standing, ground: Ground, seed: int) -> Stand:
     if len(moved):
         middle = np.zeros((len(moved), 3))
         middle[:, :2] = scale[moved, None] * ground.middle[moved]
-        to_origin[moved] -= rotate(rotation[moved], middle)
+        to_origin[moved] -= _onto_ground(rotate(rotation[moved], middle), ground.part(moved))
     return Stand(rotation.astype(np.float32), scale, to_origin.astype(np.float32))

@@ -79,6 +79,7 @@ def ground_attributes(ground: Ground, to_origin: np.ndarray) -> dict[str, tuple[
     }
     if ground.long.any():
         kept[_LONG] = ("BOOLEAN", ground.long)
+    if ground.middle.any() or ground.axis.any():
         kept[_MIDDLE] = ("FLOAT_VECTOR", np.column_stack([ground.middle, ground.axis]))
     if ground.laid.any():
         kept[_LAID] = ("BOOLEAN", ground.laid)

@@ -19,7 +19,7 @@ from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.whole_surface import WholeSurface
 from ..classes.on_whole_surface import headings
 from ..classes.scatter_class import ScatterClass, color_of, standing_of
-from ..classes.sources import SizeShape, variants_of
+from ..classes.sources import SizeShape, standing_on, variants_of
 from ..classes.standing import Ground, draw, stand, turns_towards
 from ..targets.targets import stuck_attributes
 from .following import follow_attributes
@@ -87,7 +87,7 @@ def result_points(
             if size.outlined and isinstance(chart, Chart):
                 _take_known_normals(ground, size, placement, chart, own)
             _fit(ground, size, placement, own, variant)
-            _lay_along(ground, size, own, variant)
+            _put_onto(ground, size, own, variant)
             if size.look is not None:
                 # Outlines were parted as they are turned, and what is pinned has the turn that it has.
                 free = own[:0] if size.outlines_of_variants else own[~placement.fixed[own]]
@@ -174,14 +174,17 @@ def _fit(ground: Ground, size: _Size, placement: Placement, own: np.ndarray, var
         ground.fit[own] = np.sqrt(placement.area[own] / np.array([outline.area for outline in outlines])[variant])
 
 
-def _lay_along(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray) -> None:
-    """Lay the objects of lines along their bodies: the middle of the outline on the point, its longer side along the axis."""
-    outlines = size.outlines
-    if size.shape.line is not None and outlines:
+def _put_onto(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray) -> None:
+    """Put objects onto their bodies: of lines the middle of the outline on the point, its longer side along the axis."""
+    outlines, long = size.outlines, size.shape.line is not None
+    if not outlines:
+        return
+    if long:
         ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
         ground.heading[own] -= ground.axis[own]
-        # Of an object as it is, before its class's scale.
-        ground.middle[own] = np.array([outline.center for outline in outlines])[variant] / size.standing.scale
+    # Of an object as it is, before its class's scale.
+    foot = np.array([standing_on(outline, long) for outline in outlines])
+    ground.middle[own] = foot[variant] / size.standing.scale
 
 
 def _look(ground: Ground, look: LookAt, size: _Size, position: np.ndarray, own: np.ndarray, free: np.ndarray) -> None:

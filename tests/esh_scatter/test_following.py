@@ -35,8 +35,8 @@ def hills():
 
 @pytest.fixture
 def scattered():
-    tree = new_object("Tree", [(0, 0, 0), (0.2, 0, 0), (0, 0.3, 0), (0, 0, 2)], [(0, 1, 2), (0, 1, 3)])
-    stone = new_object("Stone", [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    tree = new_object("Tree", [(0.1, 0, 0), (-0.1, 0.12, 0), (-0.1, -0.12, 0), (0, 0, 2)], [(0, 1, 2), (0, 1, 3)])
+    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
     classes = [
         esh.ScatterClass("tree", [esh.ScatterSize("t", 60, tree)], standing=esh.Standing(align_to_normal=0.0)),
         esh.ScatterClass(
@@ -255,7 +255,7 @@ def test_each_of_several_targets_is_followed_by_what_stands_on_it():
     square = [(0, 0, 0), (5, 0, 0), (5, 5, 0), (0, 5, 0)]
     left, right = (new_object(name, square, [(0, 1, 2, 3)]) for name in ("Left", "Right"))
     right.location.x = 8.0
-    stone = new_object("Stone", [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    stone = new_object("Stone", [(0.06, 0, 0), (-0.04, 0.05, 0), (-0.04, -0.05, 0)], [(0, 1, 2)])
     bpy.context.view_layer.update()
     item = esh.scatter(
         [left, right], [esh.ScatterClass("stone", [esh.ScatterSize("s", 40, stone)])], max_steps=3

@@ -458,3 +458,53 @@ def test_more_discs_fit_on_a_slope_than_in_its_plan():
     result = esh.scatter(item, [esh.ScatterClass("disc", [size])], device="cpu", avoid_overlap=True)
     assert count * math.pi * 0.25 > 105.0
     assert result.report.overlaps == 0 and overlapping(outlines_in_the_scene()) == 0
+
+
+@pytest.mark.parametrize("origin", [(0.5, 0.2), (-0.5, 0.0), (2.0, 1.0)], ids=["corner", "end", "beside"])
+def test_objects_whose_origin_is_at_their_edge_or_beside_them_are_parted_too(origin):
+    corners = np.array([(-0.5, -0.2), (0.5, -0.2), (0.5, 0.2), (-0.5, 0.2)]) - origin
+    board = flat("board", corners.tolist())
+    side = math.sqrt(120 * 0.4 / 0.6)
+    bpy.ops.mesh.primitive_plane_add(size=side)
+    ground = bpy.context.object
+    boards = [esh.ScatterClass("board", [esh.ScatterSize("any", 120, board)])]
+    # They turn about their middles, which are on the ground, and not about origins beside them.
+    result = esh.scatter(ground, boards, seed=5, device="cpu")
+    placed = outlines_in_the_scene()
+    assert len(placed) == 120 and result.report.overlaps == overlapping(placed) == 0
+    middles = np.array([polygon.centroid.coords[0] for polygon in placed])
+    assert (np.abs(middles) <= 0.5 * side + 1e-4).all()
+    assert np.allclose(middles, result.placement.position - 0.5 * side, atol=1e-4)
+    # Those that stay are known again, wherever their origins are.
+    pinned = result.object.data.attributes.new("pinned", "BOOLEAN", "POINT")
+    pinned.data.foreach_set("value", np.arange(120) < 5)
+    again = esh.scatter(ground, boards, seed=6, device="cpu")
+    left = np.array([polygon.centroid.coords[0] for polygon in outlines_in_the_scene()])
+    distance = np.linalg.norm(left[:, None] - middles[None, :5], axis=2).min(axis=0)
+    assert (distance < 1e-4).all() and again.report.overlaps == 0
+
+
+def test_an_object_is_on_its_point_with_its_origin_where_that_is_near_its_middle():
+    crown = flat("crown", [(-0.45, -0.3), (0.55, -0.3), (0.55, 0.3), (-0.45, 0.3)])
+    bpy.ops.mesh.primitive_plane_add(size=12.0)
+    result = esh.scatter(
+        bpy.context.object, [esh.ScatterClass("crown", [esh.ScatterSize("any", 40, crown)])], device="cpu"
+    )
+    assert np.allclose(result.instances.position[:, :2], result.placement.position - 6.0, atol=1e-5)
+    assert result.report.overlaps == overlapping(outlines_in_the_scene()) == 0
+
+
+@pytest.mark.parametrize("align", [0.0, 1.0])
+def test_origins_beside_the_middle_are_on_the_ground_all_the_same(align):
+    """As that of a tree that leans over: on a slope its foot neither floats nor sinks in."""
+    crown = flat("crown", [(0.0, -0.3), (1.0, -0.3), (1.0, 0.3), (0.0, 0.3)])
+    bpy.ops.mesh.primitive_plane_add(size=12.0, rotation=(math.radians(30.0), 0.0, 0.0))
+    bpy.ops.object.transform_apply()
+    standing = esh.Standing(align_to_normal=align)
+    crowns = [esh.ScatterClass("crown", [esh.ScatterSize("any", 30, crown)], standing=standing)]
+    result = esh.scatter(bpy.context.object, crowns, device="cpu")
+    y, z = result.instances.position.T[1:]
+    assert np.allclose(z, y * math.tan(math.radians(30.0)), atol=1e-4)
+    middles = np.array([polygon.centroid.coords[0] for polygon in outlines_in_the_scene()])
+    assert np.allclose(middles, result.placement.position - [6.0, 6.0 * math.cos(math.radians(30.0))], atol=1e-4)
+    assert result.report.overlaps == 0
