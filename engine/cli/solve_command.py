@@ -33,8 +33,9 @@ __all__ = ["add_solve", "solve"]
 HELP = """\
 Read a recipe, place its bodies, and write their positions.
 
-Exit status: 0 if everything was written. 2 if something in the input is wrong; one sentence says what. 130 if Ctrl-C
-stopped the run, 143 and 129 if SIGTERM or SIGHUP did. After all of these nothing was written, and older files are unchanged.
+Exit status: 0 if everything was written. 2 if something in the input is wrong or cannot be written; one sentence says what.
+130 if Ctrl-C stopped the run, 143 and 129 if SIGTERM or SIGHUP did. After all of these nothing was written, and older files are
+unchanged; only where the sentence is that the report could not be printed, all files are there.
 """
 
 
