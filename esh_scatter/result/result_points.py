@@ -182,6 +182,9 @@ def _put_onto(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray)
     if long:
         ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
         ground.heading[own] -= ground.axis[own]
+    if not long and not size.shape.own_outlines:
+        # Their bodies are discs around their origins, whatever they look like.
+        return
     # Of an object as it is, before its class's scale.
     foot = np.array([standing_on(outline, long) for outline in outlines])
     ground.middle[own] = foot[variant] / size.standing.scale
