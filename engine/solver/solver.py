@@ -89,6 +89,8 @@ class Progress:
 
 def is_stop(answer: object) -> bool:
     """Tell whether a progress callback asks for the end of a run: by False, NumPy's too; None goes on."""
+    if isinstance(answer, np.ndarray) and answer.shape == ():
+        answer = answer[()]
     return isinstance(answer, (bool, np.bool_)) and not answer
 
 

@@ -175,16 +175,16 @@ def _fit(ground: Ground, size: _Size, placement: Placement, own: np.ndarray, var
 
 
 def _put_onto(ground: Ground, size: _Size, own: np.ndarray, variant: np.ndarray) -> None:
-    """Put objects onto their bodies: of lines the middle of the outline on the point, its longer side along the axis."""
+    """Put objects onto their bodies: of lines the middle of the outline on the point, its longer side along the axis.
+
+    Bodies of a given area are discs around the objects' origins, whatever these look like.
+    """
     outlines, long = size.outlines, size.shape.line is not None
-    if not outlines:
+    if not outlines or not (long or size.shape.own_outlines):
         return
     if long:
         ground.axis[own] = np.array([outline.angle for outline in outlines])[variant]
         ground.heading[own] -= ground.axis[own]
-    if not long and not size.shape.own_outlines:
-        # Their bodies are discs around their origins, whatever they look like.
-        return
     # Of an object as it is, before its class's scale.
     foot = np.array([standing_on(outline, long) for outline in outlines])
     ground.middle[own] = foot[variant] / size.standing.scale

@@ -357,8 +357,9 @@ def test_the_report_counts_the_outlines_that_still_overlap():
     classes = [esh.ScatterClass("plank", [esh.ScatterSize("all", 70, plank)])]
     result = esh.scatter(ground, classes, device="cpu", avoid_overlap=True)
     assert any("at most about" in note for note in result.report.notes)
-    assert result.report.overlaps == overlapping(outlines_in_the_scene()) > 0
-    assert not result.report.converged
+    # The width of what two share is not quite how deep they lie in each other.
+    assert result.report.overlaps == pytest.approx(overlapping(outlines_in_the_scene()), abs=2)
+    assert result.report.overlaps > 50 and not result.report.converged
 
 
 def test_a_disc_that_was_asked_for_stays_one():

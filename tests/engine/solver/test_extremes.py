@@ -165,7 +165,7 @@ def test_forces_that_overflow_end_the_run_in_a_sentence(monkeypatch):
         solve(problem_of(Size("a", 1.0, 200)), device="cpu")
 
 
-@pytest.mark.parametrize("answer", [False, np.False_])
+@pytest.mark.parametrize("answer", [False, np.False_, np.array(False)])
 def test_whatever_means_false_stops_a_run(answer):
     placement = solve(problem_of(Size("a", 1.0, 20)), device="cpu", progress=lambda now: answer)
     assert placement.report.steps == 1 and not placement.report.converged
