@@ -60,11 +60,9 @@ def notes(report: dict[str, Any]) -> list[str]:
 
 
 def overlaps(report: dict[str, Any]) -> str:
-    """Return how many pairs of footprints overlap, and how far: "12 pairs, up to 0.05 m"."""
-    count, deepest = report["overlaps"], report.get("deepest_overlap") or 0.0
-    if not count:
-        return "none"
-    return f"{count:,} pair{'s' * (count != 1)}" + (f", up to {meters(deepest)}" if deepest > 0.0 else "")
+    """Return how many pairs of footprints overlap: "12 pairs"."""
+    count = report["overlaps"]
+    return f"{count:,} pair{'s' * (count != 1)}" if count else "none"
 
 
 def cover(found: Cover) -> str:

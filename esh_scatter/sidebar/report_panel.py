@@ -31,6 +31,8 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
         _draw_counts(layout.box(), report, scatter.names_in_report())
         facts = layout.column(align=True)
         _draw_fact(facts, "Overlaps", words.overlaps(report), "ERROR" if report["overlaps"] else "NONE")
+        if report["overlaps"] and report.get("deepest_overlap"):
+            _draw_fact(facts, "Deepest", words.meters(report["deepest_overlap"]))
         if report["overlaps"] and report.get("deepest_pair") is not None:
             row = facts.row(align=True)
             row.operator("esh.select_overlapping", text="Select")
