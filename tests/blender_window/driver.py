@@ -1,58 +1,110 @@
 """Runs inside a windowed Blender: install the zip, press Scatter Selection, tune and change it, say what happened."""
 
+import math
 import sys
 import time
 from pathlib import Path
 
+import bmesh
 import bpy
-from mathutils import Euler
+from mathutils import Euler, Matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
 import window_steps as steps
 from window_steps import answer, take_screenshot, window_context
 
 LONGEST_RUN = 60.0
-# What is placed: how it is made, its scale, and its color; and the color of the ground.
+BARK, WOOD, NEEDLES, LEAVES = (0.16, 0.09, 0.05), (0.45, 0.30, 0.16), (0.05, 0.19, 0.10), (0.30, 0.42, 0.10)
+# What is placed, of parts: a cone by its radii at both ends, its length and the height where it begins, or a ball by its half axes
+# and the height of its lowest point [m]; and its color.
 OBJECTS = {
-    "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
-    "Beech": ("ico_sphere", (0.4, 0.4, 0.6), (0.36, 0.46, 0.14)),
-    "Log": ("cube", (0.8, 0.1, 0.1), (0.33, 0.19, 0.09)),
-    "Mushroom": ("torus", (0.15, 0.15, 0.3), (0.72, 0.16, 0.07)),
-    "Pebble": ("uv_sphere", (0.1, 0.1, 0.06), (0.62, 0.60, 0.56)),
+    "Pine": [
+        ((0.07, 0.06, 0.35, 0.0), BARK),
+        ((0.46, 0.18, 0.55, 0.3), NEEDLES),
+        ((0.36, 0.12, 0.5, 0.7), NEEDLES),
+        ((0.25, 0.0, 0.6, 1.1), NEEDLES),
+    ],
+    "Beech": [((0.09, 0.06, 0.7, 0.0), BARK), (((0.5, 0.5, 0.55), 0.45), LEAVES), (((0.33, 0.33, 0.3), 1.2), LEAVES)],
+    "Log": [((0.11, 0.1, 1.6, -0.8), BARK), ((0.08, 0.07, 1.62, -0.81), WOOD)],
+    "Mushroom": [((0.05, 0.04, 0.16, 0.0), (0.80, 0.74, 0.62)), ((0.14, 0.04, 0.1, 0.13), (0.62, 0.08, 0.04))],
+    "Pebble": [(((0.13, 0.1, 0.07), -0.02), (0.52, 0.50, 0.47))],
 }
-GROUND = (0.42, 0.40, 0.30)
+GROUND = (0.27, 0.26, 0.12)
 
 
 def fill_in():
     with window_context():
         steps.show_tab()
         # As the pictures of the documentation show it: from a little above, and filled by the ground.
-        view = bpy.context.area.spaces.active.region_3d
-        view.view_rotation = Euler((0.9, 0.0, 0.5)).to_quaternion()
-        view.view_location, view.view_distance = (1.2, -0.6, 0.0), 17.5
+        space = bpy.context.area.spaces.active
+        space.region_3d.view_rotation = Euler((1.0, 0.0, 0.5)).to_quaternion()
+        space.region_3d.view_location, space.region_3d.view_distance = (1.0, -2.2, 0.0), 14.0
+        space.shading.show_shadows = space.shading.show_cavity = True
+        space.shading.shadow_intensity = 0.35
+        space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
         for item in list(bpy.data.objects):
             bpy.data.objects.remove(item)
-        bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=20, y_subdivisions=20)
-        ground = bpy.context.object
-        ground.name = "Ground"
-        paint(ground, GROUND)
-        made = [ground]
-        for name, (shape, scale, color) in OBJECTS.items():
-            getattr(bpy.ops.mesh, f"primitive_{shape}_add")(location=(30.0, 0.0, 0.0))
-            bpy.context.object.name = name
-            bpy.context.object.scale = scale
-            paint(bpy.context.object, color)
-            made.append(bpy.context.object)
-        for item in bpy.context.scene.objects:
-            item.select_set(item in made)
-        bpy.context.view_layer.objects.active = ground
+        made = [ground(), *(thing(name, parts) for name, parts in OBJECTS.items())]
+        for item in made:
+            item.select_set(True)
+        bpy.context.view_layer.objects.active = made[0]
         bpy.ops.ed.undo_push(message="Filled in")
 
 
-def paint(item, color):
-    material = bpy.data.materials.new(item.name)
+def ground():
+    """Gentle hills, 20 m wide."""
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=60, y_subdivisions=60)
+    made = bpy.context.object
+    made.name = "Ground"
+    for vertex in made.data.vertices:
+        x, y, _ = vertex.co
+        vertex.co.z = 0.5 * math.sin(0.35 * x + 0.2 * y) + 0.35 * math.cos(0.5 * y - 0.2 * x)
+    made.data.shade_smooth()
+    made.data.materials.append(painted("Ground", GROUND))
+    return made
+
+
+def thing(name, parts):
+    """Something to place, far below the ground."""
+    shape = bmesh.new()
+    mesh = bpy.data.meshes.new(name)
+    for number, (form, color) in enumerate(parts):
+        if len(form) == 4:
+            low, high, length, begin = form
+            faces = bmesh.ops.create_cone(
+                shape,
+                cap_ends=True,
+                segments=12,
+                radius1=low,
+                radius2=high,
+                depth=length,
+                matrix=Matrix.Translation((0.0, 0.0, begin + length / 2)),
+            )
+        else:
+            axes, lowest = form
+            matrix = Matrix.LocRotScale((0.0, 0.0, lowest + axes[2]), None, axes)
+            faces = bmesh.ops.create_icosphere(shape, subdivisions=2, radius=1.0, matrix=matrix)
+        for face in {face for vertex in faces["verts"] for face in vertex.link_faces}:
+            face.material_index, face.smooth = number, len(form) == 2
+        mesh.materials.append(painted(f"{name} {number}", color))
+    if name == "Log":
+        bmesh.ops.transform(
+            shape,
+            matrix=Matrix.Translation((0, 0, 0.1)) @ Euler((0.0, math.pi / 2, 0.0)).to_matrix().to_4x4(),
+            verts=shape.verts,
+        )
+    shape.to_mesh(mesh)
+    shape.free()
+    made = bpy.data.objects.new(name, mesh)
+    made.location = 0.0, 0.0, -30.0
+    bpy.context.collection.objects.link(made)
+    return made
+
+
+def painted(name, color):
+    material = bpy.data.materials.new(name)
     material.diffuse_color = (*color, 1.0)
-    item.data.materials.append(material)
+    return material
 
 
 def press():

@@ -1,0 +1,345 @@
+"""Runs inside a windowed Blender: obstacles, instances by hand, overlaps, display, presets, real objects and files, by mouse and keys.
+
+What happens is done with the mouse and the keyboard only, beside the scene at the start; what came of it is read.
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+
+sys.path.insert(0, str(Path(__file__).parent))
+import window_hand as hand
+import window_steps as steps
+from window_steps import FOLDER, answer, take_screenshot
+
+LONGEST_RUN, LONGEST_WALK = 60.0, 400.0
+SIDE = 20.0
+OBJECTS = {
+    "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
+    "Beech": ("ico_sphere", (0.4, 0.4, 0.6), (0.36, 0.46, 0.14)),
+    "Log": ("cube", (0.8, 0.1, 0.1), (0.33, 0.19, 0.09)),
+}
+
+
+def scatter():
+    return bpy.context.scene.esh_scatter.active
+
+
+def fill_in():
+    bpy.context.preferences.view.filebrowser_display_type = "SCREEN"
+    with steps.window_context():
+        steps.show_tab()
+        for item in list(bpy.data.objects):
+            bpy.data.objects.remove(item)
+        made = [_made("Ground", "grid", (0.0, 0.0, 0.0), (SIDE / 2, SIDE / 2, 1.0), (0.42, 0.40, 0.30))]
+        for name, (shape, scale, color) in OBJECTS.items():
+            made.append(_made(name, shape, (0.0, 0.0, -10.0), scale, color))
+        _made("Rock", "cube", (0.0, 0.0, 1.0), (2.0, 2.0, 1.0), (0.35, 0.35, 0.38))
+        _made("Pebble", "uv_sphere", (-12.0, 0.0, 0.0), (0.3, 0.3, 0.2), (0.62, 0.60, 0.56))
+        for item in bpy.context.scene.objects:
+            item.select_set(item in made)
+        bpy.context.view_layer.objects.active = made[0]
+        bpy.ops.view3d.view_axis(type="TOP")
+        bpy.context.space_data.region_3d.view_distance = 32.0
+        bpy.context.space_data.overlay.show_floor = False
+        bpy.ops.ed.undo_push(message="Filled in")
+    hand.watch_panels()
+
+
+def _made(name, shape, place, scale, color):
+    getattr(bpy.ops.mesh, f"primitive_{shape}_add")(location=place)
+    item = bpy.context.object
+    item.name, item.scale = name, scale
+    item.data.materials.append(bpy.data.materials.new(name))
+    item.data.materials[0].diffuse_color = (*color, 1.0)
+    return item
+
+
+def on_screen(place):
+    """Where on the screen a place in the scene is."""
+    _, area, region = steps.view()
+    return steps.on_screen(*location_3d_to_region_2d(region, area.spaces.active.region_3d, place))
+
+
+def positions():
+    mesh = scatter().result.data
+    place = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", place)
+    return place.reshape(-1, 3)
+
+
+def values(name):
+    mesh = scatter().result.data
+    found = np.empty(len(mesh.vertices), np.int32)
+    mesh.attributes[name].data.foreach_get("value", found)
+    return found
+
+
+def by_id(number):
+    return positions()[values("id") == number][0]
+
+
+def instances():
+    return sum(1 for one in bpy.context.evaluated_depsgraph_get().object_instances if one.is_instance)
+
+
+def idle():
+    """Whether no run is going on."""
+    running = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.solving.running"))
+    return running.session is None
+
+
+def update():
+    """Click on Update, and wait for the result."""
+    before = scatter().report_json if scatter() else ""
+    yield from hand.press("esh.scatter(")
+    yield from hand.until(lambda: idle() and scatter().report_json not in ("", before), LONGEST_RUN, "the run")
+    yield 1.0
+
+
+def begin():
+    yield from hand.press("esh.scatter_selection")
+    yield from hand.until(lambda: scatter() and scatter().result and idle(), LONGEST_RUN, "the first run")
+    yield 1.0
+    answer["begun"] = {one.name: one.count for one in scatter().classes}
+    for name in ("ESH_PT_class", "ESH_PT_classes"):
+        yield from hand.turn_panel(name, is_open=False)
+    take_screenshot("hand-1-begun.png")
+
+
+def obstacles():
+    """The rock in the middle becomes an obstacle; a second scatter keeps off the first."""
+    answer["on_rock_before"] = on_rock()
+    yield from hand.click(on_screen((0.0, 0.0, 2.0)))
+    answer["clicked"] = bpy.context.view_layer.objects.active.name
+    top = yield from hand.turn_panel("ESH_PT_obstacles")
+    yield from hand.press("esh.obstacle_add", first=top)
+    answer["obstacles"] = [one.item.name for one in scatter().obstacles if one.item]
+    answer["changed"] = scatter().changes()
+    yield from update()
+    answer["on_rock"] = on_rock()
+    take_screenshot("hand-2-obstacle.png")
+    yield from hand.turn_panel("ESH_PT_obstacles", is_open=False)
+
+
+def on_rock():
+    return int((np.abs(positions()[:, :2]) < 2.0).all(axis=1).sum())
+
+
+def instances_by_hand():
+    """One is moved with G, one pinned, one removed, and the run afterwards leaves them."""
+    top = yield from hand.turn_panel("ESH_PT_instances")
+    # In Edit Mode a mesh cannot be read.
+    ids, where = values("id"), positions()
+    yield from hand.press("esh.instances_edit", first=top)
+    take_screenshot("hand-3-edit.png")
+    answer["mode"] = scatter().result.mode
+    number = {}
+    for what, target in (("moved", (-8.0, 8.0)), ("pinned", (8.0, 8.0)), ("removed", (8.0, -8.0))):
+        chosen = int(np.argmin(np.linalg.norm(where[:, :2] - target, axis=1)))
+        number[what] = int(ids[chosen]), where[chosen]
+    _, place = number["moved"]
+    yield from hand.click(on_screen(place))
+    yield from hand.keys("g", "x")
+    yield from hand.write("1")
+    yield from hand.keys("Return")
+    yield from hand.click(on_screen(number["pinned"][1]))
+    yield from hand.press("esh.instances_pin", across=0.3, first=top)
+    yield from hand.click(on_screen(number["removed"][1]))
+    yield from hand.press("esh.instances_remove", across=0.8, first=top)
+    answer["free_places"] = len(scatter().free_places)
+    take_screenshot("hand-4-picked.png")
+    yield from hand.press("esh.instances_edit", first=top)
+    answer["mode_after"] = scatter().result.mode
+    yield from update()
+    moved, pinned = (by_id(number[what][0]) for what in ("moved", "pinned"))
+    answer["moved_by"] = (moved - number["moved"][1]).tolist()
+    answer["pinned_by"] = float(np.linalg.norm(pinned - number["pinned"][1]))
+    away = np.linalg.norm(positions()[:, :2] - number["removed"][1][:2], axis=1)
+    answer["nearest_to_removed"] = float(away.min())
+    take_screenshot("hand-5-stayed.png")
+    yield from hand.turn_panel("ESH_PT_instances", is_open=False)
+
+
+def another_scatter():
+    """A second scatter on the same ground keeps off the first."""
+    first, taken = scatter().result, positions()
+    yield from hand.click(on_screen((-12.0, 0.0, 0.0)))
+    yield from hand.click(on_screen(free_place(taken)), "shift")
+    answer["selected"] = sorted(item.name for item in bpy.context.selected_objects)
+    yield from hand.press("esh.scatter_add", across=0.76)
+    top = yield from hand.turn_panel("ESH_PT_classes")
+    yield from hand.press("esh.classes_from_selection", first=top)
+    yield from hand.turn_panel("ESH_PT_class", is_open=False)
+    yield from hand.turn_panel("ESH_PT_classes", is_open=False)
+    yield from hand.press("esh.scatter(")
+    yield from hand.until(
+        lambda: scatter().result not in (None, first) and idle(), LONGEST_RUN, "the run of the second scatter"
+    )
+    yield 1.0
+    answer["scatters"] = [one.name for one in bpy.context.scene.esh_scatter.scatters]
+    here = positions()[:, :2]
+    answer["nearest_of_other"] = float(min(np.linalg.norm(taken[:, :2] - one, axis=1).min() for one in here))
+    take_screenshot("hand-6-second.png")
+
+
+def free_place(taken):
+    """The place of the ground that is farthest from everything on it."""
+    x, y = np.meshgrid(np.linspace(-8.0, 8.0, 60), np.linspace(-8.0, 8.0, 60))
+    places = np.stack([x.ravel(), y.ravel()], axis=-1)
+    places = places[np.abs(places).max(axis=1) > 3.0]
+    nearest = np.linalg.norm(places[:, None] - taken[None, :, :2], axis=-1).min(axis=1)
+    return (*places[np.argmax(nearest)], 0.0)
+
+
+def overlaps():
+    """Too many that nothing parts overlap: they are selected, and the worst is framed."""
+    top = yield from hand.turn_panel("ESH_PT_class")
+    yield from hand.press("sizes[0].count", first=top, times=2)
+    yield from hand.keys("ctrl+a")
+    yield from hand.write("400")
+    yield from hand.keys("Return")
+    answer["count"] = scatter().active_class.sizes[0].count
+    yield from hand.turn_panel("ESH_PT_class", is_open=False)
+    top = yield from hand.turn_panel("ESH_PT_balance")
+    yield from hand.press("avoid_overlap", across=0.42, first=top)
+    answer["avoid_overlap"] = scatter().avoid_overlap
+    yield from hand.turn_panel("ESH_PT_balance", is_open=False)
+    yield from update()
+    answer["overlaps"] = scatter().report["overlaps"]
+    take_screenshot("hand-7-overlaps.png")
+    yield from hand.press("esh.select_overlapping", across=0.3)
+    answer["selecting"] = scatter().result.mode
+    take_screenshot("hand-8-selected.png")
+    yield from hand.press("esh.frame_overlap", across=0.8)
+    answer["cursor"] = list(bpy.context.scene.cursor.location)
+    take_screenshot("hand-9-framed.png")
+    yield from hand.click(steps.on_screen(60, 60))
+    yield from hand.keys("Tab", "Home")
+    answer["selected_points"] = int(sum(one.select for one in scatter().result.data.vertices))
+
+
+def display():
+    """Half of it is shown, then its bounds."""
+    module = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.result.display"))
+    modifier = module.our_modifier(scatter().result)
+    top = yield from hand.turn_panel("ESH_PT_display")
+    before = instances()
+    share = dict(module._inputs(modifier))["Viewport Share"]
+    yield from hand.press(share, across=0.7, first=top, times=2)
+    yield from hand.keys("ctrl+a")
+    yield from hand.write("0.5")
+    yield from hand.keys("Return")
+    yield 0.5
+    answer["shown"] = before, instances()
+    take_screenshot("hand-10-half.png")
+    yield from hand.keys("ctrl+z")
+    answer["shown_again"] = instances()
+    yield from hand.turn_panel("ESH_PT_display", is_open=False)
+
+
+def real_objects():
+    """Made real, one of them moved, and back."""
+    top = yield from hand.turn_panel("ESH_PT_instances")
+    yield from hand.press("esh.instances_make_real", first=top)
+    yield 1.0
+    take_screenshot("hand-11-real.png")
+    made = [item for item in bpy.data.objects if item.name.endswith(" 0001")]
+    answer["real"] = sorted(item.name for item in made)
+    place = made[0].matrix_world.translation.copy()
+    yield from hand.click(on_screen(place))
+    answer["picked"] = bpy.context.view_layer.objects.active.name
+    yield from hand.keys("g", "x")
+    yield from hand.write("0.5")
+    yield from hand.keys("Return")
+    # A menu has no command of its own: it is below the two lines that say what is the case.
+    x, y = on_panel(top, 3.8)
+    yield from hand.click((x, y))
+    take_screenshot("hand-11-back-menu.png")
+    yield from hand.keys("k")
+    yield 1.0
+    answer["back"] = instances()
+    answer["at_moved"] = float(np.linalg.norm(positions() - np.array([place.x + 0.5, place.y, place.z]), axis=1).min())
+    take_screenshot("hand-12-back.png")
+    yield from hand.turn_panel("ESH_PT_instances", is_open=False)
+
+
+def on_panel(top, lines):
+    """A place so many lines below the header of a panel."""
+    window, _, region = hand._sidebar()
+    return round(region.x + 0.6 * region.width), window.height - region.y - region.height + top + round(23 * lines)
+
+
+def files():
+    """The result is written by the entry of the File menu."""
+    yield from hand.click(on_screen(positions()[0]))
+    answer["to_export"] = bpy.context.view_layer.objects.active.name
+    yield from hand.click((43, 14))
+    yield from hand.keys("e")
+    yield 0.5
+    take_screenshot("hand-13-file-menu.png")
+    yield from hand.keys("Up", "Return")
+    yield 2.0
+    browser = next(one for one in bpy.context.window_manager.windows[0].screen.areas if one.type == "FILE_BROWSER")
+    browser.spaces.active.params.directory = str(FOLDER).encode()
+    yield 1.0
+    take_screenshot("hand-13-export.png")
+    yield from hand.keys("Return")
+    yield 3.0
+    answer["written"] = sorted(path.name for path in FOLDER.iterdir() if path.suffix in (".usdc", ".glb"))
+
+
+def presets():
+    """A preset from the menu of scatters."""
+    _, y = yield from hand.find("].name", across=0.4)
+    _, _, region = hand._sidebar()
+    yield from hand.click((round(region.x + 0.07 * region.width), y))
+    yield 0.5
+    take_screenshot("hand-14-menu.png")
+    yield from hand.keys("Up", "Right")
+    yield 1.0
+    take_screenshot("hand-15-presets.png")
+    yield from hand.keys("Escape")
+
+
+def ends():
+    """A run that is stopped changes nothing; a result that is deleted is missed; a scatter's new name is its result's."""
+    before = positions()
+    yield from hand.press("esh.scatter(")
+    yield from hand.until(lambda: not idle(), 5.0, "the start of the run")
+    yield from hand.keys("Escape")
+    yield from hand.until(idle, 5.0, "the end of the run")
+    answer["stopped"] = bool((positions() == before).all())
+    yield from hand.press("].name", across=0.4, times=2)
+    yield from hand.keys("ctrl+a")
+    yield from hand.write("Wood")
+    yield from hand.keys("Return")
+    answer["renamed"] = scatter().name, scatter().result.name
+    yield from hand.click(on_screen(positions()[0]))
+    answer["to_delete"] = bpy.context.view_layer.objects.active.name
+    yield from hand.keys("x", "Return")
+    yield 1.0
+    answer["deleted"] = scatter().result_in(bpy.context.scene) is None
+    take_screenshot("hand-16-deleted.png")
+    yield from hand.keys("ctrl+z")
+    yield 1.0
+    answer["undone"] = scatter().result_in(bpy.context.scene) is not None
+    take_screenshot("hand-17-undone.png")
+
+
+# Without xdotool there is no hand.
+answer["mouse"] = shutil.which("xdotool") is not None
+WALKS = (begin, obstacles, instances_by_hand, another_scatter, overlaps, display, real_objects, files, presets, ends)
+steps.run(
+    [
+        (steps.install, 2.0),
+        (steps.open_sidebar, 2.0),
+        (fill_in, 2.0),
+        *((hand.steps_of(walk, LONGEST_WALK), 0.02) for walk in WALKS if answer["mouse"]),
+        (steps.end, 1.0),
+    ]
+)
