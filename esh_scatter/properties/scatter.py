@@ -74,7 +74,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         update=_live_switched,
     )
     points_above: IntProperty(
-        name="Show Points Above",
+        name="Points Above",
         description="Results with more objects than this are first shown as points in the viewport. Renders always show the objects",
         default=100_000,
         min=0,
