@@ -1,4 +1,4 @@
-"""Runs inside a windowed Blender: obstacles, instances by hand, overlaps, display, presets, real objects and files, by mouse and keys.
+"""Runs inside a windowed Blender: obstacles, instances by hand, overlaps, display, real objects, by mouse and keys.
 
 What happens is done with the mouse and the keyboard only, beside the scene at the start; what came of it is read.
 """
@@ -14,9 +14,9 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 sys.path.insert(0, str(Path(__file__).parent))
 import window_hand as hand
 import window_steps as steps
-from window_steps import FOLDER, answer, take_screenshot
+from window_steps import answer, take_screenshot
 
-LONGEST_RUN, LONGEST_WALK = 60.0, 400.0
+LONGEST_RUN, LONGEST_WALK = 60.0, 200.0
 SIDE = 20.0
 OBJECTS = {
     "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
@@ -201,7 +201,7 @@ def overlaps():
     top = yield from hand.turn_panel("ESH_PT_class")
     yield from hand.press("sizes[0].count", first=top, times=2)
     yield from hand.keys("ctrl+a")
-    yield from hand.write("400")
+    yield from hand.write("700")
     yield from hand.keys("Return")
     answer["count"] = scatter().active_class.sizes[0].count
     yield from hand.turn_panel("ESH_PT_class", is_open=False)
@@ -274,38 +274,6 @@ def on_panel(top, lines):
     return round(region.x + 0.6 * region.width), window.height - region.y - region.height + top + round(23 * lines)
 
 
-def files():
-    """The result is written by the entry of the File menu."""
-    yield from hand.click(on_screen(positions()[0]))
-    answer["to_export"] = bpy.context.view_layer.objects.active.name
-    yield from hand.click((43, 14))
-    yield from hand.keys("e")
-    yield 0.5
-    take_screenshot("hand-13-file-menu.png")
-    yield from hand.keys("Up", "Return")
-    yield 2.0
-    browser = next(one for one in bpy.context.window_manager.windows[0].screen.areas if one.type == "FILE_BROWSER")
-    browser.spaces.active.params.directory = str(FOLDER).encode()
-    yield 1.0
-    take_screenshot("hand-13-export.png")
-    yield from hand.keys("Return")
-    yield 3.0
-    answer["written"] = sorted(path.name for path in FOLDER.iterdir() if path.suffix in (".usdc", ".glb"))
-
-
-def presets():
-    """A preset from the menu of scatters."""
-    _, y = yield from hand.find("].name", across=0.4)
-    _, _, region = hand._sidebar()
-    yield from hand.click((round(region.x + 0.07 * region.width), y))
-    yield 0.5
-    take_screenshot("hand-14-menu.png")
-    yield from hand.keys("Up", "Right")
-    yield 1.0
-    take_screenshot("hand-15-presets.png")
-    yield from hand.keys("Escape")
-
-
 def ends():
     """A run that is stopped changes nothing; a result that is deleted is missed; a scatter's new name is its result's."""
     before = positions()
@@ -333,7 +301,7 @@ def ends():
 
 # Without xdotool there is no hand.
 answer["mouse"] = shutil.which("xdotool") is not None
-WALKS = (begin, obstacles, instances_by_hand, another_scatter, overlaps, display, real_objects, files, presets, ends)
+WALKS = (begin, obstacles, instances_by_hand, display, real_objects, ends, another_scatter, overlaps)
 steps.run(
     [
         (steps.install, 2.0),

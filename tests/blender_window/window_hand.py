@@ -66,6 +66,11 @@ def write(text):
     yield CLICK
 
 
+def move(place):
+    """Move the mouse to a place on the screen."""
+    _do("mousemove", *place)
+
+
 def click(place, *modifiers, times=1):
     """Click with the mouse on a place on the screen."""
     _do("mousemove", *place)
