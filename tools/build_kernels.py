@@ -14,11 +14,17 @@ import platform
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import esh
 import warp as wp
+from esh.engine.device.devices import core_count
 from esh.engine.device.prebuilt_kernels import INDEX, TIERS, stem_of
+from esh.engine.device.quiet_start import start_warp
 
 # Modules that hold kernels of GPUs only.
 GPU_ONLY = ("_gpu",)
@@ -53,8 +59,7 @@ def build(folder: Path, kept: Path = KEPT) -> int:
         folder: Where to put them.
         kept: Where all of them stay for the next time, which then compiles only what has changed.
     """
-    wp.config.log_level = wp.LOG_WARNING
-    wp.init()
+    start_warp()
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     # Warp's own flags, but for another processor than this one.
@@ -62,22 +67,19 @@ def build(folder: Path, kept: Path = KEPT) -> int:
     flags = {tier: f"-target-cpu {tier} {own}".strip() for tier in tiers_of_this_machine()}
     kept = kept / f"warp-{wp.__version__}"
     kept.mkdir(parents=True, exist_ok=True)
-    used: set[str] = set()
-    for name in kernel_modules():
-        importlib.import_module(name)
-        module = wp.get_module(name)
-        if not module.kernels:
-            continue
-        for tier_flags in flags.values():
-            # The CPU's block has one thread.
-            wp.set_module_options({"cpu_compiler_flags": tier_flags, "block_dim": 1}, module)
-            module.mark_modified()
-            stem = stem_of(module, "esh")
-            if not all((kept / f"{stem}{ending}").is_file() for ending in ENDINGS):
-                _compile(module, kept / stem)
-            for ending in ENDINGS:
-                shutil.copyfile(kept / f"{stem}{ending}", folder / f"{stem}{ending}")
-            used.add(stem)
+    stems = {name: list(_stems(name, flags.values())) for name in kernel_modules()}
+    missing = [name for name, of_tiers in stems.items() if not all(_is_there(kept / stem) for stem in of_tiers)]
+    compile_missing = partial(_compile_missing, list(flags.values()), kept)
+    if len(missing) > 1:
+        # New processes: what Warp has started does not survive a fork.
+        with ProcessPoolExecutor(min(core_count(), len(missing)), mp_context=get_context("spawn")) as processes:
+            list(processes.map(compile_missing, missing))
+    else:
+        list(map(compile_missing, missing))
+    used = {stem for of_tiers in stems.values() for stem in of_tiers}
+    for stem in used:
+        for ending in ENDINGS:
+            shutil.copyfile(kept / f"{stem}{ending}", folder / f"{stem}{ending}")
     # Of a module that was edited, what it was before.
     modules = {_module_of(stem) for stem in used}
     for file in kept.iterdir():
@@ -85,6 +87,29 @@ def build(folder: Path, kept: Path = KEPT) -> int:
             file.unlink(missing_ok=True)
     (folder / INDEX).write_text(json.dumps({"warp": wp.__version__, "flags": flags}, indent=1) + "\n", encoding="utf-8")
     return len(used)
+
+
+def _stems(name: str, flags: Iterable[str]) -> Iterator[str]:
+    """Names of the files of a module's kernels, for each tier's flags, to which the module is set meanwhile; none without kernels."""
+    importlib.import_module(name)
+    module = wp.get_module(name)
+    for tier_flags in flags if module.kernels else ():
+        # The CPU's block has one thread.
+        wp.set_module_options({"cpu_compiler_flags": tier_flags, "block_dim": 1}, module)
+        module.mark_modified()
+        yield stem_of(module, "esh")
+
+
+def _is_there(stem: Path) -> bool:
+    return all(stem.with_name(f"{stem.name}{ending}").is_file() for ending in ENDINGS)
+
+
+def _compile_missing(flags: Iterable[str], kept: Path, name: str) -> None:
+    """Compile a module for the tiers of which there are no files yet."""
+    start_warp()
+    for stem in _stems(name, flags):
+        if not _is_there(kept / stem):
+            _compile(wp.get_module(name), kept / stem)
 
 
 def _module_of(stem: str) -> str:
