@@ -143,8 +143,11 @@ def _apply(bands: list[Band], image: np.ndarray) -> np.ndarray:
 
 
 def order_of_axes(given: Sequence[int], made: Sequence[int]) -> tuple[int, int]:
-    """Return along which axis an image is summed first: the one that leaves less; a single row of pixels may be very long."""
-    return (0, 1) if made[0] * given[1] <= given[0] * made[1] else (1, 0)
+    """Return along which axis an image is summed first: down its columns, unless along its rows leaves less than half as much.
+
+    A single row of pixels may be very long.
+    """
+    return (0, 1) if made[0] * given[1] <= 2 * given[0] * made[1] else (1, 0)
 
 
 def _fold(values: np.ndarray, fold: int) -> np.ndarray:
