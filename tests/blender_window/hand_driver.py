@@ -1,4 +1,4 @@
-"""Runs inside a windowed Blender: obstacles, instances by hand, overlaps, display, real objects, by mouse and keys.
+"""Runs inside a windowed Blender: obstacles, instances by hand, display, real objects, by mouse and keys.
 
 What happens is done with the mouse and the keyboard only, beside the scene at the start; what came of it is read.
 """
@@ -39,7 +39,6 @@ def fill_in():
         for name, (shape, scale, color) in OBJECTS.items():
             made.append(_made(name, shape, (0.0, 0.0, -10.0), scale, color))
         _made("Rock", "cube", (0.0, 0.0, 1.0), (2.0, 2.0, 1.0), (0.35, 0.35, 0.38))
-        _made("Pebble", "uv_sphere", (-12.0, 0.0, 0.0), (0.3, 0.3, 0.2), (0.62, 0.60, 0.56))
         for item in bpy.context.scene.objects:
             item.select_set(item in made)
         bpy.context.view_layer.objects.active = made[0]
@@ -165,64 +164,6 @@ def instances_by_hand():
     yield from hand.turn_panel("ESH_PT_instances", is_open=False)
 
 
-def another_scatter():
-    """A second scatter on the same ground keeps off the first."""
-    first, taken = scatter().result, positions()
-    yield from hand.click(on_screen((-12.0, 0.0, 0.0)))
-    yield from hand.click(on_screen(free_place(taken)), "shift")
-    answer["selected"] = sorted(item.name for item in bpy.context.selected_objects)
-    yield from hand.press("esh.scatter_add", across=0.76)
-    top = yield from hand.turn_panel("ESH_PT_classes")
-    yield from hand.press("esh.classes_from_selection", first=top)
-    yield from hand.turn_panel("ESH_PT_class", is_open=False)
-    yield from hand.turn_panel("ESH_PT_classes", is_open=False)
-    yield from hand.press("esh.scatter(")
-    yield from hand.until(
-        lambda: scatter().result not in (None, first) and idle(), LONGEST_RUN, "the run of the second scatter"
-    )
-    yield 1.0
-    answer["scatters"] = [one.name for one in bpy.context.scene.esh_scatter.scatters]
-    here = positions()[:, :2]
-    answer["nearest_of_other"] = float(min(np.linalg.norm(taken[:, :2] - one, axis=1).min() for one in here))
-    take_screenshot("hand-6-second.png")
-
-
-def free_place(taken):
-    """The place of the ground that is farthest from everything on it."""
-    x, y = np.meshgrid(np.linspace(-8.0, 8.0, 60), np.linspace(-8.0, 8.0, 60))
-    places = np.stack([x.ravel(), y.ravel()], axis=-1)
-    places = places[np.abs(places).max(axis=1) > 3.0]
-    nearest = np.linalg.norm(places[:, None] - taken[None, :, :2], axis=-1).min(axis=1)
-    return (*places[np.argmax(nearest)], 0.0)
-
-
-def overlaps():
-    """Too many that nothing parts overlap: they are selected, and the worst is framed."""
-    top = yield from hand.turn_panel("ESH_PT_class")
-    yield from hand.press("sizes[0].count", first=top, times=2)
-    yield from hand.keys("ctrl+a")
-    yield from hand.write("700")
-    yield from hand.keys("Return")
-    answer["count"] = scatter().active_class.sizes[0].count
-    yield from hand.turn_panel("ESH_PT_class", is_open=False)
-    top = yield from hand.turn_panel("ESH_PT_balance")
-    yield from hand.press("avoid_overlap", across=0.42, first=top)
-    answer["avoid_overlap"] = scatter().avoid_overlap
-    yield from hand.turn_panel("ESH_PT_balance", is_open=False)
-    yield from update()
-    answer["overlaps"] = scatter().report["overlaps"]
-    take_screenshot("hand-7-overlaps.png")
-    yield from hand.press("esh.select_overlapping", across=0.3)
-    answer["selecting"] = scatter().result.mode
-    take_screenshot("hand-8-selected.png")
-    yield from hand.press("esh.frame_overlap", across=0.8)
-    answer["cursor"] = list(bpy.context.scene.cursor.location)
-    take_screenshot("hand-9-framed.png")
-    yield from hand.click(steps.on_screen(60, 60))
-    yield from hand.keys("Tab", "Home")
-    answer["selected_points"] = int(sum(one.select for one in scatter().result.data.vertices))
-
-
 def display():
     """Half of it is shown, then its bounds."""
     module = next(module for name, module in sys.modules.items() if name.endswith("esh_scatter.result.display"))
@@ -242,14 +183,20 @@ def display():
     yield from hand.turn_panel("ESH_PT_display", is_open=False)
 
 
+def real_ones():
+    """The objects that were made of instances, by name."""
+    made = [item for one in bpy.data.collections if one.name.endswith(" Objects") for item in one.objects]
+    return sorted(made, key=lambda item: item.name)
+
+
 def real_objects():
     """Made real, one of them moved, and back."""
     top = yield from hand.turn_panel("ESH_PT_instances")
     yield from hand.press("esh.instances_make_real", first=top)
-    yield 1.0
+    yield from hand.until(real_ones, 20.0, "the real objects")
     take_screenshot("hand-11-real.png")
-    made = [item for item in bpy.data.objects if item.name.endswith(" 0001")]
-    answer["real"] = sorted(item.name for item in made)
+    made = real_ones()
+    answer["real"] = [item.name for item in made]
     place = made[0].matrix_world.translation.copy()
     yield from hand.click(on_screen(place))
     answer["picked"] = bpy.context.view_layer.objects.active.name
@@ -301,7 +248,7 @@ def ends():
 
 # Without xdotool there is no hand.
 answer["mouse"] = shutil.which("xdotool") is not None
-WALKS = (begin, obstacles, instances_by_hand, display, real_objects, ends, another_scatter, overlaps)
+WALKS = (begin, obstacles, instances_by_hand, display, real_objects, ends)
 steps.run(
     [
         (steps.install, 2.0),
