@@ -13,7 +13,7 @@ from ..space.kernels_space import period
 from . import splitting
 from .blur import LARGEST_Q
 from .kernels_blur import level_of
-from .kernels_splines import potential_gradient, potential_gradients
+from .kernels_splines import fetch_ahead, potential_gradient, potential_gradients
 
 __all__ = [
     "COLUMNS_PER_CUTOFF",
@@ -259,6 +259,7 @@ def add_far_field(
 ):
     """The same, where the near part has been summed; on the CPU. The sums are 0 again, for the next time."""
     i = first + wp.tid()
+    fetch_ahead(i, charges, mesh, potential)
     sum = wp.vec2(near.x[i], near.y[i])
     near.x[i] = 0.0
     near.y[i] = 0.0
