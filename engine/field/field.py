@@ -124,7 +124,7 @@ class Field:
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
         self._charge, self._charge_group = launcher.array(charge, float), launcher.array(charge_group, wp.int32)
         self._choose_cells()
-        self._make_room()
+        self._make_room(interaction)
         self._lay_images(images, interaction @ charge_of_image)
         self._influence = launcher.kept(
             ("influence", self.layout, self.cutoff), lambda: far_influence(self._convolution, self.layout, self.cutoff)
@@ -161,15 +161,22 @@ class Field:
             return [0, self.launcher.empty(1, float)]
         return [1, self.launcher.array(whole_charge, float)]
 
-    def _make_room(self) -> None:
+    def _make_room(self, interaction: np.ndarray) -> None:
         """Room for the charges in the order of their cells, and for what is on the mesh."""
         launcher, room = self.launcher, self.charge_count + kernels_near.LANES
         self._cell_sort = CellSort(launcher, self.charge_count, self.cells.count_x * self.cells.count_y)
         charges = kernels_cells.SortedCharges()
         charges.order, charges.cell_start = self._cell_sort.order, self._cell_sort.cell_start
         charges.x, charges.y, charges.charge = (launcher.zeros(room, float) for _ in range(3))
-        charges.group = launcher.empty(self.charge_count, wp.int32)
-        charges.weight, charges.weight_stride = launcher.zeros(self.group_count * room, float), room
+        charges.group = launcher.zeros(room, wp.int32)
+        # A CPU keeps what a group sees of as many groups as it has lanes at hand, which saves the memory's time.
+        charges.by_group = int(not launcher.device.is_cuda and self.group_count <= kernels_near.LANES)
+        if charges.by_group:
+            rows = np.zeros((self.group_count, kernels_near.LANES))
+            rows[:, : self.group_count] = interaction
+            charges.weight, charges.weight_stride = launcher.array(rows.ravel(), float), kernels_near.LANES
+        else:
+            charges.weight, charges.weight_stride = launcher.zeros(self.group_count * room, float), room
         self._sorted = charges
         if not launcher.device.is_cuda:
             # What is summed is taken away at once, so that these are 0 before every evaluation.

@@ -22,8 +22,8 @@ wp.set_module_options({"enable_backward": False})
 LANES = 8
 
 
-def _add_ranges(variance: str) -> str:
-    """C++ that goes through all ranges of neighbors; ``variance`` is that of a pair."""
+def _add_ranges(variance: str, weight: str) -> str:
+    """C++ that goes through all ranges of neighbors, with the variance of a pair and what the own group sees of a neighbor."""
     return f"""
         for (int range = 0; range < ranges; ++range)
         {{
@@ -36,7 +36,7 @@ def _add_ranges(variance: str) -> str:
                 const V dy = from_y - *(const V*)(ys + j);
                 {pair_strength(variance)}
                 const I within = (r2 < cutoff2) & (lane < end - j);
-                const V seen = within ? *(const V*)(ws + j) * strength : (V)0.0f;
+                const V seen = within ? {weight} * strength : (V)0.0f;
                 const V push_x = seen * dx, push_y = seen * dy;
                 const V charge = *(const V*)(qs + j);
                 sum_x += charge * push_x;
@@ -67,6 +67,11 @@ def _add_ranges(variance: str) -> str:
 """
 
 
+_OF_ALL = "of_all"
+_OF_PAIR = "(own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower)"
+_BY_GROUP = "look_up(of_groups, *(const I*)(groups + j))"
+_BY_CHARGE = "*(const V*)(ws + j)"
+
 # Native code because this loop is most of the near field's time. Where the neighbors of a few charges are is found for all of them at
 # once; cells of a row are neighbors in memory: those within the cut-off are one range, or two where it reaches round the domain.
 _ADD_PAIRS = f"""
@@ -79,12 +84,23 @@ _ADD_PAIRS = f"""
     auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
     auto least = [](V v, float w) -> V {{ return __builtin_elementwise_min(v, (V)w); }};
     auto most = [](V v, float w) -> V {{ return __builtin_elementwise_max(v, (V)w); }};
+    auto look_up = [](V table, I index) -> V
+    {{
+#if defined(__AVX2__)
+        return __builtin_ia32_permvarsf256(table, index);
+#else
+        V found;
+        for (int l = 0; l < L; ++l) found[l] = table[index[l] & (L - 1)];
+        return found;
+#endif
+    }};
     {PAIR_CONSTANTS}
     const float* __restrict__ xs = charges.x.data;
     const float* __restrict__ ys = charges.y.data;
     const float* __restrict__ qs = charges.charge.data;
     const float* __restrict__ vs = blurred.variance.data;
     const int* __restrict__ fs = blurred.family.data;
+    const int* __restrict__ groups = charges.group.data;
     float* __restrict__ to_x = near.x.data;
     float* __restrict__ to_y = near.y.data;
     const float per_column = grid.inverse_size[0], per_row = grid.inverse_size[1];
@@ -110,7 +126,7 @@ _ADD_PAIRS = f"""
         {{
             const float x = xs[own], y = ys[own], own_variance = vs[own], own_charge = qs[own];
             const int own_family = fs[own];
-            const float* __restrict__ ws = charges.weight.data + (size_t)charges.group.data[own] * charges.weight_stride;
+            const float* __restrict__ ws = charges.weight.data + (size_t)groups[own] * charges.weight_stride;
             int begins[2 * ROWS], ends[2 * ROWS], ranges = 0;
             float from_xs[2 * ROWS], from_ys[2 * ROWS];
             for (int k = 0; k < ROWS; ++k)
@@ -140,14 +156,22 @@ _ADD_PAIRS = f"""
                 }}
             }}
             V sum_x = (V)0.0f, sum_y = (V)0.0f;
-            if (blurred.alike != 0)
+            if (charges.by_group == 0)
             {{
-                const V of_all = own_variance + own_variance;
-                {_add_ranges("of_all")}
+                {_add_ranges(_OF_PAIR, _BY_CHARGE)}
             }}
             else
             {{
-                {_add_ranges("(own_variance + *(const V*)(vs + j)) * (*(const I*)(fs + j) == own_family ? (V)1.0f : (V)narrower)")}
+                const V of_groups = *(const V*)ws;
+                if (blurred.alike != 0)
+                {{
+                    const V of_all = own_variance + own_variance;
+                    {_add_ranges(_OF_ALL, _BY_GROUP)}
+                }}
+                else
+                {{
+                    {_add_ranges(_OF_PAIR, _BY_GROUP)}
+                }}
             }}
             float total_x = 0.0f, total_y = 0.0f;
             for (int l = 0; l < L; ++l)

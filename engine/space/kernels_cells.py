@@ -23,8 +23,8 @@ class CellGrid:
 class SortedCharges:
     """Charges in the order of their cells: number, position, charge and group of each, and where every cell begins.
 
-    ``weight`` has, group after group and ``weight_stride`` apart, the charges as the group sees them. All but ``order``, ``group`` and
-    ``cell_start`` have room for a few more charges, which what reads several at once reads, too.
+    ``weight`` has, group after group and ``weight_stride`` apart, what of every charge the group sees; or, ``by_group``, what it sees
+    of every group. All but ``order`` and ``cell_start`` have room for a few more charges, which what reads several at once reads, too.
     """
 
     order: wp.array(dtype=wp.int32)
@@ -34,6 +34,7 @@ class SortedCharges:
     group: wp.array(dtype=wp.int32)
     weight: wp.array(dtype=float)
     weight_stride: wp.int32
+    by_group: wp.int32
     cell_start: wp.array(dtype=wp.int32)
 
 
@@ -202,7 +203,7 @@ def gather_charges(
     # outputs
     charges: SortedCharges,
 ):
-    """Copy charges into the order of their cells, and weigh them with the interaction matrix, once for every group that sees them."""
+    """Copy charges into the order of their cells, and say what every group sees of them, where that is not known by group."""
     i = first + wp.tid()
     source = charges.order[i]
     p = position[source]
@@ -212,6 +213,8 @@ def gather_charges(
     group = charge_group[source]
     charges.charge[i] = q
     charges.group[i] = group
+    if charges.by_group != 0:
+        return
     for g in range(group_count):
         at = wp.int64(g) * wp.int64(charges.weight_stride) + wp.int64(i)
         charges.weight[at] = interaction[g * group_count + group]
