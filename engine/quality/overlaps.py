@@ -172,6 +172,9 @@ def overlaps_from(found: np.ndarray, depth: np.ndarray, pair: tuple[int, int], m
     if count == 0:
         return Overlaps(0)
     lying = np.flatnonzero(depth > 0.0)
+    if len(lying) > MOST_NAMED:
+        # All of a million need not be sorted for that.
+        lying = lying[depth[lying] >= np.partition(depth[lying], -MOST_NAMED)[-MOST_NAMED]]
     named = lying[np.argsort(-depth[lying], kind="stable")[:MOST_NAMED]]
     one, other = sorted(pair)
     return Overlaps(count, float(depth.max()), (one, other), tuple(middle.tolist()), tuple(named.tolist()))
