@@ -55,7 +55,7 @@ def add_tiles(commands: argparse._SubParsersAction) -> None:
         "--steps",
         metavar="A,B,C",
         type=_steps,
-        help="steps of the three passes (default: 55,45,45; fewer are faster and a little less even)",
+        help="steps of the three passes (default: 50,45,60; fewer are faster and a little less even)",
     )
     add_run_options(parser, "a window", "; its machines must all see recipe and folder")
 
@@ -119,4 +119,4 @@ def _steps(text: str) -> tuple[int, int, int]:
     words = text.split(",")
     if len(words) == 3 and all(word.isdecimal() and 0 < int(word) < 10**6 for word in words):
         return int(words[0]), int(words[1]), int(words[2])
-    raise argparse.ArgumentTypeError(f"must be three whole numbers above 0, as 55,45,45; got {text!r}")
+    raise argparse.ArgumentTypeError(f"must be three whole numbers above 0, as 50,45,60; got {text!r}")

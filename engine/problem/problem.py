@@ -134,7 +134,9 @@ class Problem(ProblemSettings):
                 prepared = tuple(cut_out_on_surface(c, domain, obstacles) for c in bases)
         else:
             check_known_in_rectangles(bases, obstacles)
-            prepared = tuple(with_clumps(c, index, domain, settings.seed) for index, c in enumerate(bases))
+            prepared = tuple(
+                with_clumps(c, index, domain, settings.seed, settings.regularity) for index, c in enumerate(bases)
+            )
             if obstacles:
                 prepared = tuple(cut_out(c, domain, obstacles) for c in prepared)
         prepared = _sharing_images(prepared)

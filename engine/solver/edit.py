@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import warp as wp
@@ -32,7 +32,7 @@ SMALLEST_ORDER, LARGEST_ORDER = 3, 10
 # Densities that differ by less have not changed: images are read and blurred in float32.
 UNCHANGED = 1e-4
 # Where fewer stay than this share, it is those that are spread evenly; elsewhere those that go are.
-FEW = 0.3
+FEW = 0.6
 # Bodies of a row of cells among which the nearest to a point is looked for.
 IN_ROW = 16
 
@@ -50,6 +50,7 @@ class _Change:
         surplus: How many are to go of those that have one, where most stay.
         thinned: Which of ``pool`` are where most are to go.
         survivors: How many of these are to stay.
+        placed: Old indices of those of them that are to be at the points that were spread for them, in their order.
     """
 
     rows: np.ndarray
@@ -60,6 +61,7 @@ class _Change:
     surplus: int
     thinned: np.ndarray
     survivors: int
+    placed: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def counts(self) -> list[int]:
@@ -80,7 +82,10 @@ class _Change:
         self.stays[candidates[_nearest(points[0], position[self.pool[candidates]], problem)]] = False
         candidates = np.flatnonzero(self.thinned)
         self.stays[candidates] = False
-        self.stays[candidates[_nearest(points[1], position[self.pool[candidates]], problem)]] = True
+        chosen = candidates[_nearest(points[1], position[self.pool[candidates]], problem)]
+        self.stays[chosen] = True
+        if len(chosen) < len(candidates):
+            self.placed = self.pool[chosen]
 
     @property
     def gain(self) -> np.ndarray:
@@ -129,6 +134,11 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
         by_area = len(staying) and np.ptp(before.area[staying]) > 0.0
         source[old_rows] = staying[np.argsort(before.area[staying], kind="stable")] if by_area else staying
         result[old_rows] = position[source[old_rows]]
+        if len(change.placed):
+            # Where few are left of many they are as even as points are, not as those that they were among.
+            row_of = np.zeros(old.body_count, np.int64)
+            row_of[source[old_rows]] = old_rows
+            result[row_of[change.placed]] = points[3 * number + 1]
         result[new_rows] = at
     gone = ~taken
     gone[source[source >= 0]] = False

@@ -18,8 +18,8 @@ from .model import Model
 
 __all__ = ["spread"]
 
-# Few steps: what follows moves them once more.
-STEPS = 8
+# Not many: what follows moves them once more.
+STEPS = 20
 # A coarse mesh will do for what attracts points.
 FEWEST_NODES = 2**14
 # Density over the largest that is there everywhere: points may leave where there is none, and nobody has to look for the way back.

@@ -187,7 +187,7 @@ def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tupl
     warps: tuple[str, ...]
     if problem.avoid_overlap:
         warps = ("sizes" if layers > 1 else "", "sizes", "", "")
-        many = (*steps[:2], steps[2], steps[2])
+        many = (steps[0], steps[1], steps[1], steps[2])
         return tuple(Pass(shift, many[k], warps[k], k > 0) for k, shift in enumerate(SHIFTS_OF_CONTACT))
     warps = ("sizes", "sizes", "all") if layers > 1 else ("", "sizes", "sizes")
     return tuple(Pass(shift, steps[k], warps[k], False) for k, shift in enumerate(SHIFTS))

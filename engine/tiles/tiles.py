@@ -43,8 +43,10 @@ __all__ = ["STEPS", "TileState", "solve_tiles"]
 
 PLAN = "tiles.json"
 INDEX = "index.json"
-# Steps of the descent in the three passes. What is beside the cuts of one pass has the steps of the others only.
-STEPS = (55, 45, 45)
+# Steps of the descent in the three passes. What is beside the cuts of one pass has the steps of the others only, and where those of
+# the first two cross, of the last alone. Measured on 160,000 bodies, means of three seeds, five of one solve: the smallest spacings
+# of lines and of dots on a photograph are .647 and .606 with 55, 45 and 45; .664 and .610 with these; .670 and .616 in one solve.
+STEPS = (50, 45, 60)
 # Blur of the coarse warp in spacings of a group, or of all bodies, and in cells at least. What is finer only windows settle, but
 # not beside their cuts: with 12 spacings errors there at k = 4 are half as large again, with 6 a tenth.
 BLUR, BLUR_IN_CELLS = 4.0, 2.0

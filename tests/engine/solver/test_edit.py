@@ -24,6 +24,7 @@ from esh.engine.solver.carried_over import CarriedOver
 from esh.engine.solver.edit import carry_over
 from esh.engine.solver.line_rules import length_blocks
 from esh.engine.solver.model import Model
+from scipy.spatial import cKDTree
 
 DOMAIN = Domain((64.0, 64.0))
 N = 2000
@@ -86,8 +87,7 @@ def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled
         solver.run(150)
         converged = error(solver.placement(), density)
     assert len(after.position) == count
-    # Converged errors are half of what they are between points and a smoothed target; after five steps they are below those.
-    assert error(after, density) < 1.5 * converged
+    assert error(after, density) < 1.4 * converged
     assert error(before, density) > 5.0 * converged
     way, at = moved(before, after)
     assert (way[far(at)] < 0.1).mean() > 0.9
@@ -95,6 +95,24 @@ def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled
     np.testing.assert_array_equal(np.sort(np.setdiff1d(before.id, after.id)), np.sort(edit.removed))
     changed = abs(count - N)
     assert changed <= max(len(edit.added), len(edit.removed)) < changed + 20
+
+
+@pytest.mark.parametrize("factor", [0.25, 0.5])
+def test_who_is_left_of_many_is_spread_evenly_before_any_step(factor):
+    """Those that stood nearest to points that are even were half a spacing off them, which takes more than five steps to mend."""
+    half = np.where(np.arange(64) < 32, factor, 1.0)[None, :].astype(np.float32)
+    with Solver(problem_of(np.ones((1, 1), np.float32)), device="cpu") as solver:
+        solver.run(100)
+        before = solver.placement()
+        edit = solver.edit(problem_of(half, round(N * half.mean())), steps=0)
+        after = solver.placement()
+    assert np.isin(after.id, before.id).all() and len(edit.added) == 0
+    left = after.position[after.position[:, 0] < 28.0]
+    near = cKDTree(left).query(left, 2)[0][:, 1] / (SPACING / np.sqrt(factor))
+    assert near.std() < 0.08 * near.mean() and near.min() > 0.65
+    # The others have stayed where they were.
+    way, at = moved(before, after)
+    assert way[at[:, 0] > 33.0].max() < 1e-4
 
 
 @pytest.mark.parametrize("factor", [0.2, 3.0])
