@@ -74,23 +74,6 @@ def take_level(
     result[i] = share * images[i]
 
 
-@wp.kernel
-def add_meshes(
-    first: int,
-    node_count: int,
-    level: int,
-    count: int,
-    added: wp.array(dtype=float),
-    # outputs
-    potential: wp.array(dtype=float),
-):
-    """Add meshes, one for each row, to those of a level: ``potential`` has ``count`` levels for each row."""
-    i = first + wp.tid()
-    row = i / node_count
-    to = (row * count + level) * node_count + i - row * node_count
-    potential[to] = potential[to] + added[i]
-
-
 @wp.func
 def variance_at(x: float, y: float, mesh: Mesh, variance: wp.array(dtype=float)):
     """Variance at a place inside the domain, bilinear between the nodes."""

@@ -6,7 +6,7 @@ follow is transformed once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -15,7 +15,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import kernels_blur, kernels_field
+from . import kernels_field
 from .blur import Blur
 from .field_meshes import FINEST_BLUR_OVER_MESH, target_mesh, widest_blur
 from .influence import convolution_of, rest_influence
@@ -96,11 +96,14 @@ class TargetCorrection:
         device = launcher.device
         self.row = wp.array(row, dtype=wp.int32, device=device)
         self.scale = wp.array(scale, dtype=float, device=device)
-        own, others = np.split(distinct, 2, axis=1)
-        self.potential = launcher.zeros(len(distinct) * len(self.blur.levels) * self.layout.node_count, float)
-        self._add_potentials(launcher, deposited, own, 1.0, cutoff)
-        if others.any():
-            self._add_potentials(launcher, deposited, others, sharper, cutoff)
+        of_row = len(self.blur.levels) * self.layout.node_count
+        self.potential = launcher.zeros(len(distinct) * of_row, float)
+        for number, weights in enumerate(distinct):
+            own, others = np.split(weights, 2)
+            parts = [(part, narrower) for part, narrower in ((own, 1.0), (others, sharper)) if part.any()]
+            if parts:
+                result = self.potential[number * of_row : (number + 1) * of_row]
+                self._find_potential(launcher, deposited, parts, cutoff, result)
 
     def for_kernels(self) -> kernels_field.Correction:
         """The potentials as kernels take them."""
@@ -110,31 +113,40 @@ class TargetCorrection:
         correction.levels = wp.array(self.blur.levels, dtype=float, device=self.potential.device)
         return correction
 
-    def _add_potentials(
-        self, launcher: Launcher, deposited: wp.array, rows: np.ndarray, sharper: float, cutoff: float
+    def _find_potential(
+        self,
+        launcher: Launcher,
+        deposited: wp.array,
+        parts: list[tuple[np.ndarray, float]],
+        cutoff: float,
+        result: wp.array,
     ) -> None:
-        node_count = self.layout.node_count
-        convolution = convolution_of(launcher, self.layout, len(rows))
-        targets = mix_images(launcher, deposited, rows, node_count)
-        levels = self.blur.levels
+        """Write a row's potentials, of ``parts``: what of all images attracts, and what variances are divided by."""
+        layout, levels = self.layout, self.blur.levels
+        convolution = convolution_of(launcher, layout, 1)
         # What the mesh is too coarse for would be aliases.
-        least = (FINEST_BLUR_OVER_MESH * max(self.layout.spacing)) ** 2
-        part = launcher.empty(len(targets), float)
-        for of_target, target_variance in enumerate(levels):
-            blurred_alike = self.blur.take_level(of_target, targets)
-            for of_charge, charge_variance in enumerate(levels):
-                variance = max((charge_variance + target_variance) / sharper, least)
-                influence = launcher.kept(
-                    ("influence", self.layout, variance, cutoff),
-                    partial(rest_influence, convolution, self.layout, variance, cutoff),
-                )
-                convolution.apply(influence, blurred_alike, part)
-                launcher.launch(
-                    kernels_blur.add_meshes,
-                    len(part),
-                    [node_count, of_charge, len(levels), part],
-                    [self.potential],
-                )
+        least = (FINEST_BLUR_OVER_MESH * max(layout.spacing)) ** 2
+
+        def influence_of(variance: float) -> wp.array:
+            return launcher.kept(
+                ("influence", layout, variance, cutoff), partial(rest_influence, convolution, layout, variance, cutoff)
+            )
+
+        def meshes() -> Iterator[wp.array]:
+            for part, _ in parts:
+                targets = mix_images(launcher, deposited, part[None], layout.node_count)
+                for level in range(len(levels)):
+                    yield self.blur.take_level(level, targets)
+
+        influences = [
+            [
+                influence_of(max((of_charge + of_target) / narrower, least))
+                for _, narrower in parts
+                for of_target in levels
+            ]
+            for of_charge in levels
+        ]
+        convolution.add_up(influences, meshes(), result)
 
 
 def _distinct_rows(attraction: np.ndarray, image: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,14 +6,14 @@ kernel's own transform, the influence function, is real and even.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from . import kernels_fft
+from . import kernels_fft, kernels_fft_gpu
 from .convolution_gpu import GpuTransforms
 
 __all__ = ["Convolution", "good_length"]
@@ -91,6 +91,62 @@ class Convolution:
             kernels_fft.transform_rows_back,
             self.count * _whole_blocks(rows, 2),
             [self._twiddles[length], rows, columns, length, self._stride, self._halves],
+            [result],
+        )
+
+    def add_up(self, influences: Sequence[Sequence[wp.array]], meshes: Iterable[wp.array], result: wp.array) -> None:
+        """Write sums over all meshes, each convolved by an influence function of its own for every sum.
+
+        On the CPU every mesh is transformed once, and every sum back.
+
+        Args:
+            influences: Of sum k and mesh j in ``influences[k][j]``; no more sums than meshes.
+            meshes: Flat, each of ``shape``; asked for one after the other.
+            result: Receives the sums, flat, one after the other.
+        """
+        size = self.shape[0] * self.shape[1]
+        sums, mesh_count = len(influences), len(influences[0])
+        if self._gpu is not None:
+            part = self.launcher.empty(size, float)
+            result.zero_()
+            for j, mesh in enumerate(meshes):
+                for k in range(sums):
+                    self._gpu.apply(influences[k][j], mesh, part)
+                    self.launcher.launch(kernels_fft_gpu.add_to, size, [part], [result[k * size : (k + 1) * size]])
+            return
+        rows, columns = self.shape
+        halves = self._half_rows(mesh_count * rows)
+        of_mesh = rows * self._stride
+        for j, mesh in enumerate(meshes):
+            own = kernels_fft.HalfRows()
+            own.real = halves.real[j * of_mesh : (j + 1) * of_mesh]
+            own.imaginary = halves.imaginary[j * of_mesh : (j + 1) * of_mesh]
+            self._transform_rows(1, rows, columns, mesh, own)
+        length = self.padded[0]
+        addresses = np.array([influence.ptr for of_sum in influences for influence in of_sum], np.uint64)
+        scratch = self.launcher.empty((self.launcher.thread_count, length * kernels_fft.LANES * (4 + 2 * sums)), float)
+        self.launcher.launch(
+            kernels_fft.convolve_columns_to_sums,
+            self._stride // kernels_fft.LANES,
+            [
+                scratch,
+                self._twiddles[length],
+                rows,
+                length,
+                self._stride,
+                self.launcher.array(addresses, wp.uint64),
+                mesh_count,
+                sums,
+            ],
+            [halves],
+            grain=1,
+            per_thread=True,
+        )
+        length = self.padded[1]
+        self._each_block(
+            kernels_fft.transform_rows_back,
+            sums * _whole_blocks(rows, 2),
+            [self._twiddles[length], rows, columns, length, self._stride, halves],
             [result],
         )
 

@@ -413,6 +413,39 @@ _MULTIPLY = (
 """
 )
 
+# Sums over meshes lie in scratch memory behind the two halves of the block, real and imaginary parts of each one after the other.
+_ADD_PRODUCTS = (
+    _BLOCK
+    + """
+    const V* __restrict__ re = REAL(parity);
+    const V* __restrict__ im = IMAGINARY(parity);
+    for (int sum = 0; sum < sums; ++sum)
+    {
+        const float* __restrict__ values = (const float*)influences.data[sum * meshes + mesh];
+        V* __restrict__ sum_re = REAL(2 + sum);
+        V* __restrict__ sum_im = IMAGINARY(2 + sum);
+        for (int k = 0; k < length; ++k)
+        {
+            const int folded = k <= length / 2 ? k : length - k;
+            const V g = VECTOR(values + (size_t)folded * stride + column);
+            sum_re[k] = mesh == 0 ? re[k] * g : sum_re[k] + re[k] * g;
+            sum_im[k] = mesh == 0 ? im[k] * g : sum_im[k] + im[k] * g;
+        }
+    }
+"""
+)
+
+_TAKE_SUM = (
+    _BLOCK
+    + """
+    for (int k = 0; k < length; ++k)
+    {
+        REAL(0)[k] = REAL(2 + sum)[k];
+        IMAGINARY(0)[k] = IMAGINARY(2 + sum)[k];
+    }
+"""
+)
+
 # Columns of a mesh that is even in y, of which rows 0 .. length / 2 are there: their transforms are real and even again.
 _LOAD_EVEN_COLUMNS = (
     _BLOCK
@@ -459,6 +492,22 @@ def store_columns(scratch: wp.array(dtype=float), parity: int, block: Block, hal
 
 @wp.func_native(_compiled_once(_MULTIPLY))
 def multiply(influence: wp.array(dtype=float), block: Block, parity: int, scratch: wp.array(dtype=float)): ...
+
+
+@wp.func_native(_compiled_once(_ADD_PRODUCTS))
+def add_products(
+    influences: wp.array(dtype=wp.uint64),
+    mesh: int,
+    meshes: int,
+    sums: int,
+    block: Block,
+    parity: int,
+    scratch: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(_compiled_once(_TAKE_SUM))
+def take_sum(sum: int, block: Block, scratch: wp.array(dtype=float)): ...
 
 
 @wp.func_native(_compiled_once(_LOAD_EVEN_COLUMNS))
@@ -542,6 +591,40 @@ def convolve_columns(
     multiply(influence, block, parity, own)
     parity = transform(own, parity, length, twiddle, 1)
     store_columns(own, parity, block, half)
+
+
+@wp.kernel
+def convolve_columns_to_sums(
+    first: int,
+    thread: int,
+    scratch: wp.array2d(dtype=float),
+    twiddle: wp.array(dtype=float),
+    used: int,
+    length: int,
+    stride: int,
+    influences: wp.array(dtype=wp.uint64),
+    meshes: int,
+    sums: int,
+    # outputs
+    half: HalfRows,
+):
+    """The same of a block of columns of ``meshes``, added up: what becomes of mesh j in sum k has element k * meshes + j.
+
+    ``influences`` are addresses. Sums take the place of the first meshes; there are no more of them.
+    """
+    number = first + wp.tid()
+    blocks = stride / LANES
+    own = scratch[thread]
+    for mesh in range(meshes):
+        block = block_of_columns(mesh * blocks + number, used, length, stride)
+        load_columns(half, block, own)
+        there = transform(own, 0, length, twiddle, 0)
+        add_products(influences, mesh, meshes, sums, block, there, own)
+    for sum in range(sums):
+        block = block_of_columns(sum * blocks + number, used, length, stride)
+        take_sum(sum, block, own)
+        there = transform(own, 0, length, twiddle, 1)
+        store_columns(own, there, block, half)
 
 
 @wp.kernel

@@ -173,3 +173,14 @@ def separate_pairs(
     """Transforms of pairs of real and even rows, which are real: those of the first are the real part, of the second the other."""
     k, j = wp.tid()
     influence[k, j] = pairs[k / 2, j][k % 2]
+
+
+@wp.kernel
+def add_to(
+    first: int,
+    added: wp.array(dtype=float),
+    # outputs
+    total: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    total[i] = total[i] + added[i]

@@ -54,6 +54,22 @@ def test_tile_transforms_of_gpus_equal_numpy(shape, padded):
     assert np.abs(actual.numpy().reshape(expected.shape) - expected).max() < 5e-6 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("meshes", [1, 2, 3])
+@pytest.mark.parametrize("device", ["cpu", "auto"])
+def test_sums_are_those_of_convolutions(device, meshes):
+    """Of two kernels, one three times as strong as the other; what is strong in one sum is weak in the other."""
+    launcher, shape, padded = Launcher(resolve_device(device)), (38, 100), (128, 256)
+    mesh, kernel, expected = mesh_and_kernel(shape, padded)
+    convolution = Convolution(launcher, shape, padded)
+    once, thrice = (convolution.influence_of(launcher.array((factor * kernel).ravel(), float)) for factor in (1.0, 3.0))
+    strengths = np.array([[1.0, 3.0, 1.0], [3.0, 1.0, 3.0]])[: min(meshes, 2), :meshes]
+    influences = [[once if strength == 1.0 else thrice for strength in of_sum] for of_sum in strengths]
+    result = launcher.empty(len(influences) * int(np.prod(shape)), float)
+    convolution.add_up(influences, (launcher.array(each.ravel(), float) for each in mesh[:meshes]), result)
+    sums = np.einsum("kj,jyx->kyx", strengths, expected[:meshes])
+    assert np.abs(result.numpy().reshape(sums.shape) - sums).max() < 5e-6 * np.abs(sums).max()
+
+
 def test_influence_of_a_kernel_is_its_transform():
     launcher = Launcher(resolve_device("cpu"))
     padded = (96, 80)
