@@ -98,11 +98,11 @@ class TargetCorrection:
         self.scale = wp.array(scale, dtype=float, device=device)
         of_row = len(self.blur.levels) * self.layout.node_count
         self.potential = launcher.zeros(len(distinct) * of_row, float)
-        for number, weights in enumerate(distinct):
+        for place, weights in enumerate(distinct):
             own, others = np.split(weights, 2)
             parts = [(part, narrower) for part, narrower in ((own, 1.0), (others, sharper)) if part.any()]
             if parts:
-                result = self.potential[number * of_row : (number + 1) * of_row]
+                result = self.potential[place * of_row : (place + 1) * of_row]
                 self._find_potential(launcher, deposited, parts, cutoff, result)
 
     def for_kernels(self) -> kernels_field.Correction:
