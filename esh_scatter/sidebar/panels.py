@@ -204,6 +204,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row = buttons.row(align=True)
         row.operator("esh.instances_turn", icon="FILE_REFRESH")
         row.operator("esh.instances_remove", icon="X")
+        column.operator("esh.instances_select_pinned", icon="RESTRICT_SELECT_OFF")
         if len(scatter.free_places):
             column.operator("esh.instances_refill")
         column.operator("esh.instances_make_real", icon="OBJECT_DATA")
@@ -261,6 +262,8 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
     column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+    column.separator()
+    write_text(context, column, "Or look at one first:")
     column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
 
 
