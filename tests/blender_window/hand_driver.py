@@ -111,7 +111,7 @@ def begin():
 
 
 def obstacles():
-    """The rock in the middle becomes an obstacle; a second scatter keeps off the first."""
+    """The rock in the middle becomes an obstacle."""
     answer["on_rock_before"] = on_rock()
     yield from hand.click(on_screen((0.0, 0.0, 2.0)))
     answer["clicked"] = bpy.context.view_layer.objects.active.name
@@ -254,7 +254,7 @@ steps.run(
         (steps.install, 2.0),
         (steps.open_sidebar, 2.0),
         (fill_in, 2.0),
-        *((hand.steps_of(walk, LONGEST_WALK), 0.02) for walk in WALKS if answer["mouse"]),
+        *((steps.within(LONGEST_WALK, hand.step_of(walk)), 0.02) for walk in WALKS if answer["mouse"]),
         (steps.end, 1.0),
     ]
 )
