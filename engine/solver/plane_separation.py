@@ -28,6 +28,8 @@ LEAST_PARALLEL = 0.9
 # more than this share of its width.
 PLACES_TO_TRY = 200
 CAUGHT = 0.01
+# Where a pass leaves more than this share of those who are caught, there is no room for them: no other follows.
+STILL_CAUGHT = 0.8
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -226,7 +228,11 @@ class PlaneSeparation(Separation):
         self._find_costs(cost)
         movable, before = self._outlines.lightness.numpy() > 0.0, cost.numpy()
         wedged = before >= kernels_trials.PINNED_COST
-        caught = (before > CAUGHT**2) if self._obstructed else np.zeros_like(wedged)
+        caught = movable & (before > CAUGHT**2)
+        count = int(caught.sum())
+        if not self._obstructed or count > STILL_CAUGHT * self._caught:
+            self._obstructed, caught = False, np.zeros_like(caught)
+        self._caught = count
         stuck = np.flatnonzero(movable & (wedged | caught))
         if not len(stuck):
             return 0

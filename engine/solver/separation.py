@@ -153,6 +153,7 @@ class Separation(ABC):
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
         self._pinned, self._obstructed = bool(pinned.any()), bool(model.problem.obstacles)
+        self._caught = math.inf
         mass = tables.area / tables.area.mean()
         is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
         is_round = is_round[tables.shape]
