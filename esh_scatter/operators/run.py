@@ -127,8 +127,8 @@ class _Run(bpy.types.Operator):
         """Take back what :meth:`_settings` has changed; nothing, unless it did."""
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Watch the run; Esc leaves what was there."""
-        if event.type == "ESC" and event.value == "PRESS":
+        """Watch the run; Esc leaves what was there, and so does to undo what has just begun."""
+        if event.value == "PRESS" and (event.type == "ESC" or _means_undo(event)):
             running.stop("Stopped. Nothing was changed")
         session = running.session
         if session is None or session.stop_reason:
@@ -404,6 +404,11 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     if collection is None or collection == context.scene.collection:
         return []
     return sources_in(collection.all_objects, ground)
+
+
+def _means_undo(event: bpy.types.Event) -> bool:
+    """Tell whether a key is that of Undo: with Cmd on a Mac, with Ctrl elsewhere."""
+    return event.type == "Z" and (event.ctrl or event.oskey) and not (event.shift or event.alt)
 
 
 def _frame_selected(context: bpy.types.Context) -> None:
