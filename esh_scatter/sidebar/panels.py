@@ -21,11 +21,12 @@ from .panel_parts import Panel, SubPanel, draw_list, draw_settings, write_text
 __all__ = ["CLASSES"]
 
 
-# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn.
+# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn. Names are
+# short enough for a narrow sidebar.
 FACES = {
-    "face_material": (True, "materials", "MATERIAL"),
-    "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
-    "face_attribute": (True, "attributes", "SPREADSHEET"),
+    "face_material": (True, "materials", "Material", "MATERIAL"),
+    "face_group": (False, "vertex_groups", "Group", "GROUP_VERTEX"),
+    "face_attribute": (True, "attributes", "Attribute", "SPREADSHEET"),
 }
 
 
@@ -90,8 +91,9 @@ class ESH_PT_surface(SubPanel, bpy.types.Panel):
         draw_settings(column, scatter, TargetSettings, FACES)
         if target is None:
             return
-        for name, (of_mesh, where, icon) in FACES.items():
-            column.prop_search(scatter, name, target.data if of_mesh else target, where, icon=icon)
+        column.label(text="Only on Faces of")
+        for name, (of_mesh, where, text, icon) in FACES.items():
+            column.prop_search(scatter, name, target.data if of_mesh else target, where, text=text, icon=icon)
 
 
 class ESH_PT_classes(SubPanel, bpy.types.Panel):

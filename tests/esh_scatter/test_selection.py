@@ -265,3 +265,12 @@ def test_a_result_on_a_collection_stands_for_the_collection(ground, objects):
     select(objects[1], result, active=result)
     assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
     assert settings.active.chosen_target == grounds and settings.active.report["overlaps"] == 0
+
+
+def test_the_result_of_the_scatter_that_is_shown_is_exported_where_none_is_active(ground, objects, tmp_path):
+    select(ground, active=ground)
+    assert not bpy.ops.esh.export.poll()
+    select(objects[0], ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=5)
+    path = tmp_path / "trees.ply"
+    assert bpy.ops.esh.export(filepath=str(path)) == {"FINISHED"} and path.stat().st_size > 100
