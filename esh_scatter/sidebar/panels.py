@@ -347,7 +347,8 @@ def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names
     for name in names:
         found = input_property(modifier, name)
         if found is not None:
-            column.prop(*found, text=name)
+            # The panel says that it is of the viewport; a narrow sidebar would cut it.
+            column.prop(*found, text=name.removeprefix("Viewport "))
 
 
 # In the order that they are drawn in; parents come before what is in them.
