@@ -64,6 +64,12 @@ def write(text):
     yield CLICK
 
 
+def move(place):
+    """Move the mouse to a place on the screen: keys mean what they do there."""
+    _do("mousemove", *place)
+    yield SURE
+
+
 def click(place, *modifiers, times=1):
     """Click with the mouse on a place on the screen."""
     _do("mousemove", *place)
