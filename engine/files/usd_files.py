@@ -100,12 +100,12 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
 
 def _export(layer: Any, path: Path) -> None:
     """Write a layer; raise an OSError where USD cannot, which has errors of its own and says one for every block."""
+    reason = "USD does not say why"
     try:
         written = layer.Export(str(path))
-        reason = "USD does not say why"
     except _pxr("Tf").ErrorException as error:
         written = False
-        reason = next((str(getattr(one, "commentary", one)) for one in error.args), "USD does not say why")
+        reason = next((str(getattr(one, "commentary", one)) for one in error.args), reason)
     if not written:
         raise OSError(f"USD could not write to the folder for temporary files: {reason}")
 

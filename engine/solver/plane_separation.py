@@ -24,8 +24,12 @@ __all__ = ["PlaneSeparation"]
 # with 0.3 two turns at right angles leave 341 pairs at 55 %, and one turn among random ones 465 at 60 %; with 0.6 the first leave 37;
 # with 0.85 neither any.
 LEAST_PARALLEL = 0.9
-# Places that a body tries which is wedged between pinned ones.
+# Places that a body tries which is wedged between pinned ones, or caught in a gap between obstacles with others that overlap it by
+# more than this share of its width.
 PLACES_TO_TRY = 200
+CAUGHT = 0.01
+# Where a pass leaves more than this share of those who are caught, there is no room for them: no other follows.
+STILL_CAUGHT = 0.8
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -222,8 +226,14 @@ class PlaneSeparation(Separation):
         launcher, cost = self.launcher, self.launcher.zeros(self._count, float)
         self._sort()
         self._find_costs(cost)
-        movable = self._outlines.lightness.numpy() > 0.0
-        stuck = np.flatnonzero(movable & (cost.numpy() >= kernels_trials.PINNED_COST))
+        movable, before = self._outlines.lightness.numpy() > 0.0, cost.numpy()
+        wedged = before >= kernels_trials.PINNED_COST
+        caught = movable & (before > CAUGHT**2)
+        count = int(caught.sum())
+        if not self._obstructed or count > STILL_CAUGHT * self._caught:
+            self._obstructed, caught = False, np.zeros_like(caught)
+        self._caught = count
+        stuck = np.flatnonzero(movable & (wedged | caught))
         if not len(stuck):
             return 0
         place, left = launcher.empty(len(stuck), wp.vec2), launcher.zeros(len(stuck), float)
@@ -231,7 +241,8 @@ class PlaneSeparation(Separation):
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
         inputs = [on_device, PLACES_TO_TRY, seed, self._room, self._bodies, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
-        found = left.numpy() < kernels_trials.PINNED_COST
+        # Who is caught among bodies that give way goes only where there is room.
+        found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, TOLERANCE**2)
         poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
         moved = stuck[found]
         poses[moved, :2] = home[moved, :2] = place.numpy()[found]

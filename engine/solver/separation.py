@@ -92,7 +92,8 @@ CANDIDATES = 60
 PLACES_TO_TRY = 300_000
 STUCK_SHARE = 0.2
 FIRST_KEEP = 1.0
-# Bodies that stand wedged between pinned ones jump to another place: rounds without guidance before the first pass, and passes.
+# Bodies that stand wedged between pinned ones, or too many in one gap between obstacles, jump to another place: rounds without
+# guidance before the first pass, and passes.
 ROUNDS_BEFORE_JUMPS = 150
 MOST_JUMPS = 10
 # Turning before the first round: passes, turns that each body tries in one, passes times bodies at most, and what may be left of a
@@ -151,7 +152,8 @@ class Separation(ABC):
         unit = model.unit
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
-        self._pinned = bool(pinned.any())
+        self._pinned, self._obstructed = bool(pinned.any()), bool(model.problem.obstacles)
+        self._caught = math.inf
         mass = tables.area / tables.area.mean()
         is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
         is_round = is_round[tables.shape]
@@ -263,7 +265,7 @@ class Separation(ABC):
         """Find out which of the bodies that are ``_kept`` lie in rows, where something is made of that."""
 
     def _leave_wedges(self, number: int) -> int:
-        """Have bodies that overlap pinned ones, which do not give way, jump to where they overlap none; returns how many do.
+        """Have bodies that overlap pinned ones, which do not give way, or have no way out of a gap, jump; returns how many do.
 
         Args:
             number: Of the pass.
@@ -451,7 +453,7 @@ class Separation(ABC):
         if self._swaps_left and self._swappable:
             self._swaps_left -= 1
             changed = self._swap(FIRST_SWAPS + number, STUCK_SHARE, KEEP)
-        if self._jumps_left and self._pinned and unguided >= ROUNDS_BEFORE_JUMPS:
+        if self._jumps_left and (self._pinned or self._obstructed) and unguided >= ROUNDS_BEFORE_JUMPS:
             self._jumps_left -= 1
             changed += self._leave_wedges(number)
         return changed

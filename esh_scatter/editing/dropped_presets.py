@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from ...engine.errors import EshError
 from ..solving import running
-from ..targets.target import is_result
+from ..targets.target import is_result, members_of
 from .assets import PRESET
 
 __all__ = ["add_preset", "attach", "detach", "take_dropped"]
@@ -76,8 +76,10 @@ def take_dropped(context: bpy.types.Context) -> list[str]:
     return made
 
 
-def add_preset(context: bpy.types.Context, text: str, name: str, ground: bpy.types.Object) -> None:
-    """Add a scatter with a preset, given as its text, on a mesh; selected objects take the places of its classes.
+def add_preset(
+    context: bpy.types.Context, text: str, name: str, ground: bpy.types.Object | bpy.types.Collection
+) -> None:
+    """Add a scatter with a preset, given as its text, on a mesh or a collection; selected objects take the places of its classes.
 
     Raises:
         EshError: It is no preset that can be applied. Nothing was added.
@@ -87,7 +89,8 @@ def add_preset(context: bpy.types.Context, text: str, name: str, ground: bpy.typ
     from .selection import sources_in
 
     preset = parse_preset(text, name)
-    add_scatter_of_preset(context.scene.esh_scatter, preset, ground, sources_in(context.selected_objects, [ground]))
+    chosen = sources_in(context.selected_objects, members_of(ground))
+    add_scatter_of_preset(context.scene.esh_scatter, preset, ground, chosen)
 
 
 def _scatter() -> None:

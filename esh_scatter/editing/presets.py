@@ -26,7 +26,10 @@ _NOISE_SIZE = "noise_size"
 
 
 def add_scatter_of_preset(
-    settings: Any, preset: Mapping[str, Any], ground: bpy.types.Object, chosen: Sequence[bpy.types.Object] = ()
+    settings: Any,
+    preset: Mapping[str, Any],
+    ground: bpy.types.Object | bpy.types.Collection,
+    chosen: Sequence[bpy.types.Object] = (),
 ) -> Any:
     """Add a scatter with the settings and classes of a preset to those of a scene, and return it.
 
@@ -43,7 +46,7 @@ def add_scatter_of_preset(
     scatter = settings.add_scatter(ground)
     try:
         scatter.name = str(preset.get("name") or scatter.name)
-        apply_preset(scatter, preset, max(area_of(ground), 1e-6), chosen)
+        apply_preset(scatter, preset, max(sum(map(area_of, scatter.targets)), 1e-6), chosen)
     except EshError:
         settings.scatters.remove(len(settings.scatters) - 1)
         settings.scatter_index = before

@@ -14,7 +14,8 @@ from ...engine.problem.scatter_settings import TargetSettings
 from ..classes.object_outline import outline_of, read_source
 from ..classes.survey import Survey
 from ..targets.references import Reference
-from ..targets.target import check_target, is_result, read_target
+from ..targets.target import is_result
+from ..targets.targets import check_targets, read_targets
 
 if TYPE_CHECKING:
     from ...engine.surface.mesh_outline import Outline
@@ -75,7 +76,7 @@ class SelectionSurvey:
     """What is to be known of a selection before it is scattered: read when it is made, worked out in any thread.
 
     Args:
-        ground: The mesh to scatter on.
+        ground: The mesh to scatter on, or a collection of some.
         items: What to place.
         context: Whose view layer.
 
@@ -92,11 +93,12 @@ class SelectionSurvey:
 
     def __init__(
         self,
-        ground: bpy.types.Object,
+        ground: bpy.types.Object | bpy.types.Collection | None,
         items: Sequence[bpy.types.Object | bpy.types.Collection],
         context: bpy.types.Context,
     ) -> None:
-        self._ground = read_target(check_target(ground, context), context, set())
+        objects, _ = check_targets(ground, context)
+        self._ground = read_targets(objects, context, set(), TargetSettings())
         self._items = [_read(item, context) for item in items]
         self._outlines: list[Outline | None] = []
         self.survey = Survey()

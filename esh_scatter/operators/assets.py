@@ -12,10 +12,9 @@ from bpy.props import StringProperty
 from ...engine.errors import EshError, ProblemError
 from ..editing.assets import PLACED, PRESET, Asset, assets_from_text, bring_in, selected_assets, text_of_assets
 from ..properties.scene import active_scatter, selected_scatter
-from ..targets.target import is_result
+from ..targets.target import members_of
 from .classes_from import ClassesFromObjects
-from .edit import Edit, sentence
-from .presets import ground_in
+from .edit import Edit, ground_in, sentence, stood_on
 from .run import ScatterObjects
 
 __all__ = ["CLASSES"]
@@ -41,10 +40,8 @@ class ESH_OT_scatter_assets(ScatterObjects):
 
     @classmethod
     def _lacks(cls, context: bpy.types.Context) -> str | None:
-        active = context.view_layer.objects.active
-        if active is None or active.type != "MESH":
-            return "Select the ground in the 3D view first; it must be a mesh"
-        return "The active object is the result of a scatter. Select the ground" if is_result(active) else None
+        ground = stood_on(context.view_layer.objects.active)
+        return None if ground is not None else "Select the ground in the 3D view first; it must be a mesh"
 
     def _sources(self, context: bpy.types.Context) -> list:
         given = assets_from_text(self.assets) if self.assets else _placed(context)
@@ -52,8 +49,8 @@ class ESH_OT_scatter_assets(ScatterObjects):
         self.assets = text_of_assets(given)
         if not given:
             raise ProblemError(_SELECT_ASSETS)
-        ground = context.view_layer.objects.active
-        return [item for item in map(bring_in, given) if item != ground]
+        ground = stood_on(context.view_layer.objects.active)
+        return [item for item in map(bring_in, given) if item != ground and item not in members_of(ground)]
 
 
 class ESH_OT_classes_from_assets(ClassesFromObjects):

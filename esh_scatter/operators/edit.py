@@ -11,6 +11,7 @@ from bpy.props import EnumProperty
 
 from ..properties.scene import active_scatter, selected_scatter
 from ..solving import running
+from ..targets.target import RESULT_TARGET, is_result
 
 __all__ = [
     "ClassEdit",
@@ -18,10 +19,12 @@ __all__ = [
     "EntryEdit",
     "MoveEntry",
     "RemoveEntry",
+    "ground_in",
     "remove_at",
     "select_points",
     "sentence",
     "settings_editable",
+    "stood_on",
 ]
 
 
@@ -113,6 +116,23 @@ class MoveEntry(EntryEdit):
         entries.move(index, to)
         self._select(owner, to)
         return {"FINISHED"}
+
+
+def stood_on(item: bpy.types.Object | None) -> bpy.types.Object | bpy.types.Collection | None:
+    """Return what to scatter on where an object is active: a mesh, or of a result what it stands on; None for anything else."""
+    if item is None or item.type != "MESH":
+        return None
+    # A click on free ground between the objects of a result often picks the result.
+    return item.get(RESULT_TARGET) if is_result(item) else item
+
+
+def ground_in(context: bpy.types.Context) -> bpy.types.Object | bpy.types.Collection | None:
+    """Return what to scatter on: the active mesh, what the active result stands on, or else the target of the active scatter."""
+    ground = stood_on(context.view_layer.objects.active)
+    if ground is not None:
+        return ground
+    scatter = active_scatter(context)
+    return scatter.chosen_target if scatter is not None else None
 
 
 def settings_editable(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:

@@ -16,6 +16,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ...engine.errors import EshError
 from ...engine.files.body_formats import FORMATS
 from ...engine.files.placement_reader import READABLE
+from ..properties.scene import active_scatter
 from ..result.exchange import export_result, import_placement
 from ..targets.target import RESULT_TAG
 
@@ -23,7 +24,7 @@ __all__ = ["CLASSES", "attach", "detach"]
 
 
 class ESH_OT_export(bpy.types.Operator, ExportHelper):
-    """Export the active result as instances, together with the objects that it places"""
+    """Export the active result, or that of the active scatter, as instances, together with the objects that it places"""
 
     bl_idname = "esh.export"
     bl_label = "Export Scatter"
@@ -47,9 +48,8 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Say in the menu's tooltip why it is gray."""
-        item = context.active_object
-        if item is None or not item.get(RESULT_TAG) or item.type != "MESH":
-            cls.poll_message_set("Select the result of a scatter first")
+        if _result_in(context) is None:
+            cls.poll_message_set("Scatter first, or select the result of a scatter")
             return False
         return context.mode == "OBJECT"
 
@@ -63,12 +63,14 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write it."""
+        item = _result_in(context)
+        assert item is not None
         try:
-            export_result(self.filepath)
+            export_result(self.filepath, item)
         except EshError as error:
             self.report({"ERROR"}, str(error).replace("`", ""))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Wrote {len(context.active_object.data.vertices):,} instances")
+        self.report({"INFO"}, f"Wrote {len(item.data.vertices):,} instances")
         return {"FINISHED"}
 
 
@@ -91,6 +93,15 @@ class ESH_OT_import(bpy.types.Operator, ImportHelper):
             return {"CANCELLED"}
         self.report({"INFO"}, f"Placed {len(item.data.vertices):,}")
         return {"FINISHED"}
+
+
+def _result_in(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the result to export: the active one, or that of the scatter that the sidebar shows."""
+    item = context.active_object
+    if item is not None and item.get(RESULT_TAG) and item.type == "MESH":
+        return item
+    scatter = active_scatter(context)
+    return scatter.result_in(context.scene) if scatter is not None else None
 
 
 def _draw_export(self: bpy.types.Menu, _context: bpy.types.Context) -> None:

@@ -102,6 +102,26 @@ class ESH_OT_instances_unpin(_OnInstances):
         pins.unpin(result.data, points)
 
 
+class ESH_OT_instances_select_pinned(_OnResult):
+    """Select the instances that stay where they are in the next runs: those that are pinned, and those that were moved by hand"""
+
+    bl_idname = "esh.instances_select_pinned"
+    bl_label = "Select Pinned"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Select them, in Edit Mode."""
+        with _outside_edit_mode(_result_in(context)) as result:
+            chosen = pins.staying(result.data)
+        count = int(chosen.sum())
+        if not count:
+            self.report({"INFO"}, "No instances are pinned")
+            return {"CANCELLED"}
+        answer = select_points(self, context, chosen)
+        if answer == {"FINISHED"}:
+            self.report({"INFO"}, f"{count:,} pinned instance{'s are' if count > 1 else ' is'} selected")
+        return answer
+
+
 class ESH_OT_instances_turn(_OnInstances):
     """Rotate the selected instances about their own axis, and pin them"""
 
@@ -271,6 +291,7 @@ CLASSES = (
     ESH_OT_instances_edit,
     ESH_OT_instances_pin,
     ESH_OT_instances_unpin,
+    ESH_OT_instances_select_pinned,
     ESH_OT_instances_turn,
     ESH_OT_instances_remove,
     ESH_OT_instances_refill,

@@ -11,20 +11,11 @@ from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...engine.errors import EshError
-from ..properties.scene import active_scatter, selected_scatter
-from ..targets.target import is_result
-from .edit import Edit, sentence
+from ..properties.scene import selected_scatter
+from ..targets.target import members_of
+from .edit import Edit, ground_in, sentence
 
-__all__ = ["CLASSES", "ground_in"]
-
-
-def ground_in(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the mesh to scatter on: the active one, or that of the active scatter."""
-    active = context.view_layer.objects.active
-    if active is not None and active.type == "MESH" and not is_result(active):
-        return active
-    scatter = active_scatter(context)
-    return scatter.first_target if scatter is not None else None
+__all__ = ["CLASSES"]
 
 
 class _Preset(Edit):
@@ -41,7 +32,7 @@ class _Preset(Edit):
 
         ground = ground_in(context)
         assert ground is not None
-        chosen = sources_in(context.selected_objects, [ground])
+        chosen = sources_in(context.selected_objects, members_of(ground))
         try:
             add_scatter_of_preset(context.scene.esh_scatter, read_preset(path), ground, chosen)
         except EshError as error:

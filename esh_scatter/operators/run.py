@@ -20,8 +20,8 @@ from ..properties.scatter import ESH_PG_scatter
 from ..properties.scene import active_scatter, selected_scatter
 from ..result import words
 from ..solving import running
-from ..targets.target import is_result
-from .edit import remove_at, sentence, settings_editable
+from ..targets.target import members_of
+from .edit import remove_at, sentence, settings_editable, stood_on
 
 if TYPE_CHECKING:
     from ..api import ScatterResult
@@ -127,8 +127,8 @@ class _Run(bpy.types.Operator):
         """Take back what :meth:`_settings` has changed; nothing, unless it did."""
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Watch the run; Esc leaves what was there."""
-        if event.type == "ESC" and event.value == "PRESS":
+        """Watch the run; Esc leaves what was there, and so does to undo what has just begun."""
+        if event.value == "PRESS" and (event.type == "ESC" or _means_undo(event)):
             running.stop("Stopped. Nothing was changed")
         session = running.session
         if session is None or session.stop_reason:
@@ -217,7 +217,7 @@ class ESH_OT_scatter(_Run):
 
 
 class ScatterObjects(_Run):
-    """Base of what makes a class of each of some objects, and scatters them on the active one."""
+    """Base of what makes a class of each of some objects, and scatters them on the active one, or what its result stands on."""
 
     cover: FloatProperty(
         name="Cover",
@@ -266,7 +266,7 @@ class ScatterObjects(_Run):
     def _first(self, context: bpy.types.Context) -> "SelectionSurvey":
         from ..editing.selection import SelectionSurvey
 
-        return SelectionSurvey(context.view_layer.objects.active, self._sources(context), context)
+        return SelectionSurvey(stood_on(context.view_layer.objects.active), self._sources(context), context)
 
     def _settings(self, context: bpy.types.Context) -> ESH_PG_scatter | None:
         from ..editing.selection import add_classes, pleasant_counts
@@ -288,7 +288,7 @@ class ScatterObjects(_Run):
             self.report({"ERROR"}, "None of the objects covers ground when seen from above. Nothing was changed")
             return None
         counts = pleasant_counts([one.area for one in measured], found.area, self.cover, self.most)
-        scatter = context.scene.esh_scatter.add_scatter(context.view_layer.objects.active)
+        scatter = context.scene.esh_scatter.add_scatter(stood_on(context.view_layer.objects.active))
         add_classes(scatter, measured, counts)
         scatter.class_separation, scatter.seed, scatter.class_index = self.class_separation, self.seed, 0
         self._made = scatter.name
@@ -312,17 +312,12 @@ class ESH_OT_scatter_selection(ScatterObjects):
 
     @classmethod
     def _lacks(cls, context: bpy.types.Context) -> str | None:
-        active = context.view_layer.objects.active
-        if active is None or active.type != "MESH":
+        if stood_on(context.view_layer.objects.active) is None:
             return "Select the objects to place, then the ground, which must be a mesh"
-        if is_result(active):
-            return "The active object is the result of a scatter. Select the ground last"
-        return (
-            None if _selected_sources(context, active) else "Select the objects to place as well, then the ground last"
-        )
+        return None if _selected_sources(context) else "Select the objects to place as well, then the ground last"
 
     def _sources(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        return _selected_sources(context, context.view_layer.objects.active)
+        return _selected_sources(context)
 
 
 class ESH_OT_example(_Run):
@@ -349,6 +344,7 @@ class ESH_OT_example(_Run):
             self.report({"ERROR"}, sentence(error))
             return None
         self._made = scatter.name
+        _frame_selected(context)
         return scatter
 
     def _undo(self, context: bpy.types.Context) -> None:
@@ -395,17 +391,34 @@ class ESH_OT_keep(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _selected_sources(context: bpy.types.Context, ground: bpy.types.Object) -> list[bpy.types.Object]:
+def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the selected objects to place; where only the ground is selected, those of the active collection."""
     from ..editing.selection import sources_in
 
-    chosen = sources_in(context.selected_objects, [ground])
-    if chosen or any(item != ground for item in context.selected_objects):
+    active = context.view_layer.objects.active
+    ground = members_of(stood_on(active))
+    chosen = sources_in(context.selected_objects, ground)
+    if chosen or any(item != active and item not in ground for item in context.selected_objects):
         return chosen
     collection = context.collection
     if collection is None or collection == context.scene.collection:
         return []
-    return sources_in(collection.all_objects, [ground])
+    return sources_in(collection.all_objects, ground)
+
+
+def _means_undo(event: bpy.types.Event) -> bool:
+    """Tell whether a key is that of Undo: with Cmd on a Mac, with Ctrl elsewhere."""
+    return event.type == "Z" and (event.ctrl or event.oskey) and not (event.shift or event.alt)
+
+
+def _frame_selected(context: bpy.types.Context) -> None:
+    """Bring what is selected into view, where there is a 3D view."""
+    areas = [] if in_background() or context.screen is None else [context.area, *context.screen.areas]
+    area = next((one for one in areas if one is not None and one.type == "VIEW_3D"), None)
+    if area is not None:
+        region = next(one for one in area.regions if one.type == "WINDOW")
+        with context.temp_override(area=area, region=region):
+            bpy.ops.view3d.view_selected()
 
 
 CLASSES = (

@@ -12,13 +12,13 @@ import bpy
 from bpy.props import IntProperty
 
 from ..properties.scene import selected_scatter
-from .edit import Edit, remove_at
+from .edit import Edit, ground_in, remove_at
 
 __all__ = ["CLASSES"]
 
 
 class ESH_OT_scatter_add(Edit):
-    """Add a scatter. If the active object is a mesh, it becomes the target"""
+    """Add a scatter on the active mesh, or on what the active result stands on; otherwise on the target of this scatter"""
 
     bl_idname = "esh.scatter_add"
     bl_label = "Add Scatter"
@@ -29,11 +29,7 @@ class ESH_OT_scatter_add(Edit):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        candidate = context.view_layer.objects.active
-        settings = context.scene.esh_scatter
-        results = {scatter.result for scatter in settings.scatters}
-        usable = candidate is not None and candidate.type == "MESH" and candidate not in results
-        settings.add_scatter(candidate if usable else None)
+        context.scene.esh_scatter.add_scatter(ground_in(context))
         return {"FINISHED"}
 
 

@@ -28,7 +28,7 @@ class ESH_PG_scene(PropertyGroup):
         """The selected scatter, or None."""
         return entry_at(self.scatters, self.scatter_index)
 
-    def add_scatter(self, target: bpy.types.Object | None) -> ESH_PG_scatter:
+    def add_scatter(self, target: bpy.types.Object | bpy.types.Collection | None) -> ESH_PG_scatter:
         """Append a scatter on ``target``, select it and return it."""
         if not self.scatters:
             # Nothing is there yet that an older version could have made.
@@ -37,7 +37,10 @@ class ESH_PG_scene(PropertyGroup):
         scatter.name = unused_name(
             f"{target.name} Scatter" if target else "Scatter", {other.name for other in self.scatters[:-1]}
         )
-        scatter.target = target
+        if isinstance(target, bpy.types.Collection):
+            scatter.target_kind, scatter.target_collection = "COLLECTION", target
+        else:
+            scatter.target = target
         self.scatter_index = len(self.scatters) - 1
         return scatter
 

@@ -120,7 +120,7 @@ class ESH_PG_size(PropertyGroup):
         name="Footprint",
         description="How much ground one object takes up. Larger footprints keep more distance",
         items=(
-            ("MESH", "From the Mesh", "Measure the object, seen from above", "MESH_DATA", 0),
+            ("MESH", "From Mesh", "Measure the object, seen from above", "MESH_DATA", 0),
             ("VALUE", "Area", "Enter the area", "FIXED_SIZE", 1),
             ("RANGE", "Range", "Give each object an area of its own, and scale it to fit", "ARROW_LEFTRIGHT", 2),
         ),
@@ -150,7 +150,7 @@ class ESH_PG_size(PropertyGroup):
         name="Shape",
         description="Whether the object is round or long, seen from above. Long objects are turned along the direction of the class",
         items=(
-            ("AUTO", "From the Mesh", "Long if the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
+            ("AUTO", "From Mesh", "Long if the outline is more than 2.5 times as long as wide", "MESH_DATA", 0),
             ("DOT", "Round", "The object is not turned along the direction, however long it is", "MESH_CIRCLE", 1),
             ("LINE", "Long", "Treat the object as a rod along the longer side of its outline", "FIXED_SIZE", 2),
         ),

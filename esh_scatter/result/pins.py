@@ -43,6 +43,7 @@ __all__ = [
     "read_pins",
     "remove",
     "selected_points",
+    "staying",
     "turn",
     "unpin",
 ]

@@ -105,6 +105,7 @@ def write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str
     column = layout.column(align=True)
     for number, line in enumerate(textwrap.wrap(text, characters, break_on_hyphens=False)):
         column.label(
-            text=line.replace(words.UNBROKEN, " "),
+            # A dot between two parts stands in no line's beginning or end.
+            text=line.strip(" ·").replace(words.UNBROKEN, " "),
             icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"),
         )

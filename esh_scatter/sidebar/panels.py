@@ -21,11 +21,12 @@ from .panel_parts import Panel, SubPanel, draw_list, draw_settings, write_text
 __all__ = ["CLASSES"]
 
 
-# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn.
+# What limits faces: whether it is chosen from the mesh or from the object, from which of its lists, and how that is drawn. Names are
+# short enough for a narrow sidebar.
 FACES = {
-    "face_material": (True, "materials", "MATERIAL"),
-    "face_group": (False, "vertex_groups", "GROUP_VERTEX"),
-    "face_attribute": (True, "attributes", "SPREADSHEET"),
+    "face_material": (True, "materials", "Material", "MATERIAL"),
+    "face_group": (False, "vertex_groups", "Group", "GROUP_VERTEX"),
+    "face_attribute": (True, "attributes", "Attribute", "SPREADSHEET"),
 }
 
 
@@ -90,8 +91,9 @@ class ESH_PT_surface(SubPanel, bpy.types.Panel):
         draw_settings(column, scatter, TargetSettings, FACES)
         if target is None:
             return
-        for name, (of_mesh, where, icon) in FACES.items():
-            column.prop_search(scatter, name, target.data if of_mesh else target, where, icon=icon)
+        column.label(text="Only on Faces of")
+        for name, (of_mesh, where, text, icon) in FACES.items():
+            column.prop_search(scatter, name, target.data if of_mesh else target, where, text=text, icon=icon)
 
 
 class ESH_PT_classes(SubPanel, bpy.types.Panel):
@@ -204,6 +206,7 @@ class ESH_PT_instances(SubPanel, bpy.types.Panel):
         row = buttons.row(align=True)
         row.operator("esh.instances_turn", icon="FILE_REFRESH")
         row.operator("esh.instances_remove", icon="X")
+        column.operator("esh.instances_select_pinned", icon="RESTRICT_SELECT_OFF")
         if len(scatter.free_places):
             column.operator("esh.instances_refill")
         column.operator("esh.instances_make_real", icon="OBJECT_DATA")
@@ -261,6 +264,8 @@ def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> N
     write_text(context, column, "Or step by step, on the active mesh:")
     column.operator("esh.scatter_add", text="New Scatter", icon="ADD")
     column.menu("ESH_MT_presets", text="From a Preset", icon="PRESET")
+    column.separator()
+    write_text(context, column, "Or look at one first:")
     column.operator("esh.example", icon="OUTLINER_OB_POINTCLOUD")
 
 
@@ -342,7 +347,8 @@ def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names
     for name in names:
         found = input_property(modifier, name)
         if found is not None:
-            column.prop(*found, text=name)
+            # The panel says that it is of the viewport; a narrow sidebar would cut it.
+            column.prop(*found, text=name.removeprefix("Viewport "))
 
 
 # In the order that they are drawn in; parents come before what is in them.

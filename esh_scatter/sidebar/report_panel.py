@@ -78,7 +78,8 @@ def _draw_counts(layout: bpy.types.UILayout, report: dict[str, Any], names: list
 
 
 def _draw_fact(layout: bpy.types.UILayout, label: str, value: str, icon: str = "NONE") -> None:
-    split = layout.split(factor=0.42)
+    # The longest label and the longest value are not cut in a narrow sidebar.
+    split = layout.split(factor=0.5)
     name = split.row()
     name.alignment = "RIGHT"
     name.active = False

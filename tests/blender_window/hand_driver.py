@@ -1,6 +1,7 @@
-"""Runs inside a windowed Blender: obstacles, instances by hand, display, real objects, by mouse and keys.
+"""Runs inside a windowed Blender: obstacles, instances by hand, display, real objects, a second scatter, files, by mouse and keys.
 
-What happens is done with the mouse and the keyboard only, beside the scene at the start; what came of it is read.
+What happens is done with the mouse and the keyboard only, beside the scene at the start; what came of it is read. The third argument
+says which of the walks is taken.
 """
 
 import shutil
@@ -38,6 +39,7 @@ def fill_in():
         made = [_made("Ground", "grid", (0.0, 0.0, 0.0), (SIDE / 2, SIDE / 2, 1.0), (0.42, 0.40, 0.30))]
         for name, (shape, scale, color) in OBJECTS.items():
             made.append(_made(name, shape, (0.0, 0.0, -10.0), scale, color))
+        _made("Pebble", "ico_sphere", (-12.0, 0.0, 0.0), (0.3, 0.3, 0.2), (0.62, 0.60, 0.56))
         _made("Rock", "cube", (0.0, 0.0, 1.0), (2.0, 2.0, 1.0), (0.35, 0.35, 0.38))
         for item in bpy.context.scene.objects:
             item.select_set(item in made)
@@ -111,7 +113,7 @@ def begin():
 
 
 def obstacles():
-    """The rock in the middle becomes an obstacle; a second scatter keeps off the first."""
+    """The rock in the middle becomes an obstacle."""
     answer["on_rock_before"] = on_rock()
     yield from hand.click(on_screen((0.0, 0.0, 2.0)))
     answer["clicked"] = bpy.context.view_layer.objects.active.name
@@ -183,6 +185,32 @@ def display():
     yield from hand.turn_panel("ESH_PT_display", is_open=False)
 
 
+def turned_and_let_go():
+    """What stays is selected, turned, and let go."""
+    top = yield from hand.turn_panel("ESH_PT_instances")
+    yield from hand.press("esh.instances_select_pinned", first=top)
+    yield from hand.move(steps.on_screen(200, 60))
+    yield from hand.keys("Tab")
+    yield 0.5
+    chosen = np.flatnonzero([one.select for one in scatter().result.data.vertices])
+    answer["stay"] = len(chosen)
+    before = headings()
+    yield from hand.press("esh.instances_turn", across=0.3, first=top)
+    answer["turned"] = np.flatnonzero(~np.isclose(headings(), before)).tolist() == chosen.tolist()
+    yield from hand.press("esh.instances_unpin", across=0.8, first=top)
+    yield from hand.press("esh.instances_select_pinned", first=top)
+    answer["stay_after"] = scatter().result.mode
+    take_screenshot("hand-6-let-go.png")
+    yield from hand.turn_panel("ESH_PT_instances", is_open=False)
+
+
+def headings():
+    mesh = scatter().result.data
+    found = np.empty(len(mesh.vertices), np.float32)
+    mesh.attributes["heading"].data.foreach_get("value", found)
+    return found
+
+
 def real_ones():
     """The objects that were made of instances, by name."""
     made = [item for one in bpy.data.collections if one.name.endswith(" Objects") for item in one.objects]
@@ -246,15 +274,85 @@ def ends():
     take_screenshot("hand-17-undone.png")
 
 
+def another_scatter():
+    """A second scatter between the first one's objects: the ground is clicked where the result may be what is picked."""
+    first, taken = scatter().result, positions()
+    yield from hand.click(on_screen((-12.0, 0.0, 0.0)))
+    yield from hand.click(on_screen(free_place(taken)), "shift")
+    answer["selected"] = sorted(item.name for item in bpy.context.selected_objects)
+    # The menu beside the scatter's name is in one line with the button that adds a scatter.
+    _, y = yield from hand.find("esh.scatter_add", across=0.76)
+    _, _, region = hand._sidebar()
+    yield from hand.click((region.x + 20, y))
+    yield 0.5
+    take_screenshot("hand-20-menu.png")
+    yield from hand.keys("s")
+    yield from hand.until(
+        lambda: scatter().result not in (None, first) and idle(), LONGEST_RUN, "the run of the second scatter"
+    )
+    yield 1.0
+    answer["second"] = scatter().target.name, [one.name for one in scatter().classes]
+    here = positions()[:, :2]
+    answer["nearest_of_other"] = float(min(np.linalg.norm(taken[:, :2] - one, axis=1).min() for one in here))
+    answer["second_overlaps"] = scatter().report["overlaps"]
+    take_screenshot("hand-21-second.png")
+
+
+def free_place(taken):
+    """The place of the ground that is farthest from everything on it."""
+    x, y = np.meshgrid(np.linspace(-8.0, 8.0, 60), np.linspace(-8.0, 8.0, 60))
+    places = np.stack([x.ravel(), y.ravel()], axis=-1)
+    places = places[np.abs(places).max(axis=1) > 3.0]
+    nearest = np.linalg.norm(places[:, None] - taken[None, :, :2], axis=-1).min(axis=1)
+    return (*places[np.argmax(nearest)], 0.0)
+
+
+def overlaps():
+    """Too many overlap: they are selected, and the worst is framed."""
+    top = yield from hand.turn_panel("ESH_PT_class")
+    yield from hand.press("sizes[0].count", first=top, times=2)
+    yield from hand.keys("ctrl+a")
+    yield from hand.write("480")
+    yield from hand.keys("Return")
+    yield from hand.turn_panel("ESH_PT_class", is_open=False)
+    yield from update()
+    answer["overlaps"] = scatter().report["overlaps"]
+    take_screenshot("hand-22-overlaps.png")
+    yield from hand.press("esh.select_overlapping", across=0.3)
+    answer["selecting"] = scatter().result.mode
+    yield from hand.press("esh.frame_overlap", across=0.8)
+    answer["cursor"] = list(bpy.context.scene.cursor.location)
+    take_screenshot("hand-23-framed.png")
+    yield from hand.move(steps.on_screen(200, 60))
+    yield from hand.keys("Tab", "Home")
+    yield 0.5
+    answer["selected_points"] = int(sum(one.select for one in scatter().result.data.vertices))
+
+
+def undone_while_it_runs():
+    """Ctrl+Z during a run takes back what has just begun, and nothing before it."""
+    before, changes = positions(), scatter().changes()
+    yield from hand.press("esh.scatter(")
+    yield from hand.until(lambda: not idle(), 5.0, "the start of the run")
+    yield from hand.keys("ctrl+z")
+    yield from hand.until(idle, 5.0, "the end of the run")
+    yield 1.0
+    answer["undone_run"] = bool((positions() == before).all()) and scatter().changes() == changes
+    take_screenshot("hand-24-undone.png")
+
+
 # Without xdotool there is no hand.
 answer["mouse"] = shutil.which("xdotool") is not None
-WALKS = (begin, obstacles, instances_by_hand, display, real_objects, ends)
+WALKS = {
+    "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, display, real_objects, ends),
+    "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs),
+}
 steps.run(
     [
         (steps.install, 2.0),
         (steps.open_sidebar, 2.0),
         (fill_in, 2.0),
-        *((hand.steps_of(walk, LONGEST_WALK), 0.02) for walk in WALKS if answer["mouse"]),
+        *((steps.within(LONGEST_WALK, hand.step_of(walk)), 0.02) for walk in WALKS[sys.argv[-1]] if answer["mouse"]),
         (steps.end, 1.0),
     ]
 )

@@ -26,12 +26,12 @@ def package(tmp_path_factory) -> Path:
     return made
 
 
-def driven(name: str, package: Path, folder: Path, seconds: float = 600.0) -> dict:
+def driven(name: str, package: Path, folder: Path, *arguments: str, seconds: float = 600.0) -> dict:
     """Have a script drive a window, and return what it says; its pictures are kept where ``BLENDER_SCREENSHOTS`` says."""
     # A Blender of another file system root still sees temporary folders.
     for script in (name, "window_hand.py", "window_steps.py"):
         shutil.copy(Path(__file__).with_name(script), folder)
-    command = [BLENDER, "--factory-startup", "--python", folder / name, "--", package, folder]
+    command = [BLENDER, "--factory-startup", "--python", folder / name, "--", package, folder, *arguments]
     finished = subprocess.run(command, capture_output=True, text=True, timeout=seconds, stdin=subprocess.DEVNULL)
     kept = os.environ.get("BLENDER_SCREENSHOTS")
     for picture in folder.glob("*.png") if kept else ():
@@ -83,7 +83,7 @@ def test_the_button_scatters_in_a_window(package: Path, tmp_path: Path):
 
 
 def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: Path):
-    answer = driven("hand_driver.py", package, tmp_path)
+    answer = driven("hand_driver.py", package, tmp_path, "one scatter")
     if not answer["mouse"]:
         pytest.skip("nothing moves the mouse: xdotool is missing")
     assert answer["on_rock_before"] > 0 == answer["on_rock"] and answer["obstacles"] == [answer["clicked"]] == ["Rock"]
@@ -91,11 +91,23 @@ def test_an_artist_changes_things_with_mouse_and_keys(package: Path, tmp_path: P
     assert (answer["mode"], answer["mode_after"], answer["free_places"]) == ("EDIT", "OBJECT", 1)
     assert answer["moved_by"] == pytest.approx([1.0, 0.0, 0.0], abs=1e-4) and answer["pinned_by"] < 1e-4
     assert answer["nearest_to_removed"] > 0.1, "its place stays free"
+    # The one that was moved, and the one that was pinned.
+    assert answer["stay"] == 2 and answer["turned"] and answer["stay_after"] == "OBJECT"
     everything, half = answer["shown"]
     assert 0.3 * everything < half < 0.7 * everything
     assert len(answer["real"]) == everything and answer["picked"] == answer["real"][0]
     assert answer["stopped"] and answer["deleted"] and answer["undone"] and answer["renamed"] == ["Wood", "Wood"]
     assert answer["at_moved"] < 0.01, "what was moved as an object stays there as an instance"
+
+
+def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_path: Path):
+    answer = driven("hand_driver.py", package, tmp_path, "another scatter")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    assert answer["second"] == ["Ground", ["Pebble"]] and answer["nearest_of_other"] > 0.3
+    assert answer["second_overlaps"] == 0, "it keeps off the first, and finds gaps for all"
+    assert answer["overlaps"] > 0 and answer["selecting"] == "EDIT" and answer["selected_points"] > 1
+    assert answer["undone_run"], "to undo a run that goes on stops it"
 
 
 def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Path, tmp_path: Path):

@@ -20,15 +20,12 @@ DOWN = 14
 _drawn: set[str] = set()
 
 
-def steps_of(walk, seconds):
-    """Return a step that goes through a generator, which may take so long."""
+def step_of(walk):
+    """Return a step that goes through a generator."""
     state = {}
 
     def step():
         state.setdefault("walk", walk())
-        state.setdefault("deadline", time.time() + seconds)
-        if time.time() > state["deadline"]:
-            state["walk"].throw(TimeoutError(f"{walk.__name__} took longer than {seconds:g} s"))
         if time.time() < state.get("until", 0.0):
             return False
         try:
@@ -37,6 +34,7 @@ def steps_of(walk, seconds):
             return True
         return False
 
+    step.__name__ = walk.__name__
     return step
 
 
@@ -67,8 +65,9 @@ def write(text):
 
 
 def move(place):
-    """Move the mouse to a place on the screen."""
+    """Move the mouse to a place on the screen: keys mean what they do there."""
     _do("mousemove", *place)
+    yield SURE
 
 
 def click(place, *modifiers, times=1):

@@ -244,8 +244,9 @@ class Window:
             operator._finish = lambda _settings, _result: {"FINISHED"}
         self.operator = operator
 
-    def send(self, kind: str, value: str = "PRESS") -> set[str]:
-        event = SimpleNamespace(type=kind, value=value, mouse_x=0, mouse_y=0)
+    def send(self, kind: str, value: str = "PRESS", *keys: str) -> set[str]:
+        held = {name: name in keys for name in ("ctrl", "oskey", "shift", "alt")}
+        event = SimpleNamespace(type=kind, value=value, mouse_x=0, mouse_y=0, **held)
         return ESH_OT_scatter.modal(self.operator, self.context, event)
 
     def run_to_end(self) -> set[str]:
@@ -289,7 +290,7 @@ class Job:
         return self.result
 
 
-@pytest.mark.parametrize("how", ["ESC", "undo", "stop button"])
+@pytest.mark.parametrize("how", ["ESC", "Ctrl Z", "Cmd Z", "undo", "stop button"])
 def test_a_stopped_run_leaves_what_was_there(scatter, monkeypatch, how):
     job = Job()
     window = Window(monkeypatch, job)
@@ -299,7 +300,10 @@ def test_a_stopped_run_leaves_what_was_there(scatter, monkeypatch, how):
         running._interrupt(bpy.context.scene)
     elif how == "stop button":
         running.stop("Stopped; nothing was changed")
-    assert window.send("ESC" if how == "ESC" else "TIMER") == {"CANCELLED"}
+    pressed = {"ESC": ("ESC", "PRESS"), "Ctrl Z": ("Z", "PRESS", "ctrl"), "Cmd Z": ("Z", "PRESS", "oskey")}
+    if how in pressed:
+        assert window.send("Z") == window.send("Z", "PRESS", "ctrl", "shift") == {"RUNNING_MODAL"}
+    assert window.send(*pressed.get(how, ("TIMER",))) == {"CANCELLED"}
     run.join(30)
     assert not run.running and not job.written and window.timers == [] and running.session is None
     assert not any(running._interrupt in handlers for handlers in running._interrupting())

@@ -240,7 +240,9 @@ def test_the_status_is_one_line_under_the_button():
     assert button < drawn.index("classes"), "the button comes before the classes"
     narrow = draw_all(220)
     lines = narrow[narrow.index("live") + 1 :][:2]
-    assert " ".join(lines) == "1,234 placed · no overlap · very even · 1.2 s", "no part of it is torn in two"
+    assert lines == ["1,234 placed · no overlap", "very even · 1.2 s"], (
+        "no part is torn in two, and no line begins with a dot"
+    )
     scatter.classes[0].sizes[0].count += 1
     scatter.seed += 1
     drawn = draw_all(500)

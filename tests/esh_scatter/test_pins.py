@@ -424,3 +424,17 @@ def test_the_nearest_point_of_a_surface_is_that_of_all_triangles():
     tried = random.dirichlet(np.ones(3), 3000)
     others = np.linalg.norm(np.einsum("mk,nkd->nmd", tried, corner) - point, axis=2).min(axis=1)
     assert (found <= others + 1e-12).all() and np.allclose(found, others, atol=0.15)
+
+
+def test_those_that_stay_can_be_selected(made):
+    assert bpy.ops.esh.instances_select_pinned() == {"CANCELLED"} and made.result.mode == "OBJECT"
+    mesh = made.result.data
+    select(mesh, [8, 9])
+    bpy.ops.esh.instances_pin()
+    move(mesh, 5, (3.0, 4.0))
+    select(mesh, [1])
+    # Also from Edit Mode.
+    for _ in range(2):
+        assert bpy.ops.esh.instances_select_pinned() == {"FINISHED"} and made.result.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert pins.selected_points(mesh).tolist() == [5, 8, 9]

@@ -82,17 +82,12 @@ def test_with_only_the_ground_selected_the_active_collection_is_placed(ground, o
     [
         ("nothing else", "Select the objects to place as well"),
         ("light is active", "which must be a mesh"),
-        ("result is active", "is the result of a scatter"),
     ],
 )
 def test_the_button_says_what_to_select(ground, objects, what, said):
     select(ground, active=ground)
     if what == "light is active":
         select(*objects, active=objects[3])
-    elif what == "result is active":
-        select(objects[0], ground, active=ground)
-        bpy.ops.esh.scatter_selection(most=5)
-        select(*objects, active=bpy.context.scene.esh_scatter.active.result)
     with pytest.raises(RuntimeError, match=said):
         bpy.ops.esh.scatter_selection()
 
@@ -237,3 +232,45 @@ def test_another_scatter_is_chosen(scatter, ground):
     bpy.context.scene.esh_scatter.add_scatter(ground)
     bpy.ops.esh.scatter_choose(index=0)
     assert bpy.context.scene.esh_scatter.active == scatter
+
+
+def test_where_a_result_is_active_its_ground_is_scattered_on(ground, objects):
+    select(*objects, ground, active=ground)
+    bpy.ops.esh.scatter_selection()
+    settings = bpy.context.scene.esh_scatter
+    first = settings.active.result
+    # A click on free ground between the objects may pick the result.
+    select(objects[0], first, active=first)
+    assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
+    assert settings.active.target == ground and [c.name for c in settings.active.classes] == ["Tree"]
+    select(first, active=first)
+    bpy.ops.esh.scatter_add()
+    assert settings.active.target == ground and len(settings.scatters) == 3
+    # With nothing suitable active, it is the ground of the scatter that the sidebar shows.
+    select(objects[3], active=objects[3])
+    bpy.ops.esh.scatter_add()
+    assert settings.active.target == ground and len(settings.scatters) == 4
+
+
+def test_a_result_on_a_collection_stands_for_the_collection(ground, objects):
+    grounds = bpy.data.collections.new("Grounds")
+    bpy.context.scene.collection.children.link(grounds)
+    grounds.objects.link(ground)
+    settings = bpy.context.scene.esh_scatter
+    one = settings.add_scatter(grounds).add_class().sizes[0]
+    one.source_object, one.count = objects[0], 20
+    assert settings.active.chosen_target == grounds
+    bpy.ops.esh.scatter()
+    result = settings.active.result
+    select(objects[1], result, active=result)
+    assert bpy.ops.esh.scatter_selection() == {"FINISHED"}
+    assert settings.active.chosen_target == grounds and settings.active.report["overlaps"] == 0
+
+
+def test_the_result_of_the_scatter_that_is_shown_is_exported_where_none_is_active(ground, objects, tmp_path):
+    select(ground, active=ground)
+    assert not bpy.ops.esh.export.poll()
+    select(objects[0], ground, active=ground)
+    bpy.ops.esh.scatter_selection(most=5)
+    path = tmp_path / "trees.ply"
+    assert bpy.ops.esh.export(filepath=str(path)) == {"FINISHED"} and path.stat().st_size > 100

@@ -12,6 +12,7 @@ from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
+from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
@@ -474,3 +475,23 @@ def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint, apart):
     assert placement.report.overlaps == 0 and placement.report.converged
     away = np.hypot(*(placement.position[:, None] - places).transpose(2, 0, 1)).min(axis=0)
     assert away.max() < 1e-5
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_who_is_caught_with_others_in_a_gap_between_obstacles_goes_where_there_is_room(seed):
+    generator, places = np.random.default_rng(seed), np.zeros((0, 2))
+    while len(places) < 150:
+        place = 20.0 * generator.random(2)
+        if (np.hypot(*(places - place).T) > 1.2).all():
+            places = np.vstack([places, place])
+    size = Size("s", math.pi * 0.4**2, 100)
+    problem = Problem(
+        Domain((20.0, 20.0)),
+        [BodyClass("a", [size])],
+        obstacles=tuple(Obstacle(disc=(*place, 0.5)) for place in places),
+        avoid_overlap=True,
+        seed=seed,
+    )
+    placement = solve(problem, device="cpu")
+    assert placement.report.overlaps == 0
+    assert np.hypot(*(placement.position[:, None] - places).transpose(2, 0, 1)).min() > 0.89
