@@ -204,3 +204,15 @@ def test_what_is_to_cover_the_ground_and_may_overlap_is_not_told_that_it_cannot_
         for c in (covering, counted)
     ]
     assert [any("cannot fit" in note for note in some) for some in notes] == [False, True]
+
+
+@pytest.mark.parametrize(("density", "beside", "covering"), [(1.0, 40, 42), (0.3, 40, 30), (0.3, 70, 12)])
+def test_bodies_that_cover_the_ground_make_room_for_classes_whose_counts_are_given(density, beside, covering):
+    sizes = [Size("s", 1.0, share=1.0)]
+    classes = [BodyClass("a", sizes, density, "cover"), BodyClass("b", [Size("s", 1.0, beside)])]
+    problem = Problem(Domain((10.0, 10.0)), classes, avoid_overlap=True)
+    assert [c.body_count for c in problem.classes] == [covering, beside]
+    assert not cover_of(problem).too_much
+    assert Problem(problem.domain, problem.classes, seed=1, avoid_overlap=True).classes[0].body_count == covering
+    with pytest.raises(ProblemError, match="take all that fits"):
+        Problem(Domain((10.0, 10.0)), [classes[0], BodyClass("b", [Size("s", 1.0, 82)])], avoid_overlap=True)
