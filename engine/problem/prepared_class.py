@@ -29,6 +29,7 @@ from .validation import MOST_BODIES, show
 __all__ = [
     "PreparedClass",
     "PreparedDensity",
+    "beside_counted",
     "beside_fixed",
     "count_sizes",
     "cut_out",
@@ -304,6 +305,33 @@ def beside_fixed(body_class: PreparedClass, domain: Domain | Surface, taken: flo
         raise ProblemError(
             f'`count` of class "{body_class.name}" is "cover", but its fixed bodies take the {min(wanted, most):.3g} m² that it can '
             "cover without overlap"
+        )
+    return replace(body_class, sizes=count_sizes(asked, left))
+
+
+def beside_counted(body_class: PreparedClass, domain: Domain | Surface, taken: float) -> PreparedClass:
+    """Return a class with a count of ``"cover"`` that covers no more than other classes, whose counts are given, leave to fit.
+
+    Args:
+        body_class: As it covers all of the ground.
+        domain: Where.
+        taken: Its part of the area of bodies of those classes [m²]: of these, all counts as if it lay on the ground of this class.
+
+    Raises:
+        ProblemError: Less than half a body is left.
+    """
+    asked = body_class.asked
+    assert asked is not None
+    wanted = sum((size.count or 0) * size.mean_area for size in body_class.sizes)
+    here = body_class.density_image if isinstance(domain, Domain) else body_class.density_on(domain.sample())
+    fits = packable_share(asked.sizes, asked.room, asked.gap)
+    left = body_class.share * float(np.mean(here > 0.0)) * domain.area * fits - taken
+    if left >= wanted:
+        return body_class
+    if left < 0.5 * min(size.mean_area for size in body_class.sizes):
+        raise ProblemError(
+            f'`count` of class "{body_class.name}" is "cover", but the counts of the classes beside it take all that fits without '
+            "overlap"
         )
     return replace(body_class, sizes=count_sizes(asked, left))
 

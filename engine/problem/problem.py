@@ -26,7 +26,7 @@ from .feasibility import check_feasible, check_known_in_rectangles, check_known_
 from .fixed_bodies import FixedBodies, FixedBody, FixedTable, fixed_table
 from .obstacles import Obstacle
 from .of_bodies import of_bodies
-from .prepared_class import PreparedClass, beside_fixed, cut_out, cut_out_on_surface, prepare_all
+from .prepared_class import PreparedClass, beside_counted, beside_fixed, cut_out, cut_out_on_surface, prepare_all
 from .settings import Settings, described, setting, settle, takes, values_of
 from .size import with_count
 from .surface import Surface
@@ -143,11 +143,29 @@ class Problem(ProblemSettings):
         settle(self, **values_of(settings, ProblemSettings))
         settle(self, domain=domain, classes=prepared, balance=balance, obstacles=obstacles)
         settle(self, fixed=fixed_table(fixed, prepared, domain))
-        counted = [self._with_fixed(index, c) for index, c in enumerate(self._beside_fixed(prepared))]
+        beside = self._beside_fixed(self._beside_counted(prepared))
+        counted = [self._with_fixed(index, c) for index, c in enumerate(beside)]
         settle(self, classes=tuple(c if c is b else replace(c, base=b) for c, b in zip(counted, bases, strict=True)))
         if self.body_count == len(self.fixed.id):
             raise ProblemError("a problem must have at least one body to place; all of them are fixed")
         check_feasible(self)
+
+    def _beside_counted(self, classes: tuple[PreparedClass, ...]) -> tuple[PreparedClass, ...]:
+        """Classes of which those that are to cover the ground, without overlap, leave room for those whose counts are given."""
+        covers = np.array([c.asked is not None and c.asked.count == "cover" for c in classes])
+        if not self.avoid_overlap or not covers.any() or covers.all():
+            return classes
+        area = np.array([float(sum((size.count or 0) * size.mean_area for size in c.sizes)) for c in classes])
+        kept = self.balance.classes_apart
+        apart = np.ones((len(classes), len(classes)), bool) if kept is None else kept.astype(bool)
+        taken = np.zeros(len(classes))
+        for index in np.flatnonzero(~covers):
+            makers = covers & apart[index]
+            taken += area[index] * area * makers / max(float(area[makers].sum()), 1e-300)
+        return tuple(
+            beside_counted(c, self.domain, own) if own > 0.0 else c
+            for c, own in zip(classes, taken.tolist(), strict=True)
+        )
 
     def _beside_fixed(self, classes: tuple[PreparedClass, ...]) -> list[PreparedClass]:
         """Classes of which those that are to cover the ground, without overlap, cover what fixed bodies leave of it."""

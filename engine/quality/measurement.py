@@ -129,12 +129,17 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
     if warning is not None:
         notes.append(warning)
     # What shrank, as lines do in a crowd, or lies beyond the border may have fitted for all that.
-    elif covered > 1.0:
+    # Classes that are to cover the ground, and may overlap, are asked to do so.
+    elif covered > 1.0 and (problem.avoid_overlap or not any(_covers(c) for c in problem.classes)):
         notes.append(
             f"the footprints add up to {covered:.0%} of the space where they may be: they cannot fit without overlap; "
             "lower the counts or the areas"
         )
     return notes
+
+
+def _covers(body_class: PreparedClass) -> bool:
+    return body_class.asked is not None and body_class.asked.count == "cover"
 
 
 def _class_reports(

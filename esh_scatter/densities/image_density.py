@@ -55,7 +55,7 @@ class ImageDensity(DensitySource):
     uv_map: str = field(
         default="",
         metadata=setting(
-            "UV map of the target. If this is empty, the one that is active for rendering is used",
+            "UV map of the target, of an image that a UV map lays out. If this is empty, the one that is active for rendering is used",
             label="UV Map",
             check=as_given,
         ),
@@ -109,6 +109,13 @@ class ImageDensity(DensitySource):
             soft_high=math.pi,
         ),
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.uv_map and self.mapping != "UV":
+            raise ProblemError(
+                f'`uv_map` of an ImageDensity must be empty unless its `mapping` is "UV"; got {show(self.uv_map)}'
+            )
 
     @property
     def label(self) -> str:

@@ -267,8 +267,10 @@ class ESH_PG_layer(PropertyGroup):
     def density(self) -> "Density":
         """Return what it reads as :func:`~esh.scatter` takes it."""
         kind = self.told
+        # What was chosen for another mapping is kept, and does not count.
+        uv_map = self.uv_map if self.image_mapping == "UV" else ""
         named: dict[str, dict[str, Any]] = {
-            "IMAGE": {"image": self.image, "uv_map": self.uv_map, "invert": self.invert},
+            "IMAGE": {"image": self.image, "uv_map": uv_map, "invert": self.invert},
             "VERTEX_GROUP": {"name": self.vertex_group, "invert": self.invert},
             "ATTRIBUTE": {"name": self.attribute, "invert": self.invert},
             "DISTANCE": {"source": self.source},

@@ -177,6 +177,8 @@ def test_a_missing_file_and_a_missing_uv_map_are_named(ground, stone):
         placed(ground, stone, missing)
     with pytest.raises(EshError, match="Ground"):
         placed(ground, stone, ImageDensity(new_image(STRIPE), mapping="UV", uv_map="nowhere"))
+    with pytest.raises(EshError, match='`uv_map` of an ImageDensity must be empty unless its `mapping` is "UV"; got'):
+        ImageDensity(new_image(STRIPE), uv_map="Turned")
 
 
 def test_density_counts_per_area_of_surface(stone):

@@ -13,6 +13,7 @@ from esh.engine.problem.line import Line
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
+from esh.engine.solve import solve
 
 PLANK = Footprint.rectangle(2.0, 0.3)
 
@@ -191,3 +192,27 @@ def test_what_lies_inside_of_the_edges_wholly_covers_less(side, most):
     crowd = BodyClass("a", [Size("s", 1.0, most + 5)])
     assert "at most about" in cover_of(Problem(domain, [crowd], avoid_overlap=True)).warning
     assert Problem(Domain((side, side)), [covering], avoid_overlap=True).body_count > most
+
+
+def test_what_is_to_cover_the_ground_and_may_overlap_is_not_told_that_it_cannot_fit():
+    sizes = [Size("s", 1.0, share=1.0)]
+    covering, counted = BodyClass("a", sizes, count="cover"), BodyClass("a", sizes, count=101)
+    notes = [
+        solve(
+            Problem(Domain((10.0, 10.0)), [c, BodyClass("b", [Size("s", 1.0, 5)])]), device="cpu", max_steps=3
+        ).report.notes
+        for c in (covering, counted)
+    ]
+    assert [any("cannot fit" in note for note in some) for some in notes] == [False, True]
+
+
+@pytest.mark.parametrize(("density", "beside", "covering"), [(1.0, 40, 42), (0.3, 40, 30), (0.3, 70, 12)])
+def test_bodies_that_cover_the_ground_make_room_for_classes_whose_counts_are_given(density, beside, covering):
+    sizes = [Size("s", 1.0, share=1.0)]
+    classes = [BodyClass("a", sizes, density, "cover"), BodyClass("b", [Size("s", 1.0, beside)])]
+    problem = Problem(Domain((10.0, 10.0)), classes, avoid_overlap=True)
+    assert [c.body_count for c in problem.classes] == [covering, beside]
+    assert not cover_of(problem).too_much
+    assert Problem(problem.domain, problem.classes, seed=1, avoid_overlap=True).classes[0].body_count == covering
+    with pytest.raises(ProblemError, match="take all that fits"):
+        Problem(Domain((10.0, 10.0)), [classes[0], BodyClass("b", [Size("s", 1.0, 82)])], avoid_overlap=True)

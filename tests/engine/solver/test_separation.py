@@ -495,3 +495,17 @@ def test_who_is_caught_with_others_in_a_gap_between_obstacles_goes_where_there_i
     placement = solve(problem, device="cpu")
     assert placement.report.overlaps == 0
     assert np.hypot(*(placement.position[:, None] - places).transpose(2, 0, 1)).min() > 0.89
+
+
+def test_planks_boxes_and_discs_that_part_in_a_periodic_domain_stay_even():
+    parts = [(Footprint.rectangle(2.0, 0.3), 100), (Footprint.rectangle(0.8, 0.8), 100), (Footprint.disc(0.3), 200)]
+    side = math.sqrt(sum(outline.area * count for outline, count in parts) / 0.8)
+    sizes = [Size(f"s{i}", count=count, footprint=Footprints(outline)) for i, (outline, count) in enumerate(parts)]
+    before, after = (
+        solve(
+            Problem(Domain((side, side), "periodic"), [BodyClass("a", sizes)], seed=13, avoid_overlap=apart),
+            device="cpu",
+        ).report
+        for apart in (False, True)
+    )
+    assert after.overlaps == 0 and after.coverage_error - before.coverage_error < 0.03
