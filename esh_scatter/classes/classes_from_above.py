@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -85,7 +85,10 @@ class ClassesFromAbove:
         """
         asked = [self._ask(*one) for one in zip(self._classes, self._shapes, values, strict=True)]
         share = _share_of_cover([one for one in asked if one.most is not None])
-        counted = [self._count(one, 1.0 if one.most is None else share) for one in asked]
+        wanted = [self._area_of(one.density) * (1.0 if one.most is None else share) for one in asked]
+        counted = [list(count_sizes(one.asked, area)) for one, area in zip(asked, wanted, strict=True)]
+        for k, left in self._left_beside_counted(asked, counted, wanted, share):
+            counted[k] = list(count_sizes(asked[k].asked, left))
         check_counts(
             [(one.asked.name, size) for one, sizes in zip(asked, counted, strict=True) for size in sizes],
             self._settings.avoid_overlap,
@@ -113,10 +116,39 @@ class ClassesFromAbove:
             density = np.minimum(density, most)
         return _Asked(asked, surface, density, most)
 
-    def _count(self, one: _Asked, share: float) -> list[Size]:
-        """Return the sizes of a class, all with a whole count."""
-        area = float(self._chart.size[0]) * float(self._chart.size[1])
-        return list(count_sizes(one.asked, share * area * float(one.density.mean())))
+    def _area_of(self, density: np.ndarray) -> float:
+        """Area that a density per area of the plan view covers [m²]."""
+        return float(self._chart.size[0]) * float(self._chart.size[1]) * float(density.mean())
+
+    def _left_beside_counted(
+        self, asked: list[_Asked], counted: list[list[Size]], wanted: list[float], share: float
+    ) -> Iterator[tuple[int, float]]:
+        """Which classes cannot cover what they want, as those whose counts are given leave less that fits, and how much that is [m²].
+
+        What these take is shared by those that are to cover the ground beside them, as they want it.
+
+        Raises:
+            ProblemError: Less than half a body is left.
+        """
+        covers = [k for k, one in enumerate(asked) if one.most is not None]
+        apart = self._settings.non_overlap
+        taken = dict.fromkeys(covers, 0.0)
+        for i, sizes in enumerate(counted):
+            makers = [k for k in covers if i not in covers and (apart is None or apart[i][k] > 0.0)]
+            area = sum((size.count or 0) * size.mean_area for size in sizes)
+            for k in makers:
+                taken[k] += area * wanted[k] / sum(wanted[maker] for maker in makers)
+        for k in covers:
+            one, most = asked[k], asked[k].most
+            assert most is not None
+            left = share * self._area_of(np.where(one.density > 0.0, most, 0.0)) - taken[k]
+            if taken[k] == 0.0 or left >= wanted[k]:
+                continue
+            if left < 0.5 * min(size.mean_area for size in one.asked.sizes):
+                raise ProblemError(
+                    f'{self._target_name} has no room for class "{one.asked.name}" beside the counts of the others'
+                )
+            yield k, left
 
     def _prepare_class(self, number: int, one: _Asked, sizes: list[Size]) -> PreparedClass:
         chart, c = self._chart, self._classes[number]

@@ -357,6 +357,24 @@ def test_shares_and_cover_count_the_surface_and_not_its_plan():
         scatter(roof, [ScatterClass("tree", sizes, density=1.2, count="cover")], **OPTIONS)
 
 
+def test_what_is_to_cover_the_ground_leaves_room_for_counts_beside_it():
+    ground, tree, stone = quad("Ground", 10.0), quad("Tree", 1.0), quad("Stone", 1.0)
+
+    def placed(stones):
+        trees = ScatterClass("tree", [ScatterSize("one", None, tree)], density=1.0, count="cover")
+        classes = [trees]
+        if stones:
+            classes.append(ScatterClass("stone", [ScatterSize("one", stones, stone)]))
+        report = scatter(ground, classes, avoid_overlap=True, **OPTIONS).report
+        assert report.overlaps == 0
+        return report.classes[0].sizes[0].placed
+
+    alone = placed(0)
+    assert [alone - placed(stones) for stones in (20, 40)] == [20, 40]
+    with pytest.raises(EshError, match='"Ground" has no room for class "tree" beside the counts of the others'):
+        placed(alone)
+
+
 def test_long_bodies_follow_the_density_and_not_the_target_s_border():
     """On a disc whose density grows along y, edges run along x everywhere, also where the border does not."""
     bpy.ops.mesh.primitive_circle_add(vertices=128, radius=10.0, fill_type="NGON")
