@@ -26,10 +26,13 @@ __all__ = ["PlaneSeparation"]
 LEAST_PARALLEL = 0.9
 # Places that a body tries which is wedged between pinned ones, or caught in a gap between obstacles with others that overlap it by
 # more than this share of its width.
-PLACES_TO_TRY = 200
+PLACES_TO_TRY = 1000
 CAUGHT = 0.01
-# Where a pass leaves more than this share of those who are caught, there is no room for them: no other follows.
-STILL_CAUGHT = 0.8
+# Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
+# for them: no other follows.
+STILL_CAUGHT, MANY_CAUGHT = 0.8, 0.2
+# Bodies that jump at once, of whom no two land in one gap.
+MOST_AT_ONCE = 2000
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
 
@@ -230,8 +233,8 @@ class PlaneSeparation(Separation):
         wedged = before >= kernels_trials.PINNED_COST
         caught = movable & (before > CAUGHT**2)
         count = int(caught.sum())
-        if not self._obstructed or count > STILL_CAUGHT * self._caught:
-            self._obstructed, caught = False, np.zeros_like(caught)
+        if count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * self._count):
+            count, caught = 0, np.zeros_like(caught)
         self._caught = count
         stuck = np.flatnonzero(movable & (wedged | caught))
         if not len(stuck):
@@ -243,9 +246,11 @@ class PlaneSeparation(Separation):
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
         # Who is caught among bodies that give way goes only where there is room.
         found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, TOLERANCE**2)
+        landing = np.flatnonzero(found)[:MOST_AT_ONCE]
+        landing = landing[_alone(place.numpy()[landing], self._outlines.reach.numpy()[stuck[landing]])]
         poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
-        moved = stuck[found]
-        poses[moved, :2] = home[moved, :2] = place.numpy()[found]
+        moved = stuck[landing]
+        poses[moved, :2] = home[moved, :2] = place.numpy()[landing]
         last[moved] = 0.0
         self._crowd_pose.assign(poses)
         self._moves.home.assign(home)
@@ -308,3 +313,12 @@ class PlaneSeparation(Separation):
         crowd.images, crowd.inset = self._crowd.images, self._crowd.inset
         launcher.launch(kernels_bends.find_room, n, [crowd, widest], [room], grain=GRAIN_OF_NEIGHBORS)
         launcher.launch(kernels_bends.straighten, n, [self._outlines, self._bodies, widest, room], [self._bend])
+
+
+def _alone(place: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Which of some places to take, the first ones first, so that no two bodies of these reaches meet there; ascending."""
+    taken = np.zeros(len(place), bool)
+    for k in range(len(place)):
+        apart = np.hypot(*(place[:k] - place[k]).T) >= reach[:k] + reach[k]
+        taken[k] = (apart | ~taken[:k]).all()
+    return np.flatnonzero(taken)

@@ -156,8 +156,9 @@ class Separation(ABC):
         unit = model.unit
         free = model.footprints.free | self._is_line
         pinned = (model.body.flags & BodyFlags.PINNED) != 0
-        self._pinned, self._obstructed = bool(pinned.any()), bool(model.problem.obstacles)
-        self._caught = math.inf
+        self._pinned = bool(pinned.any())
+        # Bodies that were caught in gaps at the last pass; 0 where no other follows.
+        self._caught = 0.0
         mass = tables.area / tables.area.mean()
         is_round = (np.diff(tables.start) == 1) & (np.hypot(*tables.corners[tables.start[:-1], :2].T) == 0.0)
         is_round = is_round[tables.shape]
@@ -190,6 +191,7 @@ class Separation(ABC):
         pairs.count = launcher.zeros(n, wp.int32)
         self._pairs = pairs
         self._moves: Any = None
+        self._swaps_left = self._jumps_left = 0
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
@@ -392,6 +394,7 @@ class Separation(ABC):
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
         most = self._most_rounds
         self._swaps_left, self._jumps_left = HOT_SWAPS if hot else MOST_SWAPS, MOST_JUMPS
+        self._caught = math.inf if self._model.problem.obstacles else 0.0
         guidance = None if hot else self._guidance
         guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
@@ -460,7 +463,7 @@ class Separation(ABC):
         if self._swaps_left and self._swappable:
             self._swaps_left -= 1
             changed = self._swap(FIRST_SWAPS + number, STUCK_SHARE, KEEP)
-        if self._jumps_left and (self._pinned or self._obstructed) and unguided >= ROUNDS_BEFORE_JUMPS:
+        if self._jumps_left and (self._pinned or self._caught) and unguided >= ROUNDS_BEFORE_JUMPS:
             self._jumps_left -= 1
             changed += self._leave_wedges(number)
         return changed

@@ -253,7 +253,9 @@ def test_planks_that_are_parallel_to_some_around_them_do_not_jam(contact, turned
     o = contact.outcome(Problem(Domain((side, side)), [BodyClass("a", sizes)], seed=1, avoid_overlap=True))
     assert o["before"] > 100
     assert (o["left"], o["reported"]) == (0, 0)
-    assert o["error"] < o["error before"] + (0.12 if turned == "at right angles" else 0.04)
+    # Over six seeds .013 to .061 where half of them are turned at random.
+    growth = {"at right angles": 0.12, "half of them": 0.08}.get(turned, 0.04)
+    assert o["error"] < o["error before"] + growth
 
 
 @pytest.mark.parametrize("mixed", [False, True])
@@ -477,14 +479,16 @@ def test_nobody_stays_wedged_between_fixed_bodies(boundary, footprint, apart):
     assert away.max() < 1e-5
 
 
+@pytest.mark.parametrize("count", [100, 200])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_who_is_caught_with_others_in_a_gap_between_obstacles_goes_where_there_is_room(seed):
+def test_who_is_caught_with_others_in_a_gap_between_obstacles_goes_where_there_is_room(seed, count):
+    """No two of them go to the same place."""
     generator, places = np.random.default_rng(seed), np.zeros((0, 2))
     while len(places) < 150:
         place = 20.0 * generator.random(2)
         if (np.hypot(*(places - place).T) > 1.2).all():
             places = np.vstack([places, place])
-    size = Size("s", math.pi * 0.4**2, 100)
+    size = Size("s", math.pi * 0.4**2, count)
     problem = Problem(
         Domain((20.0, 20.0)),
         [BodyClass("a", [size])],
