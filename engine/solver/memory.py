@@ -40,10 +40,15 @@ BYTES_PER_CHARGE_GUIDED = 100
 BYTES_PER_CHARGE_AND_GROUP = 4
 # Of a mesh, per node and group: charge, potential, attraction and length of a step.
 BYTES_PER_NODE_AND_GROUP = 8 + 4 + 4 + 4
-# Per pixel of a density: what was given, what is followed, the device's copy, the way out of empty pixels; and while that is found, or
-# bodies are surveyed in float64.
-BYTES_PER_PIXEL = 4 + 4 + 4 + 8
-BYTES_PER_PIXEL_MEANWHILE = 24
+# Per pixel of a density: what was given, what is followed, the device's copy; and what is worked out for one image after the other.
+BYTES_PER_PIXEL = 4 + 4 + 4
+BYTES_PER_PIXEL_MEANWHILE = 8
+# The way out of pixels that are empty, and while that is found; small images are taken to have some.
+BYTES_PER_EMPTY_PIXEL = 8
+BYTES_PER_EMPTY_PIXEL_MEANWHILE = 6
+MANY_PIXELS = 2**20
+# While the directions that lines have by a density are found: its tensors, in float64.
+BYTES_PER_PIXEL_OF_DIRECTIONS = 56
 # Of the longest side of an image: the weights of its pixels at the nodes of a mesh. Much only where it is a single row.
 BYTES_PER_PIXEL_OF_A_SIDE = 170
 # Per cell of the report's grid: charges, their difference from the target, and shares.
@@ -77,16 +82,19 @@ def required_memory(problem: Problem) -> int:
 
 def _required_for_images(problem: Problem) -> int:
     """Estimate the memory that a problem's densities take [bytes]."""
-    sizes = [image.size for image in _distinct_images(problem)]
-    directions = sum(
+    images = _distinct_images(problem)
+    empty = [image.size for image in images if image.size < MANY_PIXELS or not image.min() > 0.0]
+    of_lines = [c.density_image.size for c in problem.classes if any(size.line is not None for size in c.sizes)]
+    directions = BYTES_PER_PIXEL_OF_DIRECTIONS * max(of_lines, default=0) + sum(
         8 * c.density_image.size + (line.length.nbytes if isinstance(line.length, np.ndarray) else 0)
         for c in problem.classes
         for line in (size.line for size in c.sizes)
         if line is not None
     )
-    side = max(max(image.shape) for image in _distinct_images(problem))
-    meanwhile = BYTES_PER_PIXEL_MEANWHILE * max(sizes) + BYTES_PER_PIXEL_OF_A_SIDE * side
-    return BYTES_PER_PIXEL * sum(sizes) + meanwhile + directions
+    side = max(max(image.shape) for image in images)
+    meanwhile = BYTES_PER_PIXEL_MEANWHILE * max(image.size for image in images) + BYTES_PER_PIXEL_OF_A_SIDE * side
+    way_out = BYTES_PER_EMPTY_PIXEL * sum(empty) + BYTES_PER_EMPTY_PIXEL_MEANWHILE * max(empty, default=0)
+    return BYTES_PER_PIXEL * sum(image.size for image in images) + meanwhile + way_out + directions
 
 
 def _required_for_meshes(problem: Problem) -> int:

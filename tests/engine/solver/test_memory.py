@@ -86,6 +86,10 @@ MEASURED = {
         "[BodyClass(f'{k}', [Size('s', 1e-4, 100)], density=np.random.default_rng(k).random((2000, 2000)) > 0.5)"
         " for k in range(6)]"
     ),
+    "an image without empty pixels": "[BodyClass('a', [Size('s', 1e-4, 100)], 0.1 + np.random.default_rng(0).random((4000, 4000)))]",
+    "lines along an image": (
+        "[BodyClass('a', [Size('s', 1e-5, 300, line=Line(0.02))], 0.1 + np.random.default_rng(0).random((3000, 3000)))]"
+    ),
 }
 
 
