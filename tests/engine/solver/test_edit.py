@@ -159,7 +159,7 @@ def test_fewer_bodies_are_taken_out_evenly(settled):
         edit = solver.edit(problem_of(count=N - 150))
         after = solver.placement()
         solver.run(150)
-        assert error(after, HILLS) < 1.75 * error(solver.placement(), HILLS)
+        assert error(after, HILLS) < 2.0 * error(solver.placement(), HILLS)
     assert len(edit.added) == 0
     assert len(edit.removed) == 150
 
