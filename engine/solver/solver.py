@@ -47,7 +47,7 @@ __all__ = ["Edit", "Progress", "Solver", "is_stop"]
 
 # RMS move over local spacing at which a run has converged: later steps change no figure of the report.
 TOLERANCE = 2e-4
-# What counts as converged where the steps run out: bodies want to move by less than a hundredth of their spacing.
+# What counts as converged where the steps run out: bodies want to move by less than half a hundredth of their spacing.
 SETTLED = 5e-3
 # What is said where numbers leave the range of float32 all the same.
 OVERFLOW = (
