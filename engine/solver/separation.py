@@ -20,7 +20,6 @@ import warp as wp
 
 from ..device.launcher import Launcher, Recording
 from ..problem.cover import cover_of
-from ..problem.domain import Domain
 from ..problem.packing import is_long
 from ..space.cell_sort import CellSort
 from . import kernels_outlines, kernels_pairs, kernels_trials
@@ -65,9 +64,9 @@ ROUNDS_OF_PULL = (100, 300)
 # between two looks at where they are to go.
 PULL_OF_GUIDANCE = 0.02
 ROUNDS_OF_GUIDANCE = 800
-# The same where no edge gives way. Measured on planks, boxes and discs that cover 80 % of a periodic domain, six seeds: coverage
+# The same where the domain has no edges. Measured on planks, boxes and discs that cover 80 % of a periodic domain, six seeds: coverage
 # errors grow by .022 to .031 in 800 rounds, by .019 to .026 in these, in 1.3 times the time.
-ROUNDS_OF_PERIODIC_GUIDANCE = 1600
+ROUNDS_OF_GUIDANCE_WITHOUT_EDGES = 1600
 FEWEST_ROUNDS_OF_GUIDANCE = 100
 BODIES_TO_GUIDE = 10_000_000
 ROUNDS_PER_GUIDANCE = 10
@@ -399,9 +398,7 @@ class Separation(ABC):
         guided, strongest = 0, PULL
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         if guidance is not None:
-            domain = self._model.problem.domain
-            periodic = isinstance(domain, Domain) and domain.periodic
-            longest = ROUNDS_OF_PERIODIC_GUIDANCE if periodic else ROUNDS_OF_GUIDANCE
+            longest = ROUNDS_OF_GUIDANCE if self._model.space.has_edges else ROUNDS_OF_GUIDANCE_WITHOUT_EDGES
             guided = min(longest, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, clean = math.inf, 0, 0

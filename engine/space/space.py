@@ -40,6 +40,11 @@ class Space:
         """Whether the way from one position to another is always their difference: nothing repeats itself."""
         return not self.periodic
 
+    @property
+    def has_edges(self) -> bool:
+        """Whether it ends somewhere, where what is crowded finds a way out."""
+        return not self.periodic
+
     def with_mirror_images(self) -> Space:
         """The space of everything in this one and of its images in two mirrors, the right and the upper edge, which repeats itself."""
         return Space((2.0 * self.size[0], 2.0 * self.size[1]), True)
