@@ -233,7 +233,7 @@ class PlaneSeparation(Separation):
         wedged = before >= kernels_trials.PINNED_COST
         caught = movable & (before > CAUGHT**2)
         count = int(caught.sum())
-        if count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * self._count):
+        if not self._caught or count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * self._count):
             count, caught = 0, np.zeros_like(caught)
         self._caught = count
         stuck = np.flatnonzero(movable & (wedged | caught))
