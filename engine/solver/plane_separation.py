@@ -31,7 +31,7 @@ CAUGHT = 0.01
 # Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
 # for them: no other follows.
 STILL_CAUGHT, MANY_CAUGHT = 0.8, 0.2
-# Bodies that jump at once, of whom no two land in one gap.
+# Of those who are caught so many look for a place at once.
 MOST_AT_ONCE = 2000
 # Periods that an image of a body may be away.
 MOST_IMAGES = 8
@@ -236,7 +236,8 @@ class PlaneSeparation(Separation):
         if not self._caught or count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * self._count):
             count, caught = 0, np.zeros_like(caught)
         self._caught = count
-        stuck = np.flatnonzero(movable & (wedged | caught))
+        some = np.flatnonzero(caught & ~wedged)
+        stuck = np.concatenate([np.flatnonzero(movable & wedged), some[:: -(-max(len(some), 1) // MOST_AT_ONCE)]])
         if not len(stuck):
             return 0
         place, left = launcher.empty(len(stuck), wp.vec2), launcher.zeros(len(stuck), float)
@@ -246,7 +247,7 @@ class PlaneSeparation(Separation):
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
         # Who is caught among bodies that give way goes only where there is room.
         found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, TOLERANCE**2)
-        landing = np.flatnonzero(found)[:MOST_AT_ONCE]
+        landing = np.flatnonzero(found)
         landing = landing[_alone(place.numpy()[landing], self._outlines.reach.numpy()[stuck[landing]])]
         poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
         moved = stuck[landing]
