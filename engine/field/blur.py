@@ -109,7 +109,8 @@ class Blur:
 
     Attributes:
         variance: Of every node, flat; that of a mean charge there, half of what acts between two of them.
-        levels: Variances of the levels, a geometric series; one where the blur is everywhere the same.
+        uniform: Whether that of a mean charge is everywhere the same.
+        levels: Variances of the levels, a geometric series; one where the blur of all charges is everywhere the same.
     """
 
     def __init__(
@@ -127,6 +128,7 @@ class Blur:
     ) -> None:
         self._launcher = launcher
         self._layout = layout
+        self.uniform = uniform
         usual = 0.5 * min(width, widest) ** 2
         self.variance = launcher.alike(np.broadcast_to(np.float32(usual), layout.node_count), float)
         self.levels = [usual]

@@ -20,7 +20,7 @@ from ..space import kernels_cells
 from ..space.cell_sort import CellSort
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import blur, kernels_blur, kernels_field, kernels_near, kernels_splines
+from . import blur, kernels_field, kernels_gather, kernels_near, kernels_splines
 from .blur import LEAST_OF_SMALL, SHARPER_BETWEEN, USUAL_REGULARITY
 from .field_meshes import FEWEST_NODES, charge_mesh, cutoff_of
 from .influence import convolution_of, far_influence
@@ -122,7 +122,6 @@ class Field:
         self.node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
         self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
-        self._charge, self._charge_group = launcher.array(charge, float), launcher.array(charge_group, wp.int32)
         self._choose_cells()
         self._make_room(interaction)
         self._lay_images(images, interaction @ charge_of_image)
@@ -150,16 +149,29 @@ class Field:
         self.core, self.core_end = blur.core(blur_over_spacing, uniform)
         if smooth:
             self.core = 0.0
-        self._own_sizes = self._sizes_of(whole_charge)
-        self._family_of_group = None if same.all() else wp.array(family, dtype=wp.int32, device=device)
-        self._blurred = self._blurred_by(sharper)
         self._corrected = self._correction.for_kernels()
+        self._given = self._given_charges(charge, charge_group, whole_charge)
+        self._places = self._blur_of_places(None if same.all() else family)
+        self._blurred = self._blurred_by(sharper)
 
-    def _sizes_of(self, whole_charge: np.ndarray | None) -> list[int | wp.array]:
-        """Whether charges have faded, and what they were before."""
-        if whole_charge is None:
-            return [0, self.launcher.empty(1, float)]
-        return [1, self.launcher.array(whole_charge, float)]
+    def _given_charges(
+        self, charge: np.ndarray, group: np.ndarray, whole_charge: np.ndarray | None
+    ) -> kernels_gather.GivenCharges:
+        given = kernels_gather.GivenCharges()
+        given.charge, given.group = self.launcher.array(charge, float), self.launcher.array(group, wp.int32)
+        given.size = given.charge if whole_charge is None else self.launcher.array(whole_charge, float)
+        return given
+
+    def _blur_of_places(self, family: np.ndarray | None) -> kernels_gather.BlurOfPlaces:
+        """How the blur differs; ``family`` is that of every group, or None for a single one."""
+        places = kernels_gather.BlurOfPlaces()
+        places.by_family = int(family is not None)
+        places.family_of_group = wp.array(
+            [0] if family is None else family, dtype=wp.int32, device=self.launcher.device
+        )
+        places.by_size, places.by_place = int(not self.blur.constant), int(not self.blur.uniform)
+        places.least, places.mesh, places.variance = LEAST_OF_SMALL, self._corrected.mesh, self.blur.variance
+        return places
 
     def _make_room(self, interaction: np.ndarray) -> None:
         """Room for the charges in the order of their cells, and for what is on the mesh."""
@@ -194,7 +206,7 @@ class Field:
         blurred.family = self.launcher.zeros(room, wp.int32)
         # Where the blur is everywhere the same, this never changes.
         blurred.variance = wp.full(room, self.blur.levels[0], dtype=float, device=self.launcher.device)
-        blurred.alike = int(self.blur.constant and self._family_of_group is None)
+        blurred.alike = int(self.blur.constant and not self._places.by_family)
         blurred.sharper, blurred.core, blurred.per_core = sharper, self.core, 1.0 / self.core_end
         return blurred
 
@@ -254,26 +266,14 @@ class Field:
 
     def _sort(self, position: wp.array) -> None:
         self._cell_sort.sort(kernels_cells.compute_cell_keys, [position, self.cells])
+        at_once = 1 if self.launcher.device.is_cuda else kernels_gather.GATHERED_AT_ONCE
         self.launcher.launch(
-            kernels_cells.gather_charges,
-            self.charge_count,
-            [position, self._charge, self._charge_group, self._interaction, self.group_count],
-            [self._sorted],
+            kernels_gather.gather_charges,
+            -(-self.charge_count // at_once),
+            [self.charge_count, at_once, position, self._given, self._interaction, self.group_count, self._places],
+            [self._sorted, self._blurred],
+            grain=GRAIN // at_once,
         )
-        if self._family_of_group is not None:
-            self.launcher.launch(
-                kernels_blur.gather_families,
-                self.charge_count,
-                [self._sorted, self._family_of_group],
-                [self._blurred.family],
-            )
-        if not self.blur.constant:
-            self.launcher.launch(
-                kernels_blur.gather_variances,
-                self.charge_count,
-                [self._sorted, *self._own_sizes, self._corrected.mesh, self.blur.variance, LEAST_OF_SMALL],
-                [self._blurred.variance],
-            )
 
     def _deposit(self) -> None:
         inputs = [self._sorted, self.mesh]

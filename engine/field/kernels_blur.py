@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..space.kernels_cells import SortedCharges
-from ..space.kernels_mesh import Mesh
-from ..space.kernels_space import wrap
-
 wp.set_module_options({"enable_backward": False})
 
 # Where less of a node's surroundings than this lies in the domain, no charge ever is.
@@ -72,54 +68,3 @@ def take_level(
     elif level == below + 1:
         share = place
     result[i] = share * images[i]
-
-
-@wp.func
-def variance_at(x: float, y: float, mesh: Mesh, variance: wp.array(dtype=float)):
-    """Variance at a place inside the domain, bilinear between the nodes."""
-    u = x * mesh.inverse_spacing[0] + float(mesh.margin)
-    v = y * mesh.inverse_spacing[1] + float(mesh.margin)
-    left = int(u)
-    low = int(v)
-    right = wrap(left + 1, mesh.count_x)
-    high = wrap(low + 1, mesh.count_y)
-    fu = u - float(left)
-    fv = v - float(low)
-    left = wrap(left, mesh.count_x)
-    low = wrap(low, mesh.count_y)
-    lower = (1.0 - fu) * variance[low * mesh.count_x + left] + fu * variance[low * mesh.count_x + right]
-    upper = (1.0 - fu) * variance[high * mesh.count_x + left] + fu * variance[high * mesh.count_x + right]
-    return (1.0 - fv) * lower + fv * upper
-
-
-@wp.kernel
-def gather_variances(
-    first: int,
-    charges: SortedCharges,
-    own_sizes: int,
-    size: wp.array(dtype=float),
-    mesh: Mesh,
-    variance: wp.array(dtype=float),
-    least: float,
-    # outputs
-    sorted_variance: wp.array(dtype=float),
-):
-    """Variance of every charge's blur: that of its place, less where it is a small one; by ``size`` where charges fade."""
-    i = first + wp.tid()
-    share = charges.charge[i]
-    if own_sizes != 0:
-        share = size[charges.order[i]]
-    share = wp.clamp(share, least, 1.0)
-    sorted_variance[i] = share * variance_at(charges.x[i], charges.y[i], mesh, variance)
-
-
-@wp.kernel
-def gather_families(
-    first: int,
-    charges: SortedCharges,
-    family_of_group: wp.array(dtype=wp.int32),
-    # outputs
-    family: wp.array(dtype=wp.int32),
-):
-    i = first + wp.tid()
-    family[i] = family_of_group[charges.group[i]]

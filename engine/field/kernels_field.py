@@ -12,15 +12,14 @@ from ..space.kernels_mesh import Mesh
 from ..space.kernels_space import period
 from . import splitting
 from .blur import LARGEST_Q
-from .kernels_blur import level_of
-from .kernels_splines import fetch_ahead, potential_gradient, potential_gradients
+from .kernels_correction import Correction, correction_at
+from .kernels_splines import fetch_ahead, potential_gradient
 
 __all__ = [
     "COLUMNS_PER_CUTOFF",
     "PAIR_CONSTANTS",
     "ROWS_PER_CUTOFF",
     "Blurred",
-    "Correction",
     "SortedSums",
     "add_far_field",
     "evaluate_field",
@@ -178,35 +177,6 @@ class SortedSums:
 
     x: wp.array(dtype=float)
     y: wp.array(dtype=float)
-
-
-@wp.struct
-class Correction:
-    """What the charges' mesh lacks of the targets, on a finer one; see :class:`~.target_correction.TargetCorrection`."""
-
-    mesh: Mesh
-    potential: wp.array(dtype=float)
-    row: wp.array(dtype=wp.int32)
-    scale: wp.array(dtype=float)
-    levels: wp.array(dtype=float)
-
-
-@wp.func
-def correction_at(at: wp.vec2, group: int, variance: float, correction: Correction):
-    """What it adds to the force on a charge of a group; between two levels linear in the variance of the charge's blur."""
-    nodes = correction.mesh.count_x * correction.mesh.count_y
-    base = correction.row[group] * correction.levels.shape[0] * nodes
-    scale = correction.scale[group]
-    total = wp.vec2(0.0, 0.0)
-    if correction.levels.shape[0] == 1:
-        total = scale * potential_gradient(at, base, correction.mesh, correction.potential)
-    else:
-        level, place = level_of(variance, correction.levels)
-        base += level * nodes
-        both = potential_gradients(at, base, nodes, correction.mesh, correction.potential)
-        below = wp.vec2(both[0], both[1])
-        total = scale * (below + place * (wp.vec2(both[2], both[3]) - below))
-    return total
 
 
 @wp.func

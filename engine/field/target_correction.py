@@ -12,15 +12,19 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from ..device.launcher import Launcher
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.space import Space
 from ..space.target_deposit import deposit_images, mix_images
-from . import kernels_field
+from . import kernels_correction
 from .blur import Blur
 from .field_meshes import FINEST_BLUR_OVER_MESH, target_mesh, widest_blur
 from .influence import convolution_of, rest_influence
 
 __all__ = ["TargetCorrection"]
+
+# Potentials that differ by less than this share of the largest one are flat: the transforms round by a fifth of it. Bodies would
+# not move by more than 1e-5 of their spacing for it.
+FLAT = 3e-6
 
 
 class TargetCorrection:
@@ -50,6 +54,7 @@ class TargetCorrection:
         potential: Potentials, flat: for every row all levels, one after the other.
         row: Index of the row of every group; groups whose potentials are multiples of each other share one.
         scale: Its factor.
+        acts: Whether there is more than rounding in a block of nodes, uint8, flat: for every row all blocks.
     """
 
     def __init__(
@@ -104,14 +109,32 @@ class TargetCorrection:
             if parts:
                 result = self.potential[place * of_row : (place + 1) * of_row]
                 self._find_potential(launcher, deposited, parts, cutoff, result)
+        self._blocks = tuple(-(-count // kernels_correction.BLOCK_OF_NODES) for count in self.layout.shape)
+        self.acts = self._find_where_it_acts(launcher, len(distinct))
 
-    def for_kernels(self) -> kernels_field.Correction:
+    def for_kernels(self) -> kernels_correction.Correction:
         """The potentials as kernels take them."""
-        correction = kernels_field.Correction()
+        correction = kernels_correction.Correction()
         correction.mesh = self.layout.for_kernels()
         correction.potential, correction.row, correction.scale = self.potential, self.row, self.scale
         correction.levels = wp.array(self.blur.levels, dtype=float, device=self.potential.device)
+        correction.acts = self.acts
+        correction.blocks_y, correction.blocks_x = self._blocks
         return correction
+
+    def _find_where_it_acts(self, launcher: Launcher, rows: int) -> wp.array:
+        """Look for the blocks of nodes over which every potential of a row is flat, as it is where targets are."""
+        count = rows * self._blocks[0] * self._blocks[1]
+        spread, largest = (launcher.empty(count, float) for _ in range(2))
+        launcher.launch(
+            kernels_correction.find_ranges,
+            count,
+            [self.potential, len(self.blur.levels), self.layout.for_kernels(), *self._blocks[::-1]],
+            [spread, largest],
+            grain=GRAIN_OF_NEIGHBORS,
+        )
+        of_row = largest.numpy().reshape(rows, -1).max(axis=1, keepdims=True)
+        return launcher.array((spread.numpy().reshape(rows, -1) > FLAT * of_row).ravel().astype(np.uint8), wp.uint8)
 
     def _find_potential(
         self,

@@ -15,6 +15,7 @@ import warp as wp
 from ..device.devices import resolve_device
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.problem import Problem
+from ..space.cell_sort import CellSort
 from ..space.kernels_images import Images
 from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
@@ -29,6 +30,10 @@ CELLS_PER_BODY = 8
 LARGEST_ORDER = 12
 # Golden ratio: group after group starts at another fraction of a step, so that groups interleave along the curve.
 GOLDEN = 0.6180339887498949
+# From so many bodies on it counts where in memory they lie: a processor has those that are fewer at hand.
+MANY_BODIES = 1 << 13
+# Rows are so many times as high as the bodies of a group are apart, and their cells so many times as wide.
+ROW_HEIGHT, CELL_WIDTH = 2.0, 4.0
 
 
 def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0) -> wp.array:
@@ -66,11 +71,45 @@ def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0)
             grain=GRAIN_OF_NEIGHBORS,
         )
         first += body_class.body_count
+    if model.body_count >= MANY_BODIES:
+        pose = _in_rows(launcher, model, pose)
     if model.has_fixed:
         values = pose.numpy()
         values[model.fixed, :2] = problem.fixed.position / model.unit
         pose = wp.array(values, dtype=wp.vec4, device=device)
     return pose
+
+
+def _in_rows(launcher: Launcher, model: Model, pose: wp.array) -> wp.array:
+    """Deal the places of every group out to its bodies again, row after row from below and from left to right in each.
+
+    In this order the field goes through them, so that a step reads and writes memory along a few lines: a tenth less time for
+    1,000,000 bodies. Places of fixed bodies stay among these.
+    """
+    group = model.body.group
+    kinds = model.groups.count
+    if model.has_fixed:
+        group = np.where(model.fixed, kinds, group).astype(np.int32)
+        kinds += 1
+    count = np.bincount(group, minlength=kinds)
+    rows = np.maximum(np.sqrt(count) / ROW_HEIGHT, 1.0).astype(np.int32)
+    columns = np.maximum(count / (rows * ROW_HEIGHT * CELL_WIDTH), 1.0).astype(np.int32)
+    begin = np.concatenate([[0], np.cumsum(rows.astype(np.int64) * columns)])
+    cells = CellSort(launcher, model.body_count, int(begin[-1]))
+    of_groups = [launcher.array(values.astype(np.int32), wp.int32) for values in (group, rows, columns, begin)]
+    cells.sort(kernels_start.row_cells_of_groups, [pose, wp.vec2(*model.size), *of_groups])
+    result = launcher.empty(model.body_count, wp.vec4)
+    bodies = launcher.array(_group_after_group(group, kinds), wp.int32)
+    launcher.launch(kernels_start.take_poses, model.body_count, [pose, cells.order, bodies], [result])
+    return result
+
+
+def _group_after_group(group: np.ndarray, count: int) -> np.ndarray:
+    """All bodies in the order of their groups, int32; those of a group keep theirs."""
+    if (group[1:] >= group[:-1]).all():
+        return np.arange(len(group), dtype=np.int32)
+    # NumPy sorts short integers by radix: of 1,000,000 bodies in a few milliseconds.
+    return np.argsort(group.astype(np.int16) if count < 1 << 15 else group, kind="stable").astype(np.int32)
 
 
 def body_starts(model: Model, launcher: Launcher, start: int = 0) -> tuple[np.ndarray, list[wp.array], int]:
@@ -118,9 +157,7 @@ def _ranks(model: Model, count: np.ndarray) -> np.ndarray:
         return np.arange(len(body_group), dtype=np.int32) - (np.repeat(begin, count) if len(begin) > 1 else begin)
     bodies = np.flatnonzero(~model.fixed)
     first = np.concatenate([[0], np.cumsum(count)])
-    # NumPy sorts short integers by radix: of 1,000,000 bodies in a few milliseconds.
-    group = body_group[bodies].astype(np.int16 if len(count) < 1 << 15 else np.int32)
-    by_group = bodies[np.argsort(group, kind="stable")]
+    by_group = bodies[_group_after_group(body_group[bodies], len(count))]
     rank = np.zeros(len(body_group), dtype=np.int32)
     rank[by_group] = np.arange(len(bodies)) - first[body_group[by_group]]
     return rank

@@ -6,6 +6,8 @@ both compute the same, to the last bit.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import warp as wp
 
 from ..space.kernels_images import Images
@@ -35,14 +37,46 @@ wp.set_module_options({"enable_backward": False})
 # Bodies that an element of these kernels has on the CPU.
 DOTS_AT_ONCE = wp.constant(LANES)
 
-# What both kernels start with: which bodies these are, and how numbers of each of them are read.
+
+def _numbers(of_lane: Callable[[int], Sequence[int]]) -> str:
+    """Indices of a shuffle: those of lane after lane."""
+    return ", ".join(str(index) for k in range(LANES) for index in of_lane(k))
+
+
+# What both kernels start with: which bodies these are, and how numbers of all of them are read and written at once.
 _OF_DOTS = f"""
     {LANES_OF_SPACE}
-    typedef float Q __attribute__((ext_vector_type(4), aligned(4)));
+    typedef float Pairs __attribute__((ext_vector_type({2 * LANES}), aligned(4)));
+    typedef float Quads __attribute__((ext_vector_type({4 * LANES}), aligned(4)));
     auto lanes = [](auto of) -> V {{ return V{{{", ".join(f"of({k})" for k in range(LANES))}}}; }};
+    // The first two numbers of every vector of two or four; of one of four the others are zero.
+    auto take_pairs = [](const float* p, V& x, V& y)
+    {{
+        const Pairs of_all = *(const Pairs*)p;
+        x = __builtin_shufflevector(of_all, of_all, {_numbers(lambda k: [2 * k])});
+        y = __builtin_shufflevector(of_all, of_all, {_numbers(lambda k: [2 * k + 1])});
+    }};
+    auto take_quads = [](const float* p, V& x, V& y)
+    {{
+        const Quads of_all = *(const Quads*)p;
+        x = __builtin_shufflevector(of_all, of_all, {_numbers(lambda k: [4 * k])});
+        y = __builtin_shufflevector(of_all, of_all, {_numbers(lambda k: [4 * k + 1])});
+    }};
+    auto put_pairs = [](float* p, V x, V y)
+    {{
+        *(Pairs*)p = __builtin_shufflevector(x, y, {_numbers(lambda k: [k, LANES + k])});
+    }};
+    auto put_quads = [](float* p, V x, V y)
+    {{
+        const Pairs both = __builtin_shufflevector(x, y, {", ".join(map(str, range(2 * LANES)))});
+        const Pairs none = (Pairs)0.0f;
+        *(Quads*)p = __builtin_shufflevector(both, none, {_numbers(lambda k: [k, LANES + k, 2 * LANES, 2 * LANES])});
+    }};
     const I line = *(const I*)(bodies.kind.data + start), flags = *(const I*)(bodies.flags.data + start);
     if (!all((line < 0) & ((flags & {int(BodyFlags.PINNED)}) == 0))) return 0;
-    const int* __restrict__ charge = bodies.first_charge.data + start;
+    const I charges_of_bodies = *(const I*)(bodies.first_charge.data + start);
+    const int charge = charges_of_bodies[0];
+    if (!all(charges_of_bodies == charge + (I){{{", ".join(map(str, range(LANES)))}}})) return 0;
     auto limited = [](V& x, V& y, V limit)
     {{
         const V length = __builtin_elementwise_sqrt(x * x + y * y);
@@ -57,11 +91,11 @@ _PROPOSE = f"""
     return 0;
 #else
     {_OF_DOTS}
-    const float* __restrict__ at = (const float*)charges.position.data;
-    const float* __restrict__ field = (const float*)charges.field.data;
-    const V x = lanes([&](int k) {{ return at[2 * charge[k]]; }}), y = lanes([&](int k) {{ return at[2 * charge[k] + 1]; }});
-    V move_x = along_border(lanes([&](int k) {{ return field[2 * charge[k]]; }}), x, size_x);
-    V move_y = along_border(lanes([&](int k) {{ return field[2 * charge[k] + 1]; }}), y, size_y);
+    V x, y, move_x, move_y;
+    take_pairs((const float*)(charges.position.data + charge), x, y);
+    take_pairs((const float*)(charges.field.data + charge), move_x, move_y);
+    move_x = along_border(move_x, x, size_x);
+    move_y = along_border(move_y, y, size_y);
     const I node = nearest_nodes(x, y);
     const int* __restrict__ group = bodies.group.data + start;
     const int nodes = mesh.count_x * mesh.count_y;
@@ -71,19 +105,15 @@ _PROPOSE = f"""
     move_y *= length;
     limited(move_x, move_y, 2.0f * limit);
     float* __restrict__ moves = (float*)(motion.move.data + start);
-    const float* __restrict__ displacements = (const float*)(motion.displacement.data + start);
-    const V change_x = lanes([&](int k) {{ return moves[4 * k]; }}) - move_x;
-    const V change_y = lanes([&](int k) {{ return moves[4 * k + 1]; }}) - move_y;
-    const V last_x = lanes([&](int k) {{ return displacements[4 * k]; }});
-    const V last_y = lanes([&](int k) {{ return displacements[4 * k + 1]; }});
-    float* __restrict__ changes = (float*)(motion.change.data + start);
-    for (int k = 0; k < L; ++k)
-    {{
-        *(Q*)(moves + 4 * k) = Q{{move_x[k], move_y[k], 0.0f, 0.0f}};
-        *(Q*)(changes + 4 * k) = Q{{change_x[k], change_y[k], 0.0f, 0.0f}};
-    }}
+    V change_x, change_y, last_x, last_y;
+    take_quads(moves, change_x, change_y);
+    take_quads((const float*)(motion.displacement.data + start), last_x, last_y);
+    change_x -= move_x;
+    change_y -= move_y;
+    put_quads(moves, move_x, move_y);
+    put_quads((float*)(motion.change.data + start), change_x, change_y);
 
-    const V weight = lanes([&](int k) {{ return bodies.charge.data[charge[k]]; }}) / length;
+    const V weight = *(const V*)(bodies.charge.data + charge) / length;
     const V of_last_x = weight * last_x, of_last_y = weight * last_y;
     const V of_change_x = weight * change_x, of_change_y = weight * change_y;
     V squared = move_x * move_x + move_y * move_y;
@@ -194,17 +224,14 @@ _MOVE = f"""
     {_OF_DOTS}
     float* __restrict__ poses = (float*)(pose.data + start);
     float* __restrict__ displacements = (float*)(motion.displacement.data + start);
-    const float* __restrict__ moves = (const float*)(motion.move.data + start);
-    const float* __restrict__ changes = (const float*)(motion.change.data + start);
-    const V x = lanes([&](int k) {{ return poses[4 * k]; }}), y = lanes([&](int k) {{ return poses[4 * k + 1]; }});
+    V x, y, wanted_x, wanted_y, last_x, last_y, change_x, change_y;
+    take_quads(poses, x, y);
+    take_quads((const float*)(motion.move.data + start), wanted_x, wanted_y);
+    take_quads(displacements, last_x, last_y);
+    take_quads((const float*)(motion.change.data + start), change_x, change_y);
     const float of_move = direction.data[0], of_displacement = direction.data[1], of_change = direction.data[2];
-    auto in_direction = [&](int axis) -> V
-    {{
-        return of_move * lanes([&](int k) {{ return moves[4 * k + axis]; }})
-            + of_displacement * lanes([&](int k) {{ return displacements[4 * k + axis]; }})
-            + of_change * lanes([&](int k) {{ return changes[4 * k + axis]; }});
-    }};
-    V move_x = in_direction(0), move_y = in_direction(1);
+    V move_x = of_move * wanted_x + of_displacement * last_x + of_change * change_x;
+    V move_y = of_move * wanted_y + of_displacement * last_y + of_change * change_y;
     const I node = nearest_nodes(x, y);
     limited(move_x, move_y, lanes([&](int k) {{ return steps.limit.data[node[k]]; }}));
     const V new_x = confined(x + move_x, size_x), new_y = confined(y + move_y, size_y);
@@ -215,14 +242,9 @@ _MOVE = f"""
     const float* __restrict__ image = images.pixel.data + images.start.data[support[0]];
     if (!all(lanes([&](int k) {{ return image[pixel[k]]; }}) > 0.0f)) return 0;
     const V gone_x = way(x, new_x, size_x), gone_y = way(y, new_y, size_y);
-    float* __restrict__ at = (float*)charge_position.data;
-    for (int k = 0; k < L; ++k)
-    {{
-        *(Q*)(poses + 4 * k) = Q{{new_x[k], new_y[k], 0.0f, 0.0f}};
-        *(Q*)(displacements + 4 * k) = Q{{gone_x[k], gone_y[k], 0.0f, 0.0f}};
-        at[2 * charge[k]] = new_x[k];
-        at[2 * charge[k] + 1] = new_y[k];
-    }}
+    put_quads(poses, new_x, new_y);
+    put_quads(displacements, gone_x, gone_y);
+    put_pairs((float*)(charge_position.data + charge), new_x, new_y);
     return 1;
 #endif
 """

@@ -190,31 +190,3 @@ def sort_buckets(
             order[at] = bucket_item[s]
     if high == cell_count:
         cell_start[cell_count] = end
-
-
-@wp.kernel
-def gather_charges(
-    first: int,
-    position: wp.array(dtype=wp.vec2),
-    charge: wp.array(dtype=float),
-    charge_group: wp.array(dtype=wp.int32),
-    interaction: wp.array(dtype=float),
-    group_count: int,
-    # outputs
-    charges: SortedCharges,
-):
-    """Copy charges into the order of their cells, and say what every group sees of them, where that is not known by group."""
-    i = first + wp.tid()
-    source = charges.order[i]
-    p = position[source]
-    charges.x[i] = p[0]
-    charges.y[i] = p[1]
-    q = charge[source]
-    group = charge_group[source]
-    charges.charge[i] = q
-    charges.group[i] = group
-    if charges.by_group != 0:
-        return
-    for g in range(group_count):
-        at = wp.int64(g) * wp.int64(charges.weight_stride) + wp.int64(i)
-        charges.weight[at] = interaction[g * group_count + group]
