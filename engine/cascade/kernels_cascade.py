@@ -67,10 +67,13 @@ class SortedCharges:
 class NearTable:
     """Distance times force of a target's unit charge by the square of the distance, and where it ends.
 
-    ``scale`` is the number of entries per square of a distance.
+    ``scale`` is the number of entries per square of a distance. There are two tables of ``size`` entries, one behind the other, and
+    every image has the number of its own, ``kind``.
     """
 
     force: wp.array(dtype=float)
+    kind: wp.array(dtype=wp.int32)
+    size: wp.int32
     scale: wp.float32
     cutoff: wp.float32
 
@@ -393,7 +396,8 @@ def sum_near(
 
 @wp.func_native(f"""{_LANES}
     const float* charge = up_z + (column + 1) * count;
-    const int last = table.shape[0] - 2;
+    const float* entries = table.data + table_first;
+    const int last = table_size - 2;
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
     for (int j = begin; j < end; j += lanes)
     {{
@@ -405,8 +409,8 @@ def sum_near(
         const V at = square * table_scale;
         I cell = whole(at);
         cell = cell > last ? (I)last : cell;
-        const V low = get(table.data, cell);
-        const V force = low + (at - real(cell)) * (get(table.data, cell + 1) - low);
+        const V low = get(entries, cell);
+        const V force = low + (at - real(cell)) * (get(entries, cell + 1) - low);
         V strength = load(charge + j) * (0.5f + 0.5f * cosine) * force / most(square, (V)1e-12f);
         strength = ((square < square_cutoff) & (numbers(labels.data + j) == label) & (j + lane < end)) ? strength : (V)0.0f;
         to_x += strength * dx;
@@ -427,6 +431,8 @@ def pull_of_sources(
     column: int,
     square_cutoff: float,
     table: wp.array(dtype=float),
+    table_first: int,
+    table_size: int,
     table_scale: float,
 ) -> wp.vec3: ...
 
@@ -795,6 +801,8 @@ def near_target(
                     c,
                     table.cutoff * table.cutoff,
                     table.force,
+                    table.kind[c] * table.size,
+                    table.size,
                     table.scale,
                 )
         force[c * corners.position.shape[0] + i] = total

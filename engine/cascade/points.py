@@ -11,7 +11,18 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_points
 
-__all__ = ["Lists", "chosen", "empty_points", "grid_of", "lists_of", "nearest_of", "running_sum", "runs_of", "thinned"]
+__all__ = [
+    "Lists",
+    "chosen",
+    "empty_points",
+    "grid_of",
+    "joined",
+    "lists_of",
+    "nearest_of",
+    "running_sum",
+    "runs_of",
+    "thinned",
+]
 
 # Slots of a table for every point in it.
 SLOTS_PER_POINT = 2
@@ -49,6 +60,20 @@ def chosen(launcher: Launcher, points: kernels_points.Points, index: np.ndarray)
     result = empty_points(launcher, len(index))
     numbers = wp.array(index.astype(np.int32), dtype=wp.int32, device=launcher.device)
     launcher.launch(kernels_points.choose_points, len(index), [numbers, points], [result])
+    return result
+
+
+def joined(launcher: Launcher, one: kernels_points.Points, other: kernels_points.Points) -> kernels_points.Points:
+    """Some points, and others behind them."""
+    count, more = len(one.position), len(other.position)
+    result = empty_points(launcher, count + more)
+    for to, first, second in (
+        (result.position, one.position, other.position),
+        (result.normal, one.normal, other.normal),
+        (result.label, one.label, other.label),
+    ):
+        wp.copy(to, first)
+        wp.copy(to, second, dest_offset=count)
     return result
 
 

@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
-__all__ = ["corner_normals"]
+__all__ = ["corner_normals", "creased_sides"]
 
 # Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
 SMOOTH_COSINE = math.cos(math.radians(20.0))
 # Around other vertices, triangles that look farther apart than this have a crease between them.
 CREASE_COSINE = math.cos(math.radians(40.0))
+# The mean of directions that agree is hardly shorter than they are.
+AGREED = 0.999
 # Around more triangles creases are not looked for: every one keeps its own direction.
 MOST_AROUND = 32
 
@@ -41,6 +43,27 @@ def corner_normals(corner: np.ndarray, normal: np.ndarray, welded: np.ndarray) -
     if len(at_crease):
         result[at_crease] = _within_creases(vertex[at_crease], own[at_crease], weighed[at_crease])
     return result.reshape(-1, 3, 3)
+
+
+def creased_sides(corner_normal: np.ndarray, welded: np.ndarray) -> np.ndarray:
+    """Return which sides, opposite of each corner, have a crease or the surface's end beside them, shape ``[t, 3]``.
+
+    Args:
+        corner_normal: What :func:`corner_normals` returns, shape ``[t, 3, 3]``.
+        welded: Numbers of the vertices, as there, shape ``[t, 3]``.
+    """
+    start, end = (np.roll(welded, -step, axis=1).ravel() for step in (1, 2))
+    key = np.minimum(start, end) * (int(welded.max()) + 1) + np.maximum(start, end)
+    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    # Where all triangles of a side agree on both of its ends, the mean of what they look to there is of length 1.
+    at_ends = [np.roll(corner_normal, -step, axis=1).reshape(-1, 3) for step in (1, 2)]
+    backwards = (start > end)[:, None]
+    agreed = np.ones(len(count), bool)
+    for one, other in (at_ends, at_ends[::-1]):
+        looked = np.where(backwards, other, one)
+        total = np.stack([np.bincount(which.ravel(), looked[:, axis]) for axis in range(3)], axis=1)
+        agreed &= np.linalg.norm(total, axis=1) > AGREED * count
+    return ~(agreed & (count > 1))[which.ravel()].reshape(-1, 3)
 
 
 def _within_creases(vertex: np.ndarray, own: np.ndarray, weighed: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .settings import settle
-from .smooth_normals import corner_normals
+from .smooth_normals import corner_normals, creased_sides
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
@@ -183,6 +183,11 @@ class Surface:
     def corner_normal(self) -> np.ndarray:
         """Where the smooth surface that the triangles stand for looks to at their corners, of length 1, shape ``[t, 3, 3]``."""
         return corner_normals(self.position[self.triangle], self.normal, self.welded)
+
+    @cached_property
+    def edge_side(self) -> np.ndarray:
+        """Whether a crease or the surface's end lies at the side opposite of each corner, shape ``[t, 3]``."""
+        return creased_sides(self.corner_normal, self.welded)
 
     @property
     def low(self) -> np.ndarray:

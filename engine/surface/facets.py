@@ -42,6 +42,7 @@ class Facets:
         area: Shape ``[f]``.
         label: Shape ``[f]``.
         open_side: Whether the surface ends at the side opposite of each corner, shape ``[f, 3]``.
+        edge_side: Whether a crease or the surface's end lies at that side, shape ``[f, 3]``.
         cuts: Tiles along every side of a facet, which has ``cuts²`` tiles, shape ``[f]``.
         first_tile: Number of the first tile of every facet, and at the end of all, shape ``[f + 1]``.
         first_corner: The same for the corners of tiles.
@@ -60,7 +61,8 @@ class Facets:
         self.normal, self.label = normal[order], label[self.triangle]
         smooth = np.einsum("fkc,fcd->fkd", self.weight, surface.corner_normal[self.triangle])
         self.corner_normal = smooth / np.linalg.norm(smooth, axis=2, keepdims=True)
-        self.open_side = self._open_sides(open_side)
+        self.open_side = self._sides_on(open_side)
+        self.edge_side = self._sides_on(surface.edge_side)
         side = self.corner - np.roll(self.corner, 1, axis=1)
         self.area = 0.5 * np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
         longest = np.linalg.norm(side, axis=2).max(axis=1)
@@ -144,8 +146,8 @@ class Facets:
         facets.first_corner = wp.array(self.first_corner.astype(np.int32), dtype=wp.int32, device=device)
         return facets
 
-    def _open_sides(self, of_triangle: np.ndarray) -> np.ndarray:
-        """Sides that lie on an open side of their triangle: both their ends have no weight of the corner opposite of it."""
+    def _sides_on(self, of_triangle: np.ndarray) -> np.ndarray:
+        """Sides that lie on one of some sides of their triangle: both their ends have no weight of the corner opposite of it."""
         absent = self.weight == 0.0
         result = np.zeros((self.count, 3), bool)
         for k in range(3):
