@@ -195,6 +195,8 @@ _LANES = f"""
     auto whole = [](V v) -> I {{ return __builtin_convertvector(v, I); }};
     auto real = [](I v) -> V {{ return __builtin_convertvector(v, V); }};
 #endif
+"""
+_PLANES = f"""{_LANES}
     const float* x = plane.data;
     const float* y = x + count;
     const float* z = y + count;
@@ -215,7 +217,7 @@ _WEIGHT = f"""
 Moments = wp.types.vector(6, wp.float32)
 
 
-@wp.func_native(f"""{_LANES}
+@wp.func_native(f"""{_PLANES}
     V m00 = (V)0.0f, m01 = (V)0.0f, m02 = (V)0.0f, m11 = (V)0.0f, m12 = (V)0.0f, m22 = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
@@ -257,7 +259,7 @@ def moments_of(
 ) -> Moments: ...
 
 
-@wp.func_native(f"""{_LANES}
+@wp.func_native(f"""{_PLANES}
     V s0 = (V)0.0f, s1 = (V)0.0f, s2 = (V)0.0f;
     for (int k = first_run; k < last_run; ++k)
     {{
@@ -291,7 +293,7 @@ def potential_of(
 ) -> wp.vec3: ...
 
 
-@wp.func_native(f"""{_LANES}
+@wp.func_native(f"""{_PLANES}
     const float* charge = up_z + count;
     const float* value_x = charge + count;
     const float* value_y = value_x + count;
@@ -339,7 +341,7 @@ def gather_at_node(
 ): ...
 
 
-@wp.func_native(f"""{_LANES}
+@wp.func_native(f"""{_PLANES}
     const float* charge = up_z + count;
     const float* factor = interaction.data + group * group_count;
     V to_x = (V)0.0f, to_y = (V)0.0f, to_z = (V)0.0f;
@@ -394,7 +396,7 @@ def sum_near(
 ) -> wp.vec3: ...
 
 
-@wp.func_native(f"""{_LANES}
+@wp.func_native(f"""{_PLANES}
     const float* charge = up_z + (column + 1) * count;
     const float* entries = table.data + table_first;
     const int last = table_size - 2;
@@ -714,6 +716,29 @@ def begin_with(
     potential[i] = offset[i]
 
 
+@wp.func_native(f"""{_LANES}
+    const float* values = value.data;
+    const int* numbers_of = entry.data;
+    const float* from = column.data + group;
+    V total = (V)0.0f;
+    int k = begin;
+    for (; k + lanes <= end; k += lanes) total += load(values + k) * get(from, numbers(numbers_of + k) * group_count);
+#if !defined(__CUDA_ARCH__)
+    for (int l = 0; k + l < end; ++l) total[l] += values[k + l] * from[numbers_of[k + l] * group_count];
+#endif
+    return sum(total);
+""")
+def row_times_column(
+    begin: int,
+    end: int,
+    entry: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=float),
+    column: wp.array(dtype=float),
+    group_count: int,
+    group: int,
+) -> float: ...
+
+
 @wp.kernel
 def multiply(
     first: int,
@@ -730,11 +755,9 @@ def multiply(
     i = first + wp.tid()
     row = i / group_count
     g = i - row * group_count
-    total = float(0.0)
+    total = row_times_column(start[row], start[row + 1], entry, value, column, group_count, g)
     if add != 0:
-        total = result[i]
-    for k in range(start[row], start[row + 1]):
-        total += value[k] * column[entry[k] * group_count + g]
+        total += result[i]
     result[i] = total
 
 
