@@ -120,8 +120,7 @@ class Descent:
 
     def separate(self, go_on: Callable[[], bool] | None = None, *, again: bool = False) -> bool:
         """Part all outlines, where the space can hold them; returns whether none overlap any more; see :meth:`.Contact.separate`."""
-        if self.contact is None:
-            return True
+        assert self.contact is not None
         state = self.state
         return self.contact.separate(state.pose, state.turn, state.bend, go_on, again=again, guided=not again)
 

@@ -188,3 +188,24 @@ def test_uniform_bodies_on_a_plate_are_not_pushed_about_by_the_target_alone(laun
     edge = place[:, 0] > 14.9
     # What pushes bodies out is the force of the target with the other sign.
     assert (near[edge, 0] > 0.5).all()
+
+
+def test_no_charge_is_lost_between_levels_beside_edges_of_several_parts(launcher):
+    parts = [trimesh.creation.box(extents=(1.0, 1.0, 0.6))]
+    for place in ((0.5, 0.0, 0.45), (-0.3, 0.55, 0.4), (0.0, -0.6, 0.0)):
+        small = trimesh.creation.box(extents=(0.3, 0.25, 0.2))
+        small.apply_translation(place)
+        parts.append(small)
+    surface = Surface([SurfaceMesh(np.array(mesh.vertices), np.array(mesh.faces)) for mesh in parts])
+    problem = Problem(surface, [BodyClass("a", [Size("s", 1e-6, 2000)])])
+    descent = SurfaceDescent(Model(problem), launcher)
+    descent.take_step()
+    levels = descent.cascade._levels
+    assert len(levels) > 3
+    for level in levels:
+        assert abs(float(level.charge.numpy().sum())) < 0.02
+    # There are nodes above the boxes, and none of them is the home of a body.
+    node = descent.cascade._nodes.position.numpy() * descent.facets.unit + descent.facets.middle
+    assert node[:, 2].max() > 0.6
+    home = np.unique(descent.cascade.home.numpy())
+    assert node[home, 2].max() < 0.551

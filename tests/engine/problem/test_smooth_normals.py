@@ -33,6 +33,19 @@ def test_a_can_is_smooth_round_its_side_and_sharp_at_its_rims():
     np.testing.assert_allclose(np.abs(normal[~on_side, :, 2]), 1.0, atol=1e-12)
 
 
+def test_edges_are_creases_and_ends_and_no_diagonals():
+    box = of_mesh(trimesh.creation.box())[0]
+    # Every face is two triangles; their common side is no edge.
+    np.testing.assert_array_equal(box.edge_side.sum(axis=1), 2)
+    assert not of_mesh(trimesh.creation.icosphere(subdivisions=3))[0].edge_side.any()
+    can = of_mesh(trimesh.creation.cylinder(radius=1.0, height=1.0, sections=30))[0]
+    assert can.edge_side.sum() == 4 * 30
+    mesh = trimesh.creation.box()
+    lid = of_mesh(trimesh.Trimesh(mesh.vertices, mesh.faces[mesh.face_normals[:, 2] > 0.5], process=False))[0]
+    assert lid.edge_side.sum() == 4
+    np.testing.assert_array_equal(lid.edge_side, lid.open_side)
+
+
 def test_meshes_in_pieces_are_as_smooth_as_whole_ones():
     # Every triangle has vertices of its own, as files for games have.
     ball = trimesh.creation.icosphere(subdivisions=2)
