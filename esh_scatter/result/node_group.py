@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..classes.node_tree import Socket, Tree
+from ..classes.node_tree import Socket, Tree, parts_of
 from ..classes.shown_geometry import as_it_stands, source_instance
 from ..targets.target import RESULT_TAG
 
@@ -26,10 +26,14 @@ __all__ = [
     "INSTANCE_INDEX",
     "MADE_OF",
     "ROTATION",
+    "ROUNDING",
     "SCALE",
+    "TARGET",
+    "UP",
     "WEIGHTS",
     "Followed",
     "build_node_group",
+    "followed_targets",
     "made_of",
     "placed_objects",
     "placing_inputs",
@@ -92,6 +96,19 @@ def _placing(group: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
             found.append(node.inputs["Collection"])
         elif node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["As Instance"].default_value:
             found.append(node.inputs["Object"])
+    return found
+
+
+def followed_targets(group: bpy.types.NodeTree) -> list[Followed]:
+    """Return what the points of a group follow, in the order of ``esh_target``, as its nodes say; targets may be gone."""
+    found = []
+    for part in parts_of(group):
+        for info in (node for node in part.nodes if node.bl_idname == "GeometryNodeObjectInfo"):
+            sizes = [link.to_node for link in info.outputs["Geometry"].links]
+            sizes = [node for node in sizes if node.bl_idname == "GeometryNodeAttributeDomainSize"]
+            for compare in (link.to_node for size in sizes for link in size.outputs["Point Count"].links):
+                numbers = [socket for socket in compare.inputs if socket.enabled and not socket.is_linked]
+                found.append(Followed(info.inputs["Object"].default_value, int(numbers[0].default_value)))
     return found
 
 

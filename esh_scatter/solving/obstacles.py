@@ -16,7 +16,8 @@ from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
 from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
-from ..result.node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
+from ..result.node_group import INSTANCE_INDEX, placed_objects
+from ..result.standing_now import standing_now
 from ..targets.target import is_result
 
 # Warp is not imported before something is computed.
@@ -99,15 +100,13 @@ class _Stood:
 
     Attributes:
         position: In the world's x and y [m], shape ``[n, 2]``.
-        turn: About the vertical [rad], shape ``[n]``.
-        scale: Shape ``[n]``.
+        axes: Where the x and y axes of its outlines point there, in columns, as long as a meter of them is [m], shape ``[n, 2, 2]``.
         variant: Which of the meshes, shape ``[n]``.
         meshes: What is placed, at scale 1; None where it has no faces.
     """
 
     position: np.ndarray
-    turn: np.ndarray
-    scale: np.ndarray
+    axes: np.ndarray
     variant: np.ndarray
     meshes: tuple[TriangleMesh | None, ...]
 
@@ -170,21 +169,9 @@ def _read_result(item: bpy.types.Object) -> _Stood:
     from ..classes.object_outline import read_source
 
     mesh = item.data
-    count = len(mesh.vertices)
-    position, rotation, scale = (
-        np.empty((count, 3), np.float32),
-        np.empty((count, 4), np.float32),
-        np.empty((count, 3), np.float32),
-    )
-    variant = np.empty(count, np.int32)
-    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
-    mesh.attributes[ROTATION].data.foreach_get("value", rotation.ravel())
-    mesh.attributes[SCALE].data.foreach_get("vector", scale.ravel())
+    variant = np.empty(len(mesh.vertices), np.int32)
     mesh.attributes[INSTANCE_INDEX].data.foreach_get("value", variant)
-    world = np.array(item.matrix_world)
-    w, x, y, z = rotation.T.astype(np.float64)
-    # Where the object's x axis points, seen from above.
-    turn = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    stands = standing_now(item, bpy.context)
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group is not None]
     shown = placed_objects(groups[0]) if groups else []
     meshes = []
@@ -193,8 +180,18 @@ def _read_result(item: bpy.types.Object) -> _Stood:
             meshes.append(None if source is None else read_source(source, bpy.context, KEY))
         except ProblemError:
             meshes.append(None)
-    place = (position @ world[:3, :3].T + world[:3, 3])[:, :2]
-    return _Stood(place.astype(np.float64), turn, scale[:, 0].astype(np.float64), variant, tuple(meshes))
+    return _Stood(stands.position[:, :2], _raised(stands.axes)[:, :2, :2], variant, tuple(meshes))
+
+
+def _raised(axes: np.ndarray) -> np.ndarray:
+    """Return axes ``[n, 3, 3]`` turned the shortest way to where the third one is vertical: outlines are those of what stands upright."""
+    up = axes[:, :, 2] / np.maximum(np.linalg.norm(axes[:, :, 2], axis=1, keepdims=True), 1e-300)
+    up = np.where(up[:, 2:] < 0.0, -up, up)
+    x, y, z = up.T
+    # About the horizontal axis (y, -x, 0).
+    share = 1.0 / (1.0 + z)
+    rows = ((1.0 - share * x * x, -share * x * y, -x), (-share * x * y, 1.0 - share * y * y, -y), (x, y, z))
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1) @ axes
 
 
 def obstacle_image(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> Obstacle | None:
@@ -247,11 +244,7 @@ def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:
             corners = np.array(survey.outline(mesh, KEY).corners)
         except ProblemError:  # it covers no ground
             continue
-        c, s = np.cos(stood.turn[own]), np.sin(stood.turn[own])
-        turned = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-        placed = stood.position[own][:, None] + stood.scale[own][:, None, None] * np.einsum(
-            "nij,kj->nki", turned, corners
-        )
+        placed = stood.position[own][:, None] + np.einsum("nij,kj->nki", stood.axes[own], corners)
         # They are convex.
         fan = np.stack([np.broadcast_to(placed[:, :1], placed[:, 1:-1].shape), placed[:, 1:-1], placed[:, 2:]], axis=2)
         found.append(fan.reshape(-1, 3, 2))

@@ -1,0 +1,130 @@
+"""Where the objects of a result stand now: as its node group shows them, with the target they follow and the result's own transform."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from .display import get_inputs, our_modifier
+from .kept_ground import read_attribute
+from .node_group import (
+    ALIGN,
+    CORNERS,
+    EDGE,
+    FACE_NORMAL,
+    GROUND_POINT,
+    ROTATION,
+    ROUNDING,
+    SCALE,
+    TARGET,
+    UP,
+    WEIGHTS,
+    Followed,
+    followed_targets,
+)
+
+__all__ = ["StandingNow", "standing_now"]
+
+
+class StandingNow(NamedTuple):
+    """Objects of a result in the order of its points: positions in the world [m], ``[n, 3]``, and their axes, ``[n, 3, 3]``."""
+
+    position: np.ndarray
+    axes: np.ndarray
+
+
+def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> StandingNow:
+    """Return where all objects of a result stand, however many of them the viewport shows."""
+    mesh = result.data
+    position, scale = (read_attribute(mesh, name).astype(np.float64) for name in ("position", SCALE))
+    rotation = _matrices(read_attribute(mesh, ROTATION).astype(np.float64))
+    modifier = our_modifier(result)
+    if modifier is not None and get_inputs(modifier).get("Follow Target", True) and WEIGHTS in mesh.attributes:
+        targets = followed_targets(modifier.node_group)
+        vertices = [_vertices_now(one.target, context) for one in targets]
+        if targets and all(_is_followed(*both) for both in zip(targets, vertices, strict=True)):
+            position, rotation = _follow(mesh, position, rotation, vertices)
+    world = np.array(result.matrix_world, np.float64)
+    return StandingNow(position @ world[:3, :3].T + world[:3, 3], world[:3, :3] @ rotation * scale[:, None, :])
+
+
+def _is_followed(followed: Followed, vertices: np.ndarray | None) -> bool:
+    return vertices is not None and len(vertices) == followed.vertices
+
+
+def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -> np.ndarray | None:
+    """Return the vertices of a target in the world ``[n, 3]``, as it is shown; None where it is gone or not evaluated."""
+    if target is None:
+        return None
+    evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
+    if not evaluated.is_evaluated:
+        return None
+    mesh = evaluated.to_mesh()
+    try:
+        found = np.empty((len(mesh.vertices), 3), np.float32)
+        mesh.vertices.foreach_get("co", found.ravel())
+    finally:
+        evaluated.to_mesh_clear()
+    world = np.array(evaluated.matrix_world, np.float64)
+    return found.astype(np.float64) @ world[:3, :3].T + world[:3, 3]
+
+
+def _follow(
+    mesh: bpy.types.Mesh, position: np.ndarray, rotation: np.ndarray, vertices: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move points with their triangles, as the node group's part does that is called "Follow"."""
+    weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
+    before, edge_before, normal_before = (
+        read_attribute(mesh, name).astype(np.float64) for name in (GROUND_POINT, EDGE, FACE_NORMAL)
+    )
+    first = np.concatenate([[0], np.cumsum([len(one) for one in vertices])[:-1]])
+    number = read_attribute(mesh, TARGET) if TARGET in mesh.attributes else np.zeros(len(position), np.int32)
+    # Points that are not tied to the ground have no weights.
+    tied = np.linalg.norm(weights, axis=1) > 0.0
+    corner = [np.where(tied, read_attribute(mesh, name) + first[number], 0) for name in CORNERS]
+    a, b, c = (np.concatenate(vertices)[index] for index in corner)
+    edge, side = b - a, c - a
+    ground = a + weights[:, 1:2] * edge + weights[:, 2:3] * side
+    moved = np.linalg.norm(ground - before, axis=1) > ROUNDING * np.linalg.norm(before, axis=1)
+    ground = np.where(moved[:, None], ground, before)
+    turned = _frames(np.cross(edge, side), edge) @ _frames(normal_before, edge_before).transpose(0, 2, 1)
+    up = np.broadcast_to(np.array(UP), edge.shape)
+    upright = _frames(up, edge) @ _frames(up, edge_before).transpose(0, 2, 1)
+    leaning = _part_of(upright.transpose(0, 2, 1) @ turned, read_attribute(mesh, ALIGN).astype(np.float64))
+    place = ground + np.einsum("nij,nj->ni", turned, position - before)
+    keep = tied[:, None]
+    return np.where(keep, place, position), np.where(keep[:, None], upright @ leaning @ rotation, rotation)
+
+
+def _frames(main: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return rotations ``[n, 3, 3]`` whose third axis is ``main``, and whose first one is as near to ``second`` as can be."""
+    z = main / np.maximum(np.linalg.norm(main, axis=1, keepdims=True), 1e-300)
+    x = second - (second * z).sum(axis=1, keepdims=True) * z
+    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _part_of(rotation: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return rotations ``[n, 3, 3]`` about the same axes by a share of the angle."""
+    axis = np.stack([rotation[:, k - 1, k - 2] for k in range(3)], axis=1)
+    axis = 0.5 * (axis - np.stack([rotation[:, k - 2, k - 1] for k in range(3)], axis=1))
+    sine = np.linalg.norm(axis, axis=1)
+    angle = share * np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0))
+    x, y, z = (axis / np.maximum(sine, 1e-300)[:, None]).T
+    zero = np.zeros_like(x)
+    cross = np.stack([np.stack(row, axis=1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], axis=1)
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + s * cross + (1.0 - c) * cross @ cross
+
+
+def _matrices(quaternion: np.ndarray) -> np.ndarray:
+    """Return rotations ``[n, 3, 3]`` of quaternions (w, x, y, z), ``[n, 4]``."""
+    w, x, y, z = quaternion.T
+    rows = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)

@@ -1,0 +1,92 @@
+"""Where the objects of a result stand: as its instances do, whatever its target or the result itself went through since."""
+
+import math
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from esh import ScatterClass, ScatterObstacle, ScatterSize, Standing, scatter  # noqa: E402
+from esh.esh_scatter.result.real_objects import _read  # noqa: E402
+from esh.esh_scatter.result.standing_now import standing_now  # noqa: E402
+
+OPTIONS = {"device": "cpu", "max_steps": 5}
+
+
+@pytest.fixture
+def ground():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_grid_add(size=20, x_subdivisions=12, y_subdivisions=12, location=(5, 5, 0))
+    item = bpy.context.object
+    for vertex in item.data.vertices:
+        vertex.co.z = 0.8 * np.sin(0.5 * vertex.co.x) + 0.3 * np.cos(vertex.co.y)
+    return item
+
+
+@pytest.fixture
+def plank():
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(80, 0, 0))
+    bpy.context.object.scale = (2.0, 0.3, 0.4)
+    bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
+    return bpy.context.object
+
+
+def bend(item):
+    for vertex in item.data.vertices:
+        vertex.co.z += 0.05 * vertex.co.x**2
+    item.data.update()
+
+
+CHANGES = {
+    "nothing": lambda ground, result: None,
+    "the target is moved": lambda ground, result: setattr(ground, "location", (6.3, 4.3, 1.0)),
+    "the target is turned": lambda ground, result: setattr(ground, "rotation_euler", (0.1, 0.2, 0.8)),
+    "the target is scaled": lambda ground, result: setattr(ground, "scale", (1.5, 1.0, 0.7)),
+    "the target is bent": lambda ground, result: bend(ground),
+    "the result is turned": lambda ground, result: setattr(result, "rotation_euler", (0.0, 0.0, math.pi / 2)),
+    "the result is mirrored": lambda ground, result: setattr(result, "scale", (-1.0, 1.0, 1.0)),
+    "the result is scaled": lambda ground, result: setattr(result, "scale", (1.0, 2.0, 0.5)),
+}
+
+
+@pytest.mark.parametrize("align", [0.0, 0.6, 1.0])
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
+def test_objects_stand_where_their_instances_do(ground, plank, change, align):
+    standing = Standing(align_to_normal=align, random_turn=1.0)
+    result = scatter(
+        ground, [ScatterClass("planks", [ScatterSize("s", 60, plank)], standing=standing)], **OPTIONS
+    ).object
+    change(ground, result)
+    bpy.context.view_layer.update()
+    shown = _read(bpy.context, result)
+    stands = standing_now(result, bpy.context)
+    order = np.argsort(np.array([value.value for value in result.data.attributes["id"].data]), kind="stable")
+    assert np.allclose(stands.position[order], shown.matrix[:, :3, 3], atol=2e-5)
+    assert np.allclose(stands.axes[order], shown.matrix[:, :3, :3], atol=2e-4)
+
+
+@pytest.mark.parametrize("change", ["the target is turned", "the result is mirrored"])
+def test_another_scatter_keeps_off_what_is_shown(ground, plank, change):
+    from shapely.geometry import Polygon
+
+    ground.data.vertices.foreach_set("co", _flat(ground))
+    first = scatter(ground, [ScatterClass("planks", [ScatterSize("s", 50, plank)])], name="One", **OPTIONS)
+    CHANGES[change](ground, first.object)
+    ground.rotation_euler[0] = ground.rotation_euler[1] = 0.0
+    bpy.context.view_layer.update()
+    bpy.ops.mesh.primitive_cylinder_add(vertices=12, radius=0.4, depth=0.5, location=(90, 0, 0))
+    discs = [ScatterClass("discs", [ScatterSize("s", 60, bpy.context.object)])]
+    more = scatter(ground, discs, name="Two", obstacles=[ScatterObstacle(first.object)], device="cpu", max_steps=60)
+    corners = np.array([[-1.0, -0.15], [1.0, -0.15], [1.0, 0.15], [-1.0, 0.15]])
+    circle = 0.4 * np.stack([np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12) * np.pi / 6)], axis=1)
+    planks = [Polygon(m[:2, 3] + corners @ m[:2, :2].T) for m in _read(bpy.context, first.object).matrix]
+    round_ones = [Polygon(m[:2, 3] + circle @ m[:2, :2].T) for m in _read(bpy.context, more.object).matrix]
+    shared = sum(a.intersection(b).area for a in planks for b in round_ones)
+    assert shared < 0.02, "cells of the obstacles' picture are a hundredth of a meter"
+
+
+def _flat(ground):
+    position = np.array([vertex.co for vertex in ground.data.vertices], np.float32)
+    position[:, 2] = 0.0
+    return position.ravel()
