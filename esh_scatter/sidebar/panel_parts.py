@@ -153,6 +153,9 @@ def write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str
     """Draw ``text`` on as many lines as the sidebar's width asks for."""
     # Margins and the icon take about 60 pixels, and a character of the interface's font where there are many wide ones 6.8.
     characters = max(20, int((width_of(context) - 60) / 6.8))
+    # What is longer than a line is broken after all, between its words.
+    parts = (part if len(part) <= characters else part.replace(words.UNBROKEN, " ") for part in text.split(" "))
+    text = " ".join(parts)
     column = layout.column(align=True)
     for number, line in enumerate(textwrap.wrap(text, characters, break_on_hyphens=False)):
         column.label(
