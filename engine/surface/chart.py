@@ -102,7 +102,7 @@ class Chart:
 
     @cached_property
     def share_of_facing(self) -> float:
-        """Return the area seen from above over that of the surface that faces up, or down where that is more: 1 for all flat ground."""
+        """Return the area seen from above over that of what faces up, or down where that is more: 1 for flat ground."""
         area, cosine = self._areas(), self.view.cosine
         facing = max(float(area[cosine > 0.0].sum()), float(area[cosine < 0.0].sum()))
         return self._seen / max(facing, 1e-300)
