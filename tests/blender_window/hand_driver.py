@@ -315,7 +315,7 @@ def overlaps():
     top = yield from hand.turn_panel("ESH_PT_class")
     yield from hand.press("sizes[0].count", first=top, times=2)
     yield from hand.keys("ctrl+a")
-    yield from hand.write("480")
+    yield from hand.write("640")
     yield from hand.keys("Return")
     yield from hand.turn_panel("ESH_PT_class", is_open=False)
     yield from update()
