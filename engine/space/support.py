@@ -13,6 +13,9 @@ from . import kernels_images, kernels_support
 
 __all__ = ["depth_in_support", "images_for_kernels", "vectors_to_support"]
 
+# Of an image that a thread takes at least.
+COLUMNS = 16
+
 
 def images_for_kernels(
     launcher: Launcher, images: Sequence[np.ndarray], size: tuple[float, float], *, to_support: bool = True
@@ -53,28 +56,16 @@ def images_for_kernels(
 def vectors_to_support(launcher: Launcher, image: np.ndarray, size: tuple[float, float]) -> wp.array:
     """Return the vector from every pixel's center to that of the nearest in the support, ``wp.vec2``, shape ``[height * width]``.
 
-    By jump flooding (Rong and Tan, Jump Flooding in GPU, 2006): x to the right, y up; 0 in the support. Now and then a pixel is
-    told of one that is not quite the nearest.
+    x to the right, y up; 0 in the support, and everywhere where there is none.
     """
     height, width = image.shape
-    pixel_size = wp.vec2(size[0] / width, size[1] / height)
-    device = launcher.device
-    index = np.arange(image.size, dtype=np.int32)
-    nearest = wp.array(np.where(image.ravel() > 0.0, index, -1), dtype=wp.int32, device=device)
-    nearer = wp.empty_like(nearest)
-    # The largest power of two below the longer side.
-    longest = 1 << max(0, (max(height, width) - 1).bit_length() - 1)
-    # Two more rounds of single steps mend most of what the jumps overlooked.
-    for jump in [*(longest >> k for k in range(longest.bit_length())), 1, 1]:
-        launcher.launch(
-            kernels_support.find_nearer_support,
-            image.size,
-            [height, width, pixel_size, jump, nearest],
-            [nearer],
-        )
-        nearest, nearer = nearer, nearest
+    pixel_size = wp.vec2d(size[0] / width, size[1] / height)
+    pixels = launcher.array(image.ravel(), float)
+    nearest = launcher.empty(image.size, wp.int32)
+    # Columns beside each other share lines of the cache.
+    launcher.launch(kernels_support.find_nearest_rows, width, [height, width, pixels], [nearest], grain=COLUMNS)
     vector = launcher.empty(image.size, wp.vec2)
-    launcher.launch(kernels_support.find_vectors, image.size, [width, pixel_size, nearest], [vector])
+    launcher.launch(kernels_support.find_vectors, height, [width, pixel_size, nearest], [vector], grain=1)
     return vector
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,7 +60,10 @@ class Chart:
         self.size = view.high[:2] - view.low[:2]
         for axis, length in zip("xy", self.size, strict=True):
             if not length > 1e-6 * max(view.extent, 1e-30):
-                raise ProblemError(f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none")
+                raise ProblemError(
+                    f"{mesh.name} must have an extent in x and y seen from above; in {axis} it has none; "
+                    "its whole surface needs none"
+                )
         if view.projected_area < SMALLEST_COVER * self.size.prod():
             raise ProblemError(f"{mesh.name} must have faces that are visible from above; all of them are vertical")
         width, height = self.size
@@ -90,6 +94,27 @@ class Chart:
         view.mesh = mesh
         chart.view, chart.points = view, replace(self.points, view=view)
         return chart
+
+    @cached_property
+    def share_seen(self) -> float:
+        """Return the area seen from above over that of the whole surface."""
+        return self._seen / max(float(self._areas().sum()), 1e-300)
+
+    @cached_property
+    def share_of_facing(self) -> float:
+        """Return the area seen from above over that of what faces up, or down where that is more: 1 for flat ground."""
+        area, cosine = self._areas(), self.view.cosine
+        facing = max(float(area[cosine > 0.0].sum()), float(area[cosine < 0.0].sum()))
+        return self._seen / max(facing, 1e-300)
+
+    @property
+    def _seen(self) -> float:
+        return len(self._filled) * float(self.cell.prod())
+
+    def _areas(self) -> np.ndarray:
+        """Area of every triangle [m²], shape ``[t]``."""
+        a, b, c = self.view.mesh.position[self.view.mesh.triangle].swapaxes(0, 1)
+        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
     @property
     def stretch(self) -> np.ndarray:

@@ -111,6 +111,67 @@ def measure_from_above(
         distance[i] = wp.min(reach, wp.length(query - wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)))
 
 
+@wp.func
+def with_side(span: wp.vec2d, y: wp.float64, a: wp.vec2d, b: wp.vec2d) -> wp.vec2d:
+    """Widen a span of x, smallest and largest, by where a side from ``a`` to ``b`` is as high as y."""
+    if (a[1] > y) == (b[1] > y):
+        return span
+    x = a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
+    return wp.vec2d(wp.min(span[0], x), wp.max(span[1], x))
+
+
+@wp.func
+def with_edge(span: wp.vec2d, y: wp.float64, a: wp.vec2d, b: wp.vec2d, reach: wp.float64) -> wp.vec2d:
+    """Widen a span of x by what is at y no farther than ``reach`` from an edge, without the disc around its end."""
+    result = span
+    up = y - a[1]
+    if wp.abs(up) <= reach:
+        across = wp.sqrt(reach * reach - up * up)
+        result = wp.vec2d(wp.min(result[0], a[0] - across), wp.max(result[1], a[0] + across))
+    length = wp.length(b - a)
+    if length > wp.float64(0.0):
+        beside = wp.vec2d(a[1] - b[1], b[0] - a[0]) * (reach / length)
+        result = with_side(result, y, a + beside, b + beside)
+        result = with_side(result, y, a - beside, b - beside)
+        result = with_side(result, y, a - beside, a + beside)
+        result = with_side(result, y, b - beside, b + beside)
+    return result
+
+
+@wp.kernel(enable_backward=False)
+def draw_triangles(
+    first: int,
+    corner: wp.array2d(dtype=wp.float64),
+    reach: wp.float64,
+    cell: wp.vec2d,
+    height: int,
+    width: int,
+    # outputs
+    image: wp.array(dtype=wp.bool),
+):
+    """Set the cells, row 0 at the smallest y, whose middles are no farther than ``reach`` from a triangle: one span in every row."""
+    i = first + wp.tid()
+    a = wp.vec2d(corner[i, 0], corner[i, 1])
+    b = wp.vec2d(corner[i, 2], corner[i, 3])
+    c = wp.vec2d(corner[i, 4], corner[i, 5])
+    half = wp.float64(0.5)
+    none = wp.float64(0.0)
+    low = (wp.min(a[1], wp.min(b[1], c[1])) - reach) / cell[1] - half
+    high = (wp.max(a[1], wp.max(b[1], c[1])) + reach) / cell[1] - half
+    begin = int(wp.ceil(wp.max(low, none)))
+    end = int(wp.floor(wp.min(high, wp.float64(height - 1))))
+    for row in range(begin, end + 1):
+        y = (wp.float64(row) + half) * cell[1]
+        span = wp.vec2d(wp.float64(wp.inf), wp.float64(-wp.inf))
+        span = with_edge(span, y, a, b, reach)
+        span = with_edge(span, y, b, c, reach)
+        span = with_edge(span, y, c, a, reach)
+        left = int(wp.ceil(wp.max(span[0] / cell[0] - half, none)))
+        right = int(wp.floor(wp.min(span[1] / cell[0] - half, wp.float64(width - 1))))
+        for column in range(left, right + 1):
+            image[row * width + column] = True
+
+
 @wp.kernel(enable_backward=False)
 def count_crossings(
     first: int,

@@ -8,7 +8,7 @@ import warp as wp
 from . import kernels_layers
 from .launching import launch_on_cpu
 
-__all__ = ["FlatShapes", "inside_outlines"]
+__all__ = ["FlatShapes", "draw_shapes", "inside_outlines"]
 
 # Bands of y that outlines are sorted by.
 BANDS = 512
@@ -52,6 +52,29 @@ class FlatShapes:
         launch_on_cpu(kernels_layers.measure_from_above, len(distance), inputs, [distance])
         distance[distance <= ROUNDING * self._extent] = 0.0
         return distance
+
+
+def draw_shapes(image: np.ndarray, triangle: np.ndarray, reach: float, size: np.ndarray) -> None:
+    """Set the cells of an image whose middles are as near to triangles as ``reach``, or within them.
+
+    Args:
+        image: Shape ``[height, width]``, bool, row 0 at the smallest y, over a rectangle from the origin on.
+        triangle: Corners [m], shape ``[t, 3, 2]``; may be segments and points.
+        reach: Above 0 [m].
+        size: Of the rectangle [m].
+    """
+    height, width = image.shape
+    drawn = np.zeros(image.size, bool)
+    inputs = [
+        np.ascontiguousarray(triangle, np.float64).reshape(-1, 6),
+        # What is exactly as far away is not left out by rounding.
+        (1.0 + ROUNDING) * reach,
+        wp.vec2d(size[0] / width, size[1] / height),
+        height,
+        width,
+    ]
+    launch_on_cpu(kernels_layers.draw_triangles, len(triangle), inputs, [drawn])
+    image |= drawn.reshape(image.shape)
 
 
 def _standing(triangle: np.ndarray) -> np.ndarray:

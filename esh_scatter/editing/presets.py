@@ -18,6 +18,8 @@ __all__ = ["add_scatter_of_preset", "apply_preset", "preset_of"]
 
 # At most so many objects of a class: small ones that somebody has chosen could be without end.
 MOST = 20_000
+# What others cover leaves at least the rest of the ground: their objects may lie on each other.
+MOST_TAKEN = 0.9
 # Seconds and settings of one's own machine are no part of a preset.
 _NOT_OF_SCATTERS = {"name", "device", "class_index", "points_above", "cap"}
 _NOT_OF_CLASSES = {"name", "color", "mute", "show_viewport", "show_render", "size_index", "layer_index", "may_overlap"}
@@ -46,12 +48,20 @@ def add_scatter_of_preset(
     scatter = settings.add_scatter(ground)
     try:
         scatter.name = str(preset.get("name") or scatter.name)
-        apply_preset(scatter, preset, max(sum(map(area_of, scatter.targets)), 1e-6), chosen)
+        free = (1.0 - _share_taken(scatter)) * sum(map(area_of, scatter.targets))
+        apply_preset(scatter, preset, max(free, 1e-6), chosen)
     except EshError:
         settings.scatters.remove(len(settings.scatters) - 1)
         settings.scatter_index = before
         raise
     return scatter
+
+
+def _share_taken(scatter: Any) -> float:
+    """Return the share of the ground that others before a scatter cover, and that it makes room for."""
+    results = scatter.other_results()
+    others = (other for other in scatter.id_data.esh_scatter.scatters if other.result in results)
+    return min(sum(other.report["covered"] for other in others if other.report), MOST_TAKEN)
 
 
 def apply_preset(

@@ -19,8 +19,18 @@ from ...engine.files.placement_reader import READABLE
 from ..properties.scene import active_scatter
 from ..result.exchange import export_result, import_placement
 from ..targets.target import RESULT_TAG
+from .edit import sentence
 
 __all__ = ["CLASSES", "attach", "detach"]
+
+
+# Endings of the formats that are offered; others can be typed.
+_CHOICES = (
+    (".usdc", "USD", "Point instancer for Houdini, Unreal, Omniverse; objects in a folder beside it"),
+    (".glb", "glTF", "Instances for three.js, Babylon.js and engines; objects in the file"),
+    (".ply", "PLY", "Points with attributes"),
+    (".geojson", "GeoJSON", "Points with properties, for small results"),
+)
 
 
 class ESH_OT_export(bpy.types.Operator, ExportHelper):
@@ -37,12 +47,7 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
     format: EnumProperty(
         name="Format",
         description="What the file is for",
-        items=[
-            (".usdc", "USD", "Point instancer for Houdini, Unreal, Omniverse; objects in a folder beside it"),
-            (".glb", "glTF", "Instances for three.js, Babylon.js and engines; objects in the file"),
-            (".ply", "PLY", "Points with attributes"),
-            (".geojson", "GeoJSON", "Points with properties, for small results"),
-        ],
+        items=_CHOICES,
     )
 
     @classmethod
@@ -53,22 +58,48 @@ class ESH_OT_export(bpy.types.Operator, ExportHelper):
             return False
         return context.mode == "OBJECT"
 
-    def check(self, context: bpy.types.Context) -> bool:
-        """Keep the ending of the name that of the format."""
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for a name; begin with glTF in a Blender that was built without USD."""
+        if self.format == ".usdc" and not bpy.app.build_options.usd:
+            self.format = ".glb"
         self.filename_ext = self.format
+        return super().invoke(context, event)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the format, and what is exported."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(self, "format")
+        item = _result_in(context)
+        if item is not None:
+            layout.label(text=f"{item.name}: {len(item.data.vertices):,} instances", icon="POINTCLOUD_DATA")
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Keep the ending of the name that of the format, and the format that of an ending that was typed."""
         before: str = self.filepath
-        if Path(before).suffix.lower() != self.format:
-            self.filepath = str(Path(before).with_suffix(self.format))
-        return self.filepath != before or super().check(context)
+        chosen, typed = self.format, Path(before).suffix.lower()
+        if chosen == self.filename_ext and typed in FORMATS:
+            # There are several endings of USD.
+            named = ".usdc" if typed.startswith(".usd") else typed
+            if named in (ending for ending, _, _ in _CHOICES):
+                self.format = self.filename_ext = named
+            return self.format != chosen
+        self.filename_ext = chosen
+        self.filepath = str(Path(before).with_suffix(chosen))
+        return self.filepath != before
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write it."""
         item = _result_in(context)
         assert item is not None
+        if Path(self.filepath).suffix.lower().startswith(".usd") and not bpy.app.build_options.usd:
+            self.report({"ERROR"}, "This Blender was built without USD. Choose another format")
+            return {"CANCELLED"}
         try:
             export_result(self.filepath, item)
         except EshError as error:
-            self.report({"ERROR"}, str(error).replace("`", ""))
+            self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {len(item.data.vertices):,} instances")
         return {"FINISHED"}
@@ -89,7 +120,7 @@ class ESH_OT_import(bpy.types.Operator, ImportHelper):
         try:
             item = import_placement(self.filepath, named)
         except EshError as error:
-            self.report({"ERROR"}, str(error).replace("`", ""))
+            self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Placed {len(item.data.vertices):,}")
         return {"FINISHED"}

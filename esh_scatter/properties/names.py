@@ -3,19 +3,20 @@
 Properties call these functions when a name changes, so this module does not import their classes.
 """
 
+from itertools import count
+
 from bpy.types import PropertyGroup
 
 __all__ = ["class_renamed", "keep_name_unused", "scatter_of", "scatter_renamed", "unused_name"]
 
 
 def unused_name(name: str, taken: set[str]) -> str:
-    """Return ``name``, or ``name.001`` and so on where it is taken, as Blender names its data."""
-    stem, _, number = name.rpartition(".")
-    stem = stem if stem and number.isdigit() else name
-    candidate, index = name, 1
-    while candidate in taken:
-        candidate, index = f"{stem}.{index:03d}", index + 1
-    return candidate
+    """Return ``name``, or ``name 2`` and so on where it is taken."""
+    if name not in taken:
+        return name
+    stem, _, number = name.rpartition(" ")
+    stem = stem if stem and number.isdecimal() else name
+    return next(candidate for index in count(2) if (candidate := f"{stem} {index}") not in taken)
 
 
 def keep_name_unused(item: PropertyGroup, _context: object) -> None:

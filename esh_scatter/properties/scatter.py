@@ -81,7 +81,7 @@ class ESH_PG_scatter(WithTarget, PropertyGroup):
         soft_max=10_000_000,
     )
     cap: IntProperty(
-        name="Confirm From",
+        name="Confirm At",
         description="Ask before placing this many objects or more, with an estimate of time and memory",
         default=1_000_000,
         min=1,

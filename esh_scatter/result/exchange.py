@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from ...engine.errors import EshError, ProblemError
 from ...engine.files.bodies import Bodies, Prototype
@@ -136,16 +137,11 @@ def _expose_usd() -> None:
     bpy.utils.expose_bundled_modules()
 
 
-def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]]:
+def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object | bpy.types.Collection]]:
     """Return the points of a result as they stand in the world, and what is instanced on them."""
     group = next(m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group.get(RESULT_TAG))
     placed = placed_objects(group)
-    whole = next((source for source in placed if isinstance(source, bpy.types.Collection)), None)
-    if whole is not None:
-        raise ProblemError(
-            f'"{item.name}" must place single objects to be exported; it places collection "{whole.name}" as one'
-        )
-    sources = [source for source in placed if isinstance(source, bpy.types.Object)]
+    sources = [source for source in placed if source is not None]
     if len(sources) < len(placed):
         raise ProblemError(f'an object that "{item.name}" places was removed from the file; scatter again')
     mesh = item.data
@@ -190,7 +186,7 @@ def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object]
         rotation=rotation,
         scale=scale,
         prototype_index=read(INSTANCE_INDEX, "INT", 1, 0),
-        prototypes=tuple(Prototype(source.name, _square(source), max(source.dimensions.z, 1e-3)) for source in sources),
+        prototypes=tuple(_prototype(source) for source in sources),
         id=np.arange(count, dtype=np.int64) if mesh_id is None else read("id", "INT", 1, 0).astype(np.int64),
         class_index=class_index,
         size_index=size_index,
@@ -208,12 +204,20 @@ def _names(given: Sequence[str], least: int, otherwise: str) -> tuple[str, ...]:
     return (*given, *(f"{otherwise} {number + 1}" for number in range(len(given), least)))
 
 
-def _square(source: bpy.types.Object) -> np.ndarray:
-    x, y = (0.5 * max(length, 1e-3) for length in source.dimensions[:2])
-    return np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
+def _prototype(source: bpy.types.Object | bpy.types.Collection) -> Prototype:
+    """Return what stands for an object, or a collection as one: a box as large as it is, around its origin."""
+    if isinstance(source, bpy.types.Object):
+        size = np.array(source.dimensions)
+    else:
+        corners = [item.matrix_world @ Vector(corner) for item in source.all_objects for corner in item.bound_box]
+        size = np.ptp(np.array(corners), axis=0)
+    x, y = 0.5 * np.maximum(size[:2], 1e-3)
+    return Prototype(source.name, np.array([(-x, -y), (x, -y), (x, y), (-x, y)]), max(float(size[2]), 1e-3))
 
 
-def _with_objects(bodies: Bodies, sources: Sequence[bpy.types.Object], folder: Path, ending: str) -> Bodies:
+def _with_objects(
+    bodies: Bodies, sources: Sequence[bpy.types.Object | bpy.types.Collection], folder: Path, ending: str
+) -> Bodies:
     """Export every source to a file of its own, and return the bodies with these as their assets."""
     prototypes = []
     for number, (prototype, source) in enumerate(zip(bodies.prototypes, sources, strict=True)):
@@ -224,9 +228,12 @@ def _with_objects(bodies: Bodies, sources: Sequence[bpy.types.Object], folder: P
     return replace(bodies, prototypes=tuple(prototypes))
 
 
-def _export_object(source: bpy.types.Object, path: Path) -> None:
-    """Export one object as it is instanced: with its own rotation and scale, at the origin, with its modifiers."""
-    context = bpy.context
+def _at_origin(source: bpy.types.Object | bpy.types.Collection) -> bpy.types.Object:
+    """Return an object as ``source`` is instanced: with its own rotation and scale, at the origin, with its modifiers."""
+    if isinstance(source, bpy.types.Collection):
+        copy = bpy.data.objects.new(source.name, None)
+        copy.instance_type, copy.instance_collection = "COLLECTION", source
+        return copy
     copy = source.copy()
     copy.parent = None
     copy.constraints.clear()
@@ -235,6 +242,13 @@ def _export_object(source: bpy.types.Object, path: Path) -> None:
     copy.rotation_mode = "QUATERNION"
     copy.location, copy.rotation_quaternion, copy.scale = (0.0, 0.0, 0.0), rotation, scale
     copy.hide_viewport = copy.hide_render = False
+    return copy
+
+
+def _export_object(source: bpy.types.Object | bpy.types.Collection, path: Path) -> None:
+    """Export an object, or a collection as one."""
+    context = bpy.context
+    copy = _at_origin(source)
     layer = context.view_layer
     active = layer.objects.active
     selected = list(context.selected_objects)

@@ -54,7 +54,9 @@ def notes(report: dict[str, Any]) -> list[str]:
     """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help."""
     # How many overlap, and how deep, has a line of its own.
     found = [note.replace("`", "") for note in report["notes"] if "still overlap" not in note]
-    if not report["converged"] and evenness(report).startswith("uneven"):
+    # Where many overlap there is no room to be even in.
+    crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
+    if not report["converged"] and not crowded and evenness(report).startswith("uneven"):
         found.append("more steps would make it more even (Advanced)")
     return [note[:1].upper() + note[1:] for note in found]
 

@@ -9,7 +9,7 @@ from ..properties.body_class import DERIVED_COUNTS
 from ..properties.scene import active_scatter, selected_class, selected_scatter
 from ..targets.target import members_of
 from .density_panel import draw_density
-from .panel_parts import SubPanel, draw_image, draw_list, draw_settings, write_text
+from .panel_parts import SubPanel, draw_image, draw_list, draw_property, draw_settings, write_text
 
 __all__ = ["CLASSES"]
 
@@ -45,17 +45,17 @@ class ESH_PT_class(_ClassPanel, bpy.types.Panel):
             return
         size = body_class.active_size
         if len(body_class.sizes) > 1:
-            _draw_count(column, body_class)
+            _draw_count(context, column, body_class)
             draw_list(column, "ESH_UL_sizes", body_class, "sizes", "size_index", "size", rows=2, move=True)
             if size is None:
                 return
             column.separator()
-            _draw_source(column, size)
+            _draw_source(context, column, size)
             column.prop(size, "count" if body_class.count_kind == "SIZES" else "share")
         else:
             size = body_class.sizes[0]
-            _draw_source(column, size)
-            _draw_count(column, body_class)
+            _draw_source(context, column, size)
+            _draw_count(context, column, body_class)
         column.separator()
         column.prop(size, "area_kind")
         if size.area_kind == "VALUE":
@@ -81,7 +81,7 @@ class ESH_PT_density(_ClassSubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the layers of the density of the selected class."""
         column = self._column()
-        for note in draw_density(column, selected_scatter(context), selected_class(context)):
+        for note in draw_density(context, column, selected_scatter(context), selected_class(context)):
             write_text(context, column, note, icon="INFO")
 
 
@@ -95,7 +95,7 @@ class ESH_PT_standing(_ClassSubPanel, bpy.types.Panel):
         """Draw how each one stands, and where it looks."""
         column = self._column()
         body_class = selected_class(context)
-        draw_settings(column, body_class, Standing)
+        draw_settings(context, column, body_class, Standing)
         column.separator()
         column.prop(body_class, "use_look_at")
         if body_class.use_look_at:
@@ -116,13 +116,13 @@ class ESH_PT_density_more(_ClassSubPanel, bpy.types.Panel):
         """Draw direction, sharpening and correction."""
         column = self._column()
         body_class = selected_class(context)
-        column.prop(body_class, "direction_kind")
+        draw_property(context, column, body_class, "direction_kind")
         if body_class.direction_kind == "ANGLE":
             column.prop(body_class, "direction_angle")
         elif body_class.direction_kind == "IMAGE":
             draw_image(column, body_class, "direction_image")
         column.separator()
-        draw_settings(column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
+        draw_settings(context, column, body_class, ClassSettings, (*KEPT_APART, "look_at"))
 
 
 class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
@@ -148,8 +148,8 @@ class ESH_PT_overlap(_ClassSubPanel, bpy.types.Panel):
                 row.operator("esh.class_overlap", text=other.name, icon=icon, emboss=False).other = other.name
 
 
-def _draw_source(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
-    column.prop(size, "source_kind")
+def _draw_source(context: bpy.types.Context, column: bpy.types.UILayout, size: bpy.types.PropertyGroup) -> None:
+    draw_property(context, column, size, "source_kind")
     source = column.row()
     source.alert = size.source is None or size.source_deleted
     source.prop(size, "source_object" if size.source_kind == "OBJECT" else "source_collection")
@@ -170,8 +170,8 @@ def _draw_variants(column: bpy.types.UILayout, size: bpy.types.PropertyGroup) ->
         rows.operator("esh.variants_list", icon="FILE_REFRESH")
 
 
-def _draw_count(column: bpy.types.UILayout, body_class: bpy.types.PropertyGroup) -> None:
-    column.prop(body_class, "count_kind")
+def _draw_count(context: bpy.types.Context, column: bpy.types.UILayout, body_class: bpy.types.PropertyGroup) -> None:
+    draw_property(context, column, body_class, "count_kind")
     kind = body_class.count_kind
     if kind == "SIZES" and len(body_class.sizes) == 1:
         column.prop(body_class.sizes[0], "count")

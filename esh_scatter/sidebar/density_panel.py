@@ -10,11 +10,12 @@ from ..densities.density_curve import curve_node
 from ..editing.painting import unsaved_images
 from ..properties.described import shown_settings
 from . import density_preview
+from .panel_parts import draw_property
 
 __all__ = ["draw_density"]
 
 
-def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> list[str]:
+def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter: Any, body_class: Any) -> list[str]:
     """Draw the layers of a class's density; return sentences that are worth attention."""
     layers = body_class.layers
     top = column.row(align=True)
@@ -39,7 +40,7 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
         side.operator("esh.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
     layer = body_class.active_layer
     if layer is not None:
-        _draw_layer(column, scatter, layer, len(layers) > 1)
+        _draw_layer(context, column, scatter, layer, len(layers) > 1)
     notes = [density_preview.message()] if density_preview.message() else []
     names = [f'"{image.name}"' for image in unsaved_images(scatter)]
     if names:
@@ -48,18 +49,20 @@ def draw_density(column: bpy.types.UILayout, scatter: Any, body_class: Any) -> l
     return notes
 
 
-def _draw_layer(column: bpy.types.UILayout, scatter: Any, layer: Any, several: bool) -> None:
+def _draw_layer(
+    context: bpy.types.Context, column: bpy.types.UILayout, scatter: Any, layer: Any, several: bool
+) -> None:
     target = scatter.first_target if scatter.first_target and scatter.first_target.type == "MESH" else None
     if several:
         column.prop(layer, "name", placeholder=layer.label)
-    column.prop(layer, "kind")
+    draw_property(context, column, layer, "kind")
     _draw_source(column, scatter, layer, target)
     for shown in shown_settings(layer.told.settings, layer.told.by_hand, layer.told.prefix):
         if shown.name == "image_mapping" and layer.image_mapping == "UV" and target:
             column.prop(layer, shown.name)
             column.prop_search(layer, "uv_map", target.data, "uv_layers", icon="GROUP_UVS")
         else:
-            column.prop(layer, shown.name, slider=shown.slider)
+            draw_property(context, column, layer, shown.name, slider=shown.slider)
     column.separator()
     column.prop(layer, "blend")
     column.prop(layer, "strength", slider=True)

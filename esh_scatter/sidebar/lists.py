@@ -7,13 +7,12 @@ from ..properties.layer import ESH_PG_layer
 from ..properties.obstacle import ESH_PG_obstacle
 from ..properties.scatter import ESH_PG_scatter
 from ..properties.size import ESH_PG_size
+from .panel_parts import is_narrow, width_of
 
 __all__ = ["CLASSES"]
 
 # Width of the sidebar from which on rows show more [pixels at an interface scale of 1].
 WIDE = 330
-# And up to which they leave what shows of a class to its name.
-NARROW = 270
 # Width of a text, in the interface's units: of any, and of each of its characters.
 UNITS, UNITS_A_CHARACTER = 0.5, 0.36
 
@@ -33,7 +32,6 @@ class ESH_UL_classes(bpy.types.UIList):
         _index: int = 0,
     ) -> None:
         """Draw one class."""
-        width = context.region.width / context.preferences.system.ui_scale
         row = layout.row(align=True)
         swatch = row.row()
         swatch.ui_units_x = 0.9
@@ -42,7 +40,7 @@ class ESH_UL_classes(bpy.types.UIList):
         text.active = not item.mute
         name = text.row(align=True)
         name.prop(item, "name", text="", emboss=False)
-        if width > WIDE:
+        if width_of(context) > WIDE:
             source = text.row(align=True)
             source.active = False
             source.label(text=_sources(item))
@@ -58,7 +56,7 @@ class ESH_UL_classes(bpy.types.UIList):
         switches = row.row(align=True)
         icon = "CHECKBOX_DEHLT" if item.mute else "CHECKBOX_HLT"
         switches.prop(item, "mute", text="", icon=icon, emboss=False, invert_checkbox=True)
-        if width <= NARROW:
+        if is_narrow(context):
             return
         for switch, on, off in (
             ("show_viewport", "HIDE_OFF", "HIDE_ON"),
@@ -79,7 +77,7 @@ class ESH_UL_sizes(bpy.types.UIList):
 
     def draw_item(
         self,
-        _context: bpy.types.Context,
+        context: bpy.types.Context,
         layout: bpy.types.UILayout,
         data: ESH_PG_class,
         item: ESH_PG_size,
@@ -89,12 +87,15 @@ class ESH_UL_sizes(bpy.types.UIList):
         _index: int = 0,
     ) -> None:
         """Draw one size."""
-        split = layout.split(factor=0.36, align=True)
+        narrow = is_narrow(context)
+        split = layout.split(factor=0.45 if narrow else 0.36, align=True)
         split.prop(item, "name", text="", emboss=False)
         source = item.source
         icon = "OBJECT_DATA" if item.source_kind == "OBJECT" else "OUTLINER_COLLECTION"
         row = split.row(align=True)
-        row.label(text=source.name if source else "none yet", icon=icon if source else "ERROR")
+        # What is placed is named below the list, too.
+        text = "" if narrow else source.name if source else "none yet"
+        row.label(text=text, icon=icon if source else "ERROR")
         count = row.row()
         count.alignment = "RIGHT"
         count.label(text=f"{item.count:,}" if data.count_kind == "SIZES" else f"share {item.share:g}")
@@ -109,7 +110,7 @@ class ESH_UL_layers(bpy.types.UIList):
 
     def draw_item(
         self,
-        _context: bpy.types.Context,
+        context: bpy.types.Context,
         layout: bpy.types.UILayout,
         data: ESH_PG_class,
         item: ESH_PG_layer,
@@ -131,6 +132,8 @@ class ESH_UL_layers(bpy.types.UIList):
         acts.active = item.use
         if index or item.blend == "SUBTRACT":
             acts.label(text=_SIGNS[item.blend])
+        if is_narrow(context):
+            return
         strength = acts.row(align=True)
         strength.ui_units_x = 2.4
         strength.prop(item, "strength", text="", emboss=False)

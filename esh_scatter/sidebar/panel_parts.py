@@ -11,7 +11,22 @@ from ..properties.scene import active_scatter
 from ..result import words
 from ..solving import running
 
-__all__ = ["Panel", "SubPanel", "draw_image", "draw_list", "draw_settings", "write_text"]
+__all__ = [
+    "Panel",
+    "SubPanel",
+    "draw_image",
+    "draw_list",
+    "draw_property",
+    "draw_settings",
+    "is_narrow",
+    "width_of",
+    "write_text",
+]
+
+# Up to which width of the sidebar names leave room for nothing beside them [pixels at an interface scale of 1].
+NARROW = 270
+# Characters of a property's name, and of its choice beside an icon, that fit into such a sidebar.
+LONGEST_NAME, LONGEST_CHOICE = 12, 11
 
 
 class Panel:
@@ -41,6 +56,39 @@ class SubPanel(Panel):
         return layout.column()
 
 
+def width_of(context: bpy.types.Context) -> float:
+    """Return the width of the sidebar [pixels at an interface scale of 1]."""
+    return context.region.width / context.preferences.system.ui_scale
+
+
+def is_narrow(context: bpy.types.Context) -> bool:
+    """Tell whether the sidebar is so narrow that names need the room of what may be missing."""
+    return width_of(context) <= NARROW
+
+
+def draw_property(
+    context: bpy.types.Context,
+    layout: bpy.types.UILayout,
+    group: bpy.types.PropertyGroup,
+    name: str,
+    *,
+    slider: bool = False,
+) -> None:
+    """Draw a property; in a narrow sidebar over the whole width, where its name or its choice would be cut."""
+    told = group.bl_rna.properties[name]
+    if not is_narrow(context):
+        layout.prop(group, name, slider=slider)
+    elif told.type == "ENUM":
+        chosen = told.enum_items[getattr(group, name)].name
+        layout.prop(group, name, **({"text": ""} if len(chosen) > LONGEST_CHOICE else {}))
+    elif len(told.name) >= LONGEST_NAME:
+        row = layout.row()
+        row.use_property_split = False
+        row.prop(group, name, slider=slider)
+    else:
+        layout.prop(group, name, slider=slider)
+
+
 def draw_image(column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str) -> None:
     """Draw an image over the whole width, so that its name can be read."""
     row = column.row()
@@ -49,12 +97,16 @@ def draw_image(column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name:
 
 
 def draw_settings(
-    layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, cls: Any, by_hand: Collection[str] = ()
+    context: bpy.types.Context,
+    layout: bpy.types.UILayout,
+    group: bpy.types.PropertyGroup,
+    cls: Any,
+    by_hand: Collection[str] = (),
 ) -> None:
     """Draw the properties that stand for the settings of a class; a group of settings only where it is switched on."""
     for shown in shown_settings(cls, by_hand):
         if not shown.switch or getattr(group, shown.switch):
-            layout.prop(group, shown.name, slider=shown.slider)
+            draw_property(context, layout, group, shown.name, slider=shown.slider)
 
 
 def draw_list(
@@ -99,9 +151,11 @@ def draw_list(
 
 def write_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
     """Draw ``text`` on as many lines as the sidebar's width asks for."""
-    scale = context.preferences.system.ui_scale
-    # A character of the interface's font is about 7 pixels wide; margins and the icon take about 60.
-    characters = max(20, int((context.region.width / scale - 60) / 6.3))
+    # Margins and the icon take about 60 pixels, and a character of the interface's font where there are many wide ones 6.8.
+    characters = max(20, int((width_of(context) - 60) / 6.8))
+    # What is longer than a line is broken after all, between its words.
+    parts = (part if len(part) <= characters else part.replace(words.UNBROKEN, " ") for part in text.split(" "))
+    text = " ".join(parts)
     column = layout.column(align=True)
     for number, line in enumerate(textwrap.wrap(text, characters, break_on_hyphens=False)):
         column.label(

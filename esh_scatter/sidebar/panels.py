@@ -16,7 +16,7 @@ from ..result.display import get_inputs, input_property, our_modifier
 from ..solving import live, running
 from ..targets import checksums
 from . import class_panels, report_panel
-from .panel_parts import Panel, SubPanel, draw_list, draw_settings, write_text
+from .panel_parts import Panel, SubPanel, draw_list, draw_settings, is_narrow, write_text
 
 __all__ = ["CLASSES"]
 
@@ -54,7 +54,9 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         row = top.row(align=True)
         choice = row.row()
         choice.alert = scatter.chosen_target is None
-        choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection")
+        # Beside its icon it needs no label where there is no room for it.
+        text = {"text": ""} if is_narrow(context) else {}
+        choice.prop(scatter, "target" if scatter.target_kind == "OBJECT" else "target_collection", **text)
         row.prop(scatter, "target_kind", text="", icon_only=True)
         layout.separator(factor=0.5)
         if running.session is not None:
@@ -88,7 +90,7 @@ class ESH_PT_surface(SubPanel, bpy.types.Panel):
         column = self._column()
         scatter = selected_scatter(context)
         target = scatter.first_target
-        draw_settings(column, scatter, TargetSettings, FACES)
+        draw_settings(context, column, scatter, TargetSettings, FACES)
         if target is None:
             return
         column.label(text="Only on Faces of")
@@ -137,11 +139,11 @@ class ESH_PT_balance(SubPanel, bpy.types.Panel):
         """Draw the balance."""
         column = self._column()
         scatter = selected_scatter(context)
-        draw_settings(column, scatter, Balance, BY_HAND)
+        draw_settings(context, column, scatter, Balance, BY_HAND)
         # The seed is among what few need.
-        draw_settings(column, scatter, SamplingSettings, ("seed",))
+        draw_settings(context, column, scatter, SamplingSettings, ("seed",))
         if scatter.surface != "WHOLE":
-            draw_settings(column, scatter, BorderSettings)
+            draw_settings(context, column, scatter, BorderSettings)
 
 
 class ESH_PT_obstacles(SubPanel, bpy.types.Panel):
@@ -250,7 +252,7 @@ class ESH_PT_advanced(SubPanel, bpy.types.Panel):
         seed = column.row(align=True)
         seed.prop(scatter, "seed")
         seed.operator("esh.seed_roll", text="", icon="FILE_REFRESH")
-        draw_settings(column, scatter, RunSettings)
+        draw_settings(context, column, scatter, RunSettings)
 
 
 def _draw_beginning(context: bpy.types.Context, column: bpy.types.UILayout) -> None:
@@ -274,7 +276,7 @@ def _draw_active_scatter(context: bpy.types.Context, row: bpy.types.UILayout, sc
     row.menu("ESH_MT_scatters", text="", icon="DOWNARROW_HLT")
     row.prop(scatter, "name", text="")
     result = scatter.result_in(context.scene)
-    if result is not None:
+    if result is not None and not is_narrow(context):
         row.prop(result, "hide_viewport", text="")
         row.prop(result, "hide_render", text="")
     row.operator("esh.scatter_add", text="", icon="ADD")

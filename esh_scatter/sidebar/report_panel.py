@@ -38,7 +38,8 @@ class ESH_PT_report(SubPanel, bpy.types.Panel):
             row.operator("esh.select_overlapping", text="Select")
             row.operator("esh.frame_overlap", text="Frame Worst")
         if evenness := words.evenness(report):
-            _draw_fact(facts, "Evenness", evenness)
+            # Which classes are uneven stands beside their counts.
+            _draw_fact(facts, "Evenness", evenness.partition(":")[0])
         if report.get("closest") is not None:
             _draw_fact(facts, "Closest Pair", words.meters(report["closest"]))
             _draw_fact(facts, "Typical Spacing", words.meters(report["usual"]))

@@ -57,6 +57,9 @@ ROUNDED = (
     "so far from the world's origin Blender rounds positions to {:.2g} m; the report tells of objects where it puts them; move the "
     "scene nearer to the origin"
 )
+# Of a surface that hides more than the other side of a solid, from above; steeper ground than 53 degrees all over does.
+LEAST_SEEN = 0.6
+SEEN = 'seen from above, {} is {} as large as its surface; choose "Whole Surface" to cover all of it'
 
 
 class _Reading(NamedTuple):
@@ -304,8 +307,10 @@ class ScatterJob:
                 placement, placement.position + error[:, : placement.position.shape[1]], self.settings.device
             )
             assert placement.report is not None
-            note = ROUNDED.format(np.spacing(np.abs(stored).max()))
-            placement = replace(placement, report=replace(placement.report, notes=(*placement.report.notes, note)))
+            placement = _with_note(placement, ROUNDED.format(np.spacing(np.abs(stored).max())))
+        if isinstance(self.chart, Chart) and self.chart.share_of_facing < LEAST_SEEN:
+            share = f"{self.chart.share_seen:.0%}"
+            placement = _with_note(placement, SEEN.format(self.chart.view.mesh.name, share))
         self._points = points
         self.placement = placement
         self._attributes = points, point_attributes(placement, points, self.classes, self.settings)
@@ -429,6 +434,12 @@ def _variants(
         for place, which in enumerate(own):
             variant[(group == number) & (source == uids[which])] = place
     return variant
+
+
+def _with_note(placement: Placement, note: str) -> Placement:
+    """Return a placement whose report, if it has one, also says this."""
+    report = placement.report
+    return placement if report is None else replace(placement, report=replace(report, notes=(*report.notes, note)))
 
 
 def _is_rounded(placement: Placement, position: np.ndarray) -> bool:

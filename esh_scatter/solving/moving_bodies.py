@@ -53,13 +53,14 @@ class MovingBodies:
                 self._colors = self._job.colors_of_bodies()[chosen]
             self.points = self._job.positions_in_world(position[chosen], HEIGHT)
 
-    def show(self) -> None:
-        """Have the viewports drawn where something has moved; on the main thread."""
+    def show(self) -> bool:
+        """Have the viewports drawn where something has moved, and tell whether it has; on the main thread."""
         if self.points is self._drawn or bpy.app.background:
-            return
+            return False
         if self._handle is None:
             self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
         self._redraw()
+        return True
 
     def end(self) -> None:
         """Show nothing any more."""

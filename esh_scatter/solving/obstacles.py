@@ -253,19 +253,8 @@ def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:
 
 def _draw(image: np.ndarray, triangle: np.ndarray, reach: float, size: np.ndarray) -> None:
     """Set the cells of an image, row 0 at the largest y, whose middles are within ``reach`` of triangles in the rectangle [m]."""
-    from ...engine.surface.shapes_from_above import FlatShapes
+    from ...engine.surface.shapes_from_above import draw_shapes
 
-    rows, columns = image.shape
-    cell = size / (columns, rows)
     low, high = triangle.min(axis=1) - reach, triangle.max(axis=1) + reach
     seen = ((high > 0.0) & (low < size)).all(axis=1)
-    if not seen.any():
-        return
-    triangle, low, high = triangle[seen], low[seen].min(axis=0), high[seen].max(axis=0)
-    left, bottom = np.clip(np.floor(low / cell), 0, (columns, rows)).astype(int)
-    right, top = np.clip(np.ceil(high / cell), 0, (columns, rows)).astype(int)
-    x, y = (np.arange(left, right) + 0.5) * cell[0], (np.arange(bottom, top) + 0.5)[::-1] * cell[1]
-    points = np.zeros((len(y), len(x), 3))
-    points[..., 0], points[..., 1] = x, y[:, None]
-    near = FlatShapes(triangle).distance(points.reshape(-1, 3), 1.01 * reach) <= reach
-    image[rows - top : rows - bottom, left:right] |= near.reshape(len(y), len(x))
+    draw_shapes(image[::-1], triangle[seen], reach, size)

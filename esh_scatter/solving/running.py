@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ SIDEBAR_TAB = "ESH Scatter"
 
 # Seconds between two looks at the run: short enough that Esc feels immediate, long enough to cost nothing.
 _TICK = 0.05
+# After drawing so many times as long without: a screen that is slow to draw leaves time to events, and the solver its processors.
+_REST = 2.0
 # Seconds without a first step after which the panel says what takes so long.
 _PATIENCE = 3.0
 # Seconds that disabling the add-on or quitting waits for the thread to come out of the engine.
@@ -68,6 +71,10 @@ class Session:
         keeps: Whether it ends early with what is there.
         bodies: What the viewport shows of it.
     """
+
+    # When drawing was asked for that has not been looked at yet, and until when nothing is drawn [s].
+    _asked: float | None = None
+    _rests_until = 0.0
 
     def __init__(self, context: bpy.types.Context, job: Any) -> None:
         self.job = job
@@ -120,12 +127,20 @@ class Session:
         return "Compiling (first run only)" if compiling else "Preparing"
 
     def show(self) -> None:
-        """Bring panel and status bar up to date where something changed."""
+        """Bring viewport, panel and status bar up to date where something changed; the next call comes once that has been drawn."""
         if self.run.progress:
             _ran_on.add(self.device)
-        self.bodies.show()
+        now = time.monotonic()
+        if self._asked is not None:
+            # What is drawn from one look to the next is quick enough.
+            self._rests_until = now + _REST * max(0.0, now - self._asked - 2.0 * _TICK)
+            self._asked = None
+        if now < self._rests_until:
+            return
+        if self.bodies.show():
+            self._asked = now
         if self._shown != self.text:
-            self._shown = self.text
+            self._shown, self._asked = self.text, now
             _set_status(f"ESH Scatter: {self.text}   |   Esc: stop without changes")
             redraw_sidebars()
 

@@ -19,6 +19,9 @@ from window_steps import answer, take_screenshot
 
 LONGEST_RUN, LONGEST_WALK = 60.0, 200.0
 SIDE = 20.0
+PRESET = "Mushroom Clusters"
+# Where File is on the screen.
+FILE_MENU = (37, 15)
 OBJECTS = {
     "Pine": ("cone", (0.4, 0.4, 0.9), (0.07, 0.22, 0.13)),
     "Beech": ("ico_sphere", (0.4, 0.4, 0.6), (0.36, 0.46, 0.14)),
@@ -312,7 +315,7 @@ def overlaps():
     top = yield from hand.turn_panel("ESH_PT_class")
     yield from hand.press("sizes[0].count", first=top, times=2)
     yield from hand.keys("ctrl+a")
-    yield from hand.write("480")
+    yield from hand.write("640")
     yield from hand.keys("Return")
     yield from hand.turn_panel("ESH_PT_class", is_open=False)
     yield from update()
@@ -341,11 +344,97 @@ def undone_while_it_runs():
     take_screenshot("hand-24-undone.png")
 
 
+def a_preset_on_top():
+    """A preset is chosen from the menu with its pictures, by its first letters, and finds room between what is there."""
+    yield from hand.move(steps.on_screen(200, 200))
+    yield from hand.keys("alt+a")
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    _, y = yield from hand.find("esh.scatter_add", across=0.76)
+    _, _, region = hand._sidebar()
+    yield from hand.click((region.x + 20, y))
+    yield from hand.keys("p")
+    # Its pictures are read only now.
+    yield 1.5
+    take_screenshot("hand-30-presets.png")
+    yield from hand.keys("space")
+    yield from hand.write(PRESET[:8])
+    take_screenshot("hand-31-search.png")
+    yield from hand.keys("Return")
+    yield 1.0
+    answer["preset"] = scatter().name, scatter().target.name
+    yield from update()
+    answer["placed"] = len(positions())
+    answer["of_preset"] = instances() - len(positions()), scatter().report["overlaps"]
+    take_screenshot("hand-32-preset.png")
+
+
+def exported():
+    """Written with the File menu's entry: the ending that is typed is the format, and what is there is said."""
+    # A dialog begins in the file's folder, with its name.
+    bpy.ops.wm.save_as_mainfile(filepath=str(steps.FOLDER / "wood.blend"))
+    # A file dialog over one area that fills the window would leave that area's place to itself.
+    yield from hand.move(on_screen((0.0, 0.0, 0.0)))
+    yield from hand.keys("ctrl+space")
+    yield 1.0
+    yield from _choose_export()
+    take_screenshot("hand-33-export.png")
+    answer["offered"] = bpy.context.window_manager.windows[0].screen.areas[0].spaces.active.params.filename
+    yield from _name_file("forest.glb")
+    take_screenshot("hand-34-named.png")
+    yield from _confirm()
+    answer["exported"] = (steps.FOLDER / "forest.glb").stat().st_size
+    take_screenshot("hand-35-exported.png")
+    yield from _choose_export()
+    yield from _name_file("forest.usdc")
+    yield from _confirm()
+    answer["usd"] = bpy.app.build_options.usd, (steps.FOLDER / "forest.usdc").exists()
+    take_screenshot("hand-36-usd.png")
+
+
+def _choose_export():
+    """The last entry of File, Export."""
+    yield from hand.click(FILE_MENU)
+    yield from hand.keys("e")
+    yield 0.5
+    take_screenshot("hand-33-menu.png")
+    yield from hand.keys("Up", "Return")
+    yield from hand.until(_file_dialog, 10.0, "the file dialog")
+    yield 1.0
+
+
+def _file_dialog():
+    return next((one for one in bpy.context.window_manager.windows[0].screen.areas if one.type == "FILE_BROWSER"), None)
+
+
+def _name_file(name):
+    """Type a name into the field at the lower edge of the dialog."""
+    yield from hand.click(_in_dialog("EXECUTE", 0.4))
+    yield from hand.keys("ctrl+a")
+    yield from hand.write(name)
+    yield from hand.keys("Return")
+    yield 1.0
+
+
+def _confirm():
+    """Click on the button beside the name."""
+    yield from hand.click(_in_dialog("EXECUTE", 0.95))
+    yield from hand.until(lambda: not _file_dialog(), 20.0, "the export")
+    yield 1.0
+
+
+def _in_dialog(name, across):
+    """A place halfway up a region of the dialog."""
+    window = bpy.context.window_manager.windows[0]
+    region = next(one for one in _file_dialog().regions if one.type == name)
+    return round(region.x + across * region.width), window.height - region.y - region.height // 2
+
+
 # Without xdotool there is no hand.
 answer["mouse"] = shutil.which("xdotool") is not None
 WALKS = {
     "one scatter": (begin, obstacles, instances_by_hand, turned_and_let_go, display, real_objects, ends),
     "another scatter": (begin, another_scatter, overlaps, undone_while_it_runs),
+    "handing on": (begin, a_preset_on_top, exported),
 }
 steps.run(
     [

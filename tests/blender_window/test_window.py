@@ -110,6 +110,20 @@ def test_an_artist_adds_another_scatter_with_mouse_and_keys(package: Path, tmp_p
     assert answer["undone_run"], "to undo a run that goes on stops it"
 
 
+def test_an_artist_hands_a_scatter_on_with_mouse_and_keys(package: Path, tmp_path: Path):
+    answer = driven("hand_driver.py", package, tmp_path, "handing on")
+    if not answer["mouse"]:
+        pytest.skip("nothing moves the mouse: xdotool is missing")
+    assert answer["preset"] == ["Mushroom Clusters", "Ground"]
+    first, overlaps = answer["of_preset"]
+    assert first == sum(answer["begun"].values()) and overlaps < 10, "what stands there leaves less room"
+    built_with_usd, has_usd = answer["usd"]
+    assert answer["offered"] == ("wood.usdc" if built_with_usd else "wood.glb")
+    # Place, turn and scale of every instance.
+    assert answer["exported"] > 40 * answer["placed"]
+    assert has_usd == built_with_usd
+
+
 def test_a_preset_that_is_dragged_onto_the_ground_is_scattered_there(package: Path, tmp_path: Path):
     answer = driven("drop_driver.py", package, tmp_path)
     if not answer["mouse"]:

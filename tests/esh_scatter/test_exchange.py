@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ bpy = pytest.importorskip("bpy")
 import esh  # noqa: E402
 from esh import EshError, ScatterClass, ScatterSize  # noqa: E402
 from esh.esh_scatter import registration  # noqa: E402
+from esh.esh_scatter.operators import exchange  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 # Run by a Python of its own: another USD library than Blender's, and no crash of it takes these tests along.
@@ -122,6 +124,40 @@ def test_gltf_comes_back_as_it_was(result, tmp_path):
     np.testing.assert_allclose(instances(), shown, atol=1e-5)
 
 
+def test_a_collection_as_one_leaves_with_its_objects_in_their_places(tmp_path):
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=40)
+    ground = bpy.context.object
+    tree = bpy.data.collections.new("Tree")
+    for name, location in (("Trunk", (50.0, 50.0, 1.0)), ("Crown", (50.5, 50.0, 2.5))):
+        bpy.ops.mesh.primitive_cube_add(size=0.5, location=location)
+        made = bpy.context.object
+        made.name = made.data.name = name
+        bpy.context.collection.objects.unlink(made)
+        tree.objects.link(made)
+    tree.instance_offset = (50.0, 50.0, 0.0)
+    trees = ScatterClass("tree", [ScatterSize("one", 20, tree, as_one=True)])
+    result = esh.scatter(ground, [trees], device="cpu", max_steps=5)
+    bpy.context.view_layer.update()
+    shown = instances()
+    before = set(bpy.data.objects)
+    for name in ("wood.glb", "wood.usda"):
+        esh.export_result(tmp_path / name, result.object)
+    assert set(bpy.data.objects) == before
+    assert esh.load_placement(tmp_path / "wood.glb").prototypes[0].name == "Tree"
+
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.usd_import(filepath=str(tmp_path / "wood_objects" / "1_Tree.usdc"))
+    found = {item.name: np.array(item.matrix_world.translation) for item in bpy.data.objects if item.type == "MESH"}
+    np.testing.assert_allclose(found["Trunk"], (0.0, 0.0, 1.0), atol=1e-5)
+    np.testing.assert_allclose(found["Crown"], (0.5, 0.0, 2.5), atol=1e-5)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "wood.glb"))
+    meshes = [item for item in bpy.data.objects if item.type == "MESH"]
+    assert len(meshes) == 40
+    np.testing.assert_allclose(in_order(np.array([item.matrix_world for item in meshes])), shown, atol=1e-4)
+
+
 @pytest.mark.parametrize("ending", [".ply", ".geojson", ".usda", ".glb"])
 def test_a_result_that_was_moved_comes_back_where_it_stands(result, tmp_path, ending):
     result.object.matrix_world = Matrix.Translation((3, 4, 5)) @ Matrix.Rotation(0.5, 4, "X") @ Matrix.Scale(2, 4)
@@ -177,6 +213,25 @@ def test_the_menu_exports_and_imports(result, tmp_path):
         assert not bpy.ops.esh.export.poll()
     finally:
         registration.unregister()
+
+
+@pytest.mark.parametrize(
+    ("name", "chosen", "changed", "expected"),
+    [
+        ("wood.glb", ".usdc", False, ("wood.glb", ".glb")),
+        ("wood.usda", ".ply", False, ("wood.usda", ".usdc")),
+        ("wood.usda", ".usdc", False, ("wood.usda", ".usdc")),
+        ("wood.parquet", ".usdc", False, ("wood.parquet", ".usdc")),
+        ("wood.glb", ".ply", True, ("wood.ply", ".ply")),
+        ("wood", ".ply", False, ("wood.ply", ".ply")),
+    ],
+)
+def test_the_ending_and_the_format_of_an_export_follow_each_other(name, chosen, changed, expected):
+    """Whichever was changed last."""
+    asked = SimpleNamespace(filepath=name, format=chosen, filename_ext=".usdc" if changed else chosen)
+    exchange.ESH_OT_export.check(asked, None)
+    assert (asked.filepath, asked.format) == expected
+    assert not exchange.ESH_OT_export.check(asked, None), "nothing is left to change"
 
 
 def test_mistakes_are_one_sentence(result, tmp_path):

@@ -34,7 +34,7 @@ class Layout:
         self.__dict__[name] = value
 
     def _nested(self, **_options):
-        return Layout(self.drawn)
+        return type(self)(self.drawn)
 
     row = column = split = box = _nested
 
@@ -238,7 +238,7 @@ def test_the_status_is_one_line_under_the_button():
     assert drawn[button + 1] == "live", "it lies beside the button"
     assert drawn[button + 2] == "1,234 placed · no overlap · very even · 1.2 s"
     assert button < drawn.index("classes"), "the button comes before the classes"
-    narrow = draw_all(220)
+    narrow = draw_all(235)
     lines = narrow[narrow.index("live") + 1 :][:2]
     assert lines == ["1,234 placed · no overlap", "very even · 1.2 s"], (
         "no part is torn in two, and no line begins with a dot"
@@ -332,6 +332,33 @@ def test_rows_show_what_is_placed_where_there_is_room():
     assert "Tree" not in draw_all(300) and {"1.5 m apart", "show_viewport"} <= set(draw_all(300))
     narrow = draw_all(250)
     assert {"1.5 m apart", "mute"} <= set(narrow) and "show_viewport" not in narrow, "the name has that room"
+
+
+class Named(Layout):
+    """Remembers of every property whether its name stands in a column of names, in its field, or nowhere."""
+
+    def prop(self, _data, name, *, text=None, **_options):
+        whole = self.__dict__.get("use_property_split") is False
+        self.drawn.append((name, "nowhere" if text == "" else "in its field" if whole else "beside"))
+
+
+def test_a_narrow_sidebar_cuts_no_names():
+    body_class = ready_scatter().classes[0]
+    body_class.count_kind = "PER_AREA"
+    drawn = {}
+    for width in (250, 300):
+        Layout.width = width
+        rows = []
+        for name in ("align_to_normal", "tilt", "count_kind", "direction_kind"):
+            panel_parts.draw_property(shown_context(width), Named(rows), body_class, name)
+        drawn[width] = dict(rows)
+    assert set(drawn[300].values()) == {"beside"}
+    assert drawn[250] == {
+        "align_to_normal": "in its field",
+        "tilt": "beside",
+        "count_kind": "nowhere",
+        "direction_kind": "beside",
+    }
 
 
 def test_removed_data_never_stops_the_drawing():

@@ -103,7 +103,7 @@ def test_a_scatter_that_is_exported_comes_back(ground, tmp_path):
     assert bpy.ops.esh.preset_import(filepath=str(path)) == {"FINISHED"}
     scatters = bpy.context.scene.esh_scatter.scatters
     made = scatters[1]
-    assert (made.name, made.class_separation, made.device) == ("Rocks.001", 0.25, "AUTO")
+    assert (made.name, made.class_separation, made.device) == ("Rocks 2", 0.25, "AUTO")
     rock, moss = made.classes
     assert (rock.tilt, rock.count_kind, rock.distance) == (0.5, "DISTANCE", 3.5)
     assert tuple(rock.color) == pytest.approx((0.1, 0.2, 0.3), abs=1e-4)

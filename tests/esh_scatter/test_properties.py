@@ -36,7 +36,7 @@ def scatter():
 
 def test_names_in_a_list_differ(scatter):
     scatter.classes[1].name = "Pine"
-    assert [c.name for c in scatter.classes] == ["Pine", "Pine.001"]
+    assert [c.name for c in scatter.classes] == ["Pine", "Pine 2"]
     scatter.classes[1].name = "   "
     assert scatter.classes[1].name == "Class"
     scatter.classes[1].name = "Beech"
@@ -52,14 +52,15 @@ def test_names_in_a_list_differ(scatter):
     ("name", "taken", "expected"),
     [
         ("a", set(), "a"),
-        ("a", {"a"}, "a.001"),
-        ("a.001", {"a.001"}, "a.002"),
-        ("a", {"a", "a.001"}, "a.002"),
-        ("v1.b", {"v1.b"}, "v1.b.001"),
+        ("a", {"a"}, "a 2"),
+        ("a 2", {"a 2"}, "a 3"),
+        ("a", {"a", "a 2"}, "a 3"),
+        ("v1.b", {"v1.b"}, "v1.b 2"),
+        ("a.001", {"a.001"}, "a.001 2"),
     ],
 )
-def test_unused_names_count_as_blender_does(name, taken, expected):
-    assert unused_name(name, taken) == expected if name != "a.001" else unused_name(name, taken) not in taken
+def test_names_that_are_taken_are_numbered(name, taken, expected):
+    assert unused_name(name, taken) == expected
 
 
 def test_new_classes_get_colors_of_their_own(scatter):

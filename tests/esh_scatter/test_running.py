@@ -3,6 +3,7 @@
 import gc
 import threading
 import weakref
+from types import SimpleNamespace
 
 import pytest
 
@@ -36,8 +37,6 @@ def test_a_stopped_run_is_waited_for_and_then_let_go(monkeypatch):
 
 
 def test_compiling_is_said_only_where_it_can_be(monkeypatch):
-    from types import SimpleNamespace
-
     from esh.engine.device import prebuilt_kernels
 
     monkeypatch.setattr(running, "_ran_on", set())
@@ -59,3 +58,27 @@ def test_compiling_is_said_only_where_it_can_be(monkeypatch):
     assert session.text == "Step 1 of 5"
     session.run.progress = None
     assert session.text == "Preparing", "it did so in this process"
+
+
+def test_a_screen_that_is_slow_to_draw_leaves_time_for_the_rest(monkeypatch):
+    clock, drawn = [100.0], []
+    monkeypatch.setattr(running.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(running, "_set_status", lambda _text: None)
+    monkeypatch.setattr(running, "redraw_sidebars", lambda: None)
+
+    def drawings_in_ten_seconds(seconds):
+        """Whoever asks for a drawing is not called again before it is done."""
+        session = object.__new__(running.Session)
+        session.keeps, session.device, session._shown = False, "cpu", ""
+        session.bodies = SimpleNamespace(show=lambda: drawn.append(clock[0]) or True)
+        session.run = SimpleNamespace(progress=SimpleNamespace(step=1, steps=5))
+        drawn.clear()
+        end = clock[0] + 10.0
+        while clock[0] < end:
+            before = len(drawn)
+            session.show()
+            clock[0] += 0.05 + (seconds if len(drawn) > before else 0.0)
+        return len(drawn)
+
+    assert drawings_in_ten_seconds(0.001) > 150
+    assert 10 <= drawings_in_ten_seconds(0.25) <= 15, "about a third of the time"

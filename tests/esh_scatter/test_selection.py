@@ -149,7 +149,7 @@ def test_a_duplicate_has_everything_but_the_number(scatter):
         0.125,
     )
     bpy.ops.esh.class_duplicate()
-    assert [c.name for c in scatter.classes] == ["Tree", "Log", "Log.001", "Pebble"] and scatter.class_index == 2
+    assert [c.name for c in scatter.classes] == ["Tree", "Log", "Log 2", "Pebble"] and scatter.class_index == 2
     log, copy = scatter.classes[1], scatter.classes[2]
     assert copy.uid != log.uid and tuple(copy.color) != tuple(log.color)
     for told in copy.bl_rna.properties:
@@ -194,14 +194,14 @@ def test_every_property_of_a_class_belongs_to_one_part():
 def test_classes_come_from_a_selection_or_a_collection(scatter, objects, ground):
     select(objects[0], objects[3], ground, active=ground)
     bpy.ops.esh.classes_from_selection(count=12)
-    assert [(c.name, c.count) for c in scatter.classes][3:] == [("Tree.001", 12)]
+    assert [(c.name, c.count) for c in scatter.classes][3:] == [("Tree 2", 12)]
     select(ground, active=ground)
     assert not bpy.ops.esh.classes_from_selection.poll()
     plants = bpy.data.collections.new("Plants")
     for item in objects:
         plants.objects.link(item)
     bpy.ops.esh.classes_from_collection(collection="Plants", count=3)
-    assert [c.name for c in scatter.classes][4:] == ["Log.001", "Pebble.001", "Tree.002"]
+    assert [c.name for c in scatter.classes][4:] == ["Log 2", "Pebble 2", "Tree 3"]
     with pytest.raises(RuntimeError, match='no collection "Nothing"'):
         bpy.ops.esh.classes_from_collection(collection="Nothing")
 

@@ -498,3 +498,22 @@ def test_an_angle_is_laid_onto_a_whole_surface():
     wanted = np.array([1.0, 0, 0]) - place * place[:, :1]
     length = np.linalg.norm(wanted, axis=1)
     assert np.median((np.abs((along * wanted).sum(axis=1)) / length)[length > 0.4]) > 0.97
+
+
+@pytest.mark.parametrize(
+    ("kind", "named", "share"),
+    [
+        ("plane", {"size": 8, "rotation": (np.radians(80.0), 0.0, 0.0)}, "17%"),
+        ("uv_sphere", {"radius": 3, "segments": 64, "ring_count": 32}, "25%"),
+        ("plane", {"size": 8, "rotation": (np.radians(40.0), 0.0, 0.0)}, ""),
+        ("plane", {"size": 8, "rotation": (np.pi, 0.0, 0.0)}, ""),
+        ("cube", {"size": 8}, ""),
+    ],
+)
+def test_a_target_that_hides_most_of_itself_from_above_says_so(kind, named, share):
+    target = added(kind, **named)
+    thing = ScatterClass("thing", [ScatterSize("one", 20, chip())])
+    notes = scatter(target, [thing], **OPTIONS).report.notes
+    assert [f"{share} as large as its surface" in note for note in notes] == ([True] if share else [])
+    if share:
+        assert not scatter(target, [thing], surface="whole", **OPTIONS).report.notes

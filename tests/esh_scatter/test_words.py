@@ -43,6 +43,7 @@ def test_uneven_classes_are_named():
 def test_more_steps_are_advised_only_where_they_help():
     assert words.notes(report(converged=False)) == []
     assert words.notes(report(error=0.3, alone=0.3)) == []
+    assert words.notes(report(error=0.3, alone=0.3, converged=False, overlaps=300)) == [], "there is no room"
     assert words.notes(report(error=0.3, alone=0.3, converged=False, notes=["`a` is wrong"])) == [
         "A is wrong",
         "More steps would make it more even (Advanced)",

@@ -1,6 +1,7 @@
 """Ways to where a density is above zero: images that are so in the same pixels share them."""
 
 import numpy as np
+import pytest
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.space import support
@@ -40,3 +41,22 @@ def test_depths_are_distances_from_the_nearest_empty_pixel():
     way = center[:, :, None] - center[image == 0.0]
     np.testing.assert_allclose(depth, np.hypot(way[..., 0], way[..., 1]).min(axis=2), rtol=1e-5)
     assert np.isinf(support.depth_in_support(launcher, np.ones((3, 5), np.float32), (5.0, 3.0))).all()
+
+
+@pytest.mark.parametrize("share", [0.003, 0.05, 0.6])
+def test_ways_lead_to_the_nearest_pixel(share):
+    """Also where pixels are far from square, and whole columns and rows are empty."""
+    random = np.random.default_rng(7)
+    launcher = Launcher(resolve_device("cpu"))
+    for height, width, size in ((31, 40, (4.0, 3.1)), (40, 23, (23.0, 4.0)), (1, 50, (5.0, 9.0)), (37, 1, (2.0, 1.0))):
+        image = (random.random((height, width)) < share).astype(np.float32)
+        image[random.integers(height), random.integers(width)] = 0.3
+        row, column = np.indices(image.shape)
+        center = np.stack([(column + 0.5) * size[0] / width, -(row + 0.5) * size[1] / height], axis=-1).reshape(-1, 2)
+        inside = center[image.ravel() > 0.0]
+        way = support.vectors_to_support(launcher, image, size).numpy()
+        reached = np.linalg.norm((center + way)[:, None] - inside, axis=2).min(axis=1)
+        assert reached.max() < 1e-5 * max(size), "they lead into the support"
+        nearest = np.linalg.norm(center[:, None] - inside, axis=2).min(axis=1)
+        np.testing.assert_allclose(np.linalg.norm(way, axis=1), nearest, rtol=1e-5, atol=1e-6)
+    assert not support.vectors_to_support(launcher, np.zeros((5, 7), np.float32), (7.0, 5.0)).numpy().any()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from esh.engine.surface.shapes_from_above import FlatShapes, inside_outlines
+from esh.engine.surface.shapes_from_above import FlatShapes, draw_shapes, inside_outlines
 
 
 def to_segment(point, a, b):
@@ -76,3 +76,22 @@ def test_nothing_is_inside_of_nothing():
     where = np.zeros((3, 3))
     assert not inside_outlines(np.empty((0, 2, 2)), where).any()
     assert not inside_outlines(np.zeros((5, 2, 2)), where).any()
+
+
+@pytest.mark.parametrize("reach", [0.02, 0.4])
+def test_shapes_are_drawn_where_they_are_near(reach):
+    """Triangles, segments and points, also those that lie across the edges and beyond; cells are wider than high."""
+    rng = np.random.default_rng(11)
+    size, shape = np.array([12.0, 7.0]), (90, 70)
+    triangle = rng.uniform(-2.0, 13.0, (24, 1, 2)) + rng.normal(0.0, 1.5, (24, 3, 2))
+    triangle[:8, 2] = triangle[:8, 1]
+    triangle[:4, 1:] = triangle[:4, :1]
+    image = np.zeros(shape, bool)
+    image[3, 4] = True
+    draw_shapes(image, triangle, reach, size)
+    row, column = np.indices(shape)
+    middle = np.stack([(column.ravel() + 0.5) / shape[1], (row.ravel() + 0.5) / shape[0]], axis=-1) * size
+    expected = np.min([to_triangle(middle, one) for one in triangle], axis=0).reshape(shape) <= reach
+    assert 0.02 < expected.mean() < 0.9 and not expected[3, 4]
+    expected[3, 4] = True
+    assert (image == expected).all()
