@@ -1,4 +1,4 @@
-"""Where the objects of a result stand now: as its node group shows them, with the target they follow and the result's own transform."""
+"""Where the objects of a result stand now: as its node group shows them, with the target they follow and its own transform."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from .node_group import (
     TARGET,
     UP,
     WEIGHTS,
-    Followed,
     followed_targets,
 )
 
@@ -43,24 +42,21 @@ def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> Standi
     modifier = our_modifier(result)
     if modifier is not None and get_inputs(modifier).get("Follow Target", True) and WEIGHTS in mesh.attributes:
         targets = followed_targets(modifier.node_group)
-        vertices = [_vertices_now(one.target, context) for one in targets]
-        if targets and all(_is_followed(*both) for both in zip(targets, vertices, strict=True)):
+        vertices = [found for one in targets if len(found := _vertices_now(one.target, context)) == one.vertices]
+        # A target that has lost or got vertices is not followed, and then none is.
+        if targets and len(vertices) == len(targets):
             position, rotation = _follow(mesh, position, rotation, vertices)
     world = np.array(result.matrix_world, np.float64)
     return StandingNow(position @ world[:3, :3].T + world[:3, 3], world[:3, :3] @ rotation * scale[:, None, :])
 
 
-def _is_followed(followed: Followed, vertices: np.ndarray | None) -> bool:
-    return vertices is not None and len(vertices) == followed.vertices
-
-
-def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -> np.ndarray | None:
-    """Return the vertices of a target in the world ``[n, 3]``, as it is shown; None where it is gone or not evaluated."""
+def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -> np.ndarray:
+    """Return the vertices of a target in the world ``[n, 3]``, as it is shown; none where it is gone or not evaluated."""
     if target is None:
-        return None
+        return np.empty((0, 3))
     evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated:
-        return None
+        return np.empty((0, 3))
     mesh = evaluated.to_mesh()
     try:
         found = np.empty((len(mesh.vertices), 3), np.float32)

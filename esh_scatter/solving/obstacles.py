@@ -184,7 +184,7 @@ def _read_result(item: bpy.types.Object) -> _Stood:
 
 
 def _raised(axes: np.ndarray) -> np.ndarray:
-    """Return axes ``[n, 3, 3]`` turned the shortest way to where the third one is vertical: outlines are those of what stands upright."""
+    """Return axes ``[n, 3, 3]`` turned the shortest way until the third one is vertical: outlines are of what stands upright."""
     up = axes[:, :, 2] / np.maximum(np.linalg.norm(axes[:, :, 2], axis=1, keepdims=True), 1e-300)
     up = np.where(up[:, 2:] < 0.0, -up, up)
     x, y, z = up.T
