@@ -85,7 +85,7 @@ def core_count() -> int:
     if wanted:
         if not re.fullmatch(r"0*[1-9][0-9]{0,5}", wanted):
             raise DeviceError(
-                f"the environment variable ESH_THREADS must be a whole number >= 1; got {reprlib.repr(wanted)}"
+                f"the environment variable ESH_THREADS must be a whole number from 1 to 999999; got {reprlib.repr(wanted)}"
             )
         return int(wanted)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -488,7 +488,8 @@ def _labels(value: object, count: int, key: str) -> np.ndarray:
     if isinstance(value, str) or validation.is_real(value):
         labels[:] = [value] * count
         return labels
-    entries = list(value) if isinstance(value, Iterable) and not isinstance(value, bytes) else None
+    several = isinstance(value, Iterable) and not isinstance(value, bytes) and np.ndim(value) > 0  # type: ignore[arg-type]
+    entries = list(value) if several else None  # type: ignore[call-overload]
     if entries is None or len(entries) != count:
         raise ProblemError(f"{key} must be a name or an index, or one for each of {count} bodies; got {show(value)}")
     labels[:] = [entry.item() if isinstance(entry, np.generic) else entry for entry in entries]

@@ -20,6 +20,8 @@ __all__ = ["DrawnFootprints", "Footprints", "checked_footprints"]
 ALONG_THE_AXIS = 1e-6
 # Largest rise of the ground over a meter.
 STEEPEST = 100.0
+# Factors on outlines, far from what float32 cannot tell from nothing.
+SMALLEST_SCALE, LARGEST_SCALE = 1e-9, 1e9
 # Beyond this an angle [rad] has no digits left that say where it points.
 LARGEST_ANGLE = 1e9
 
@@ -67,10 +69,11 @@ def _check_variant(value: object, key: str) -> np.ndarray:
 
 def _check_scale(value: object, key: str) -> float | np.ndarray:
     if validation.is_real(value):
-        return validation.check_positive(value, key)
+        return float(_check_scale([validation.check_positive(value, key)], key)[0])  # type: ignore[index]
     scale = _kept(_numbers(value, key, "a factor above 0, or one for each body"))
-    if not (scale > 0.0).all():
-        raise ProblemError(f"{key} must be above 0 everywhere; got {scale.min():g}")
+    if not ((scale >= SMALLEST_SCALE) & (scale <= LARGEST_SCALE)).all():
+        wrong = scale[~((scale >= SMALLEST_SCALE) & (scale <= LARGEST_SCALE))]
+        raise ProblemError(f"{key} must lie between {SMALLEST_SCALE:g} and {LARGEST_SCALE:g}; got {wrong[0]:g}")
     return scale
 
 
@@ -165,7 +168,10 @@ class Footprints(Settings):
         ),
     )
     room: float = field(
-        default=1.0, metadata=setting("Factor on the outlines for keeping apart", check=validation.check_positive)
+        default=1.0,
+        metadata=setting(
+            "Factor on the outlines for keeping apart", low=validation.SMALLEST_ROOM, high=validation.LARGEST_ROOM
+        ),
     )
     gap: float = field(
         default=0.0,
@@ -173,7 +179,7 @@ class Footprints(Settings):
             "Distance that outlines keep from each other, instead of ``room``",
             unit="m",
             low=0.0,
-            check=validation.check_at_least_zero,
+            high=validation.LARGEST_LENGTH,
         ),
     )
     slope: np.ndarray | None = field(
@@ -190,6 +196,7 @@ class Footprints(Settings):
         default=0.0,
         metadata=setting(
             "Largest random lean of a body, in any direction, beside that of the ground. Its outline lies in the plane that leans so",
+            more="Beyond a right angle, where a body is turned over, its outline counts as that of the other side",
             unit="rad",
             low=0.0,
             high=math.pi,

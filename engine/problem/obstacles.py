@@ -37,9 +37,13 @@ def _check_polygon(value: object, key: str) -> np.ndarray:
         corners = validation.as_reals(value)
     except validation.FOREIGN_ERRORS:
         corners = np.empty(0)
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not _within_reach(corners):
         raise ProblemError(f"{key} must be three or more corners, each x and y in meters; got {show(value)}")
     return corners
+
+
+def _within_reach(corners: np.ndarray) -> bool:
+    return bool((np.abs(corners) <= validation.LARGEST_LENGTH).all())
 
 
 def _check_disc(value: object, key: str) -> tuple[float, ...]:
@@ -52,8 +56,9 @@ def _check_ball(value: object, key: str) -> tuple[float, ...]:
 
 def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...]:
     """Return the coordinates of a center, named as messages name them, and a radius above 0."""
-    entries = [validation.as_float(entry) for entry in value] if isinstance(value, (list, tuple, np.ndarray)) else []
-    numbers = tuple(entry for entry in entries if entry is not None and math.isfinite(entry))
+    given = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    entries = [validation.as_float(entry) for entry in value] if given else []  # type: ignore[attr-defined]
+    numbers = tuple(entry for entry in entries if entry is not None and abs(entry) <= validation.LARGEST_LENGTH)
     if not len(entries) == len(numbers) == center.count(",") + 2 or not numbers[-1] > 0.0:
         raise ProblemError(f"{key} must be {center} and a radius above 0, in meters; got {show(value)}")
     return numbers
@@ -106,7 +111,7 @@ class Obstacle(Settings):
             "How far bodies keep off its edge: their centers, and their whole footprints where overlap is avoided",
             unit="m",
             low=0.0,
-            check=validation.check_at_least_zero,
+            high=validation.LARGEST_LENGTH,
         ),
     )
     ball: Sequence[float] | None = field(

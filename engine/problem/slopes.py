@@ -97,8 +97,17 @@ def tilts(most: float | np.ndarray, identity: np.ndarray, seed: int) -> np.ndarr
 
 
 def mean_cosine(most: float) -> float:
-    """Mean of the cosines of what :func:`tilts` draws for this largest angle [rad]: how much of areas is seen from above."""
-    return 2.0 * (math.cos(most) - 1.0 + most * math.sin(most)) / most**2 if most > 1e-3 else 1.0
+    """Mean of the cosines of what :func:`tilts` draws for this largest angle [rad]: how much of areas is seen from above.
+
+    What is turned over is seen from below: beyond a right angle cosines count by amount.
+    """
+    if most <= 1e-3:
+        return 1.0
+    upright = min(most, 0.5 * math.pi)
+    seen = math.cos(upright) + upright * math.sin(upright) - 1.0
+    if most > upright:
+        seen += 0.5 * math.pi - math.cos(most) - most * math.sin(most)
+    return 2.0 * seen / most**2
 
 
 def tilted(slope: np.ndarray, tilt: np.ndarray) -> np.ndarray:
@@ -119,7 +128,9 @@ def tilted(slope: np.ndarray, tilt: np.ndarray) -> np.ndarray:
     along = (level * way).sum(axis=1)
     height = np.cos(angle)
     axis = way + level * (height - along / (1.0 + cosine))[:, None]
-    return slope_of_normal(np.column_stack([axis, cosine * height - along]))
+    normal = np.column_stack([axis, cosine * height - along])
+    # What is turned over lies in the same plane as what is not.
+    return slope_of_normal(np.where(normal[:, 2:] < 0.0, -normal, normal))
 
 
 def slope_at(image: np.ndarray, position: np.ndarray, size: tuple[float, float]) -> np.ndarray:
