@@ -249,7 +249,8 @@ class Solver:
         pose[is_line, 2:] = state.pose.numpy()[source[is_line], 2:]
         pose[is_line, 2] -= turned
         pose[is_line, 3] *= old.unit / model.unit
-        descent = Descent(model, self.launcher, pose=pose, smooth=smooth)
+        # Where bodies were placed beyond a border there are obstacles in the density only, for which a line's charges count.
+        descent = Descent(model, self.launcher, pose=pose, smooth=smooth, begins_short=smooth is not None)
         carried = CarriedOver(position, source, model.body.identity, np.zeros((0, 2)))
         carry_lines(old, state, model, descent.state, carried)
         if old is model:
