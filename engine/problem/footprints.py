@@ -165,7 +165,10 @@ class Footprints(Settings):
         ),
     )
     room: float = field(
-        default=1.0, metadata=setting("Factor on the outlines for keeping apart", check=validation.check_positive)
+        default=1.0,
+        metadata=setting(
+            "Factor on the outlines for keeping apart", low=validation.SMALLEST_ROOM, high=validation.LARGEST_ROOM
+        ),
     )
     gap: float = field(
         default=0.0,
@@ -173,7 +176,7 @@ class Footprints(Settings):
             "Distance that outlines keep from each other, instead of ``room``",
             unit="m",
             low=0.0,
-            check=validation.check_at_least_zero,
+            high=validation.LARGEST_LENGTH,
         ),
     )
     slope: np.ndarray | None = field(
