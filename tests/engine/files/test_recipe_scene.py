@@ -240,7 +240,7 @@ def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
         ),
         ("[[obstacle]]\nmargin = 1\n", "`obstacle.1.`: an obstacle must have one of"),
         ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in meters; got"),
-        ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number of 0 or more"),
+        ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number between 0 and"),
         (
             "[[obstacle]]\ndisc = [1, 2, 3]\ninvert = true\n",
             "`obstacle.1..invert` is only for an obstacle that is an `image`",
