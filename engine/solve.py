@@ -46,8 +46,9 @@ def solve(
         profile: Gets the seconds that every phase takes.
 
     Returns:
-        The placement, with exact counts and its report. ``report.converged`` is True when the forces have little left to ask for, an
-        RMS move below 0.005 of the local spacing, and no outlines overlap where they are to keep apart.
+        The placement, with exact counts and its report. ``report.converged`` is True when the bodies came to rest, an RMS move in
+        the last step below 0.005 of the local spacing (0.02 where outlines that keep apart cover more than 75 % of their ground, and
+        contact decides how far they move), and no outlines overlap where they are to keep apart.
 
     Raises:
         ProblemError: No problem, one that does not fit into memory or leaves the range of float32, a ``progress`` that cannot be

@@ -82,7 +82,9 @@ def _numbers(cells: Sequence[str], otherwise: float, where: str, lines: Sequence
             values.append((_whole(cell) if whole else float(cell)) if cell.strip() else otherwise)
         except ValueError:
             raise InputFileError(f"{where}; line {line} has {show(cell)}") from None
-    return np.array(values, np.int64 if whole and all(float(value).is_integer() for value in values) else np.float64)
+    # A number beyond int64 is a float here, which only an id that is wrong can be.
+    fits = whole and all(float(value).is_integer() and abs(value) < 2**63 for value in values)
+    return np.array(values, np.int64 if fits else np.float64)
 
 
 def _whole(cell: str) -> int | float:

@@ -95,7 +95,10 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_npz(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as stored:
+    loaded = np.load(path, allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        raise InputFileError(f"{path} must hold several named arrays, as np.savez writes them; it holds a single one")
+    with loaded as stored:
         if "position" not in stored.files:
             raise InputFileError(f"{path} must hold an array `position`; it holds {show(', '.join(stored.files))}")
         wanted = ("position", "angle", "length", "area", "id", "class_index", "size_index", "class_name", "size_name")

@@ -53,7 +53,7 @@ def _read_npz(path: Path) -> Bodies:
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {key: stored[key] for key in stored.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
         raise InputFileError(f"{path} cannot be read as NumPy arrays: {' '.join(str(error).split())[:200]}") from None
     position = arrays.pop("position", None)
     if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):

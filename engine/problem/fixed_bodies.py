@@ -488,8 +488,9 @@ def _labels(value: object, count: int, key: str) -> np.ndarray:
     if isinstance(value, str) or validation.is_real(value):
         labels[:] = [value] * count
         return labels
-    several = isinstance(value, Iterable) and not isinstance(value, bytes) and np.ndim(value) > 0  # type: ignore[arg-type]
-    entries = list(value) if several else None  # type: ignore[call-overload]
+    # An array without an axis calls itself iterable.
+    single = isinstance(value, bytes) or (isinstance(value, np.ndarray) and value.ndim == 0)
+    entries = list(value) if isinstance(value, Iterable) and not single else None
     if entries is None or len(entries) != count:
         raise ProblemError(f"{key} must be a name or an index, or one for each of {count} bodies; got {show(value)}")
     labels[:] = [entry.item() if isinstance(entry, np.generic) else entry for entry in entries]

@@ -37,13 +37,10 @@ def _check_polygon(value: object, key: str) -> np.ndarray:
         corners = validation.as_reals(value)
     except validation.FOREIGN_ERRORS:
         corners = np.empty(0)
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not _within_reach(corners):
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
         raise ProblemError(f"{key} must be three or more corners, each x and y in meters; got {show(value)}")
+    _check_near(float(np.abs(corners).max()), key)
     return corners
-
-
-def _within_reach(corners: np.ndarray) -> bool:
-    return bool((np.abs(corners) <= validation.LARGEST_LENGTH).all())
 
 
 def _check_disc(value: object, key: str) -> tuple[float, ...]:
@@ -56,12 +53,19 @@ def _check_ball(value: object, key: str) -> tuple[float, ...]:
 
 def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...]:
     """Return the coordinates of a center, named as messages name them, and a radius above 0."""
-    given = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
-    entries = [validation.as_float(entry) for entry in value] if given else []  # type: ignore[attr-defined]
-    numbers = tuple(entry for entry in entries if entry is not None and abs(entry) <= validation.LARGEST_LENGTH)
+    listed = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    entries = [validation.as_float(entry) for entry in value] if listed else []  # type: ignore[attr-defined]
+    numbers = tuple(entry for entry in entries if entry is not None and math.isfinite(entry))
     if not len(entries) == len(numbers) == center.count(",") + 2 or not numbers[-1] > 0.0:
         raise ProblemError(f"{key} must be {center} and a radius above 0, in meters; got {show(value)}")
+    _check_near(max(map(abs, numbers)), key)
     return numbers
+
+
+def _check_near(largest: float, key: str) -> None:
+    """Raise ProblemError for what lies beyond everything that could be placed."""
+    if largest > validation.LARGEST_LENGTH:
+        raise ProblemError(f"{key} must lie within {validation.LARGEST_LENGTH:g} meters; got {largest:g}")
 
 
 def _check_image(value: object, key: str) -> np.ndarray:

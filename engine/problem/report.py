@@ -54,7 +54,8 @@ class Report:
 
     Attributes:
         steps: Relaxation steps taken.
-        converged: Whether the last steps were small; False after a stop, or where the steps ran out before.
+        converged: Whether bodies came to rest, see :func:`~esh.solve`, and nothing overlaps that is to keep apart; False after a
+            stop, or where the steps ran out before.
         seconds: Wall-clock time [s].
         device: Device the run was made on, e.g. ``"cpu"`` or ``"cuda:0"``.
         coverage_error: Coverage error of all bodies together, k = 1.

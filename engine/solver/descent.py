@@ -26,11 +26,11 @@ from .final_placement import facing_turns, placement_of, position_in_meters
 from .forces import SMALLEST_DENSITY, Forces
 from .held_border import shares_of_forces
 from .initial_placement import first_pose
-from .line_rules import LineRules
+from .line_rules import FIRST_LENGTH, LineRules
 from .model import Model
 from .state import State
 
-__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels"]
+__all__ = ["STEP_LIMIT", "Descent", "bodies_for_kernels", "step_along_lines"]
 
 # No body moves further in a step than this share of the local spacing: two neighbors that approach just meet. Measured: with 0.25 and
 # 1 coverage errors of dots on a steep density differ by 0.3 %; with 1 those of lines are 5 % larger, and some cross.
@@ -50,6 +50,7 @@ class Descent:
         whole_charge: What charges were before they faded, shape ``[charge_count]``; None where none did.
         smooth: Width of a blur between two charges over their spacing, with nothing that keeps close pairs apart, as
             :mod:`.natural_border` wants it; None for the blur that places bodies.
+        begins_short: Whether lines that lie across obstacles begin short, as at the start.
         new: Where an edit has set bodies down, in the model's unit, shape ``[m, 2]``: see :mod:`.held_border`.
 
     Attributes:
@@ -72,10 +73,12 @@ class Descent:
         targets: list[FieldTarget] | None = None,
         whole_charge: np.ndarray | None = None,
         smooth: float | None = None,
+        begins_short: bool = False,
         new: np.ndarray | None = None,
     ) -> None:
         self.model = model
         self.launcher = launcher
+        self._begins_short = begins_short
         device = launcher.device
         self._space = model.space.for_kernels()
         self.rules = LineRules(model, launcher)
@@ -97,7 +100,9 @@ class Descent:
         self.step_length = self._forces.step_lengths(launcher, self._shares_of_forces(new) if held else None)
         # Dots look for the way back into the support only where they start.
         back = pose is None or bool(model.kinds)
-        self.images = images_for_kernels(launcher, model.supports, model.size, to_support=back)
+        self.images = images_for_kernels(
+            launcher, model.supports, model.size, to_support=back, step=step_along_lines(model)
+        )
         self.state = self._first_state(pose)
         n = model.body_count
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
@@ -156,6 +161,10 @@ class Descent:
             if np.isnan(values[:, 2:]).any():
                 first = self.rules.first_angle_and_length(values[:, :2], 1.0)
                 values[:, 2:] = np.where(np.isnan(values[:, 2:]), first, values[:, 2:])
+            step = step_along_lines(model) if self._begins_short else 0.0
+            if step > 0.0:
+                # As at any start they grow as long as they are to be where there is room.
+                values[self.rules.without_room(values, step), 3] *= FIRST_LENGTH
             values[model.fixed, 2:] = self.rules.fixed_angle_and_length()
             pose = wp.array(values.astype(np.float32), dtype=wp.vec4, device=launcher.device)
         n = model.body_count
@@ -277,6 +286,14 @@ class Descent:
             [self.state.pose, self.bodies, self.state.bend, self._space],
             [self.charge_position],
         )
+
+
+def step_along_lines(model: Model) -> float:
+    """How far apart points of lines are that must keep off obstacles: a pixel of what these are drawn in; 0 without obstacles."""
+    if not model.problem.obstacles or not model.kinds:
+        return 0.0
+    extent = np.array(model.size)
+    return float(min((extent / image.shape[::-1]).min() for image in model.supports))
 
 
 def bodies_for_kernels(model: Model, launcher: Launcher) -> kernels_descent.Bodies:

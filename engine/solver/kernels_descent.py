@@ -19,6 +19,8 @@ PINNED = wp.constant(int(BodyFlags.PINNED))
 # Times that a line is pushed back into the support before its move is given up. Measured on lines along the edges of bands: once
 # leaves a coverage error 5 % larger, eight times change no digit.
 PUSHES = wp.constant(3)
+# Points at most that are looked at between two charges.
+MOST_PIECES = wp.constant(64)
 # Bounds on a line's length over the preferred one, far from where lines settle: they start at line_rules.FIRST_LENGTH, and their mean
 # becomes the preferred one. Measured: 0.001 and 1.5 or 4 change no digit.
 SHORTEST_LINE = wp.constant(0.01)
@@ -191,25 +193,37 @@ def vector_into_support(
     images: Images,
     space: Space,
 ):
-    """(x, y, 1) by which a line must move so that its farthest charge outside is in the support; (0, 0, 0) if all are."""
+    """(x, y, 1) by which a line must move so that the farthest of it outside is in the support; (0, 0, 0) if all of it is.
+
+    Its charges count, and where there are obstacles what lies between them, too.
+    """
     # How far charges reach over the edges of an open domain.
     low = wp.vec2(0.0, 0.0)
     high = wp.vec2(0.0, 0.0)
     farthest = wp.vec2(0.0, 0.0)
     away = float(0.0)
     outside = float(0.0)
+    last = wp.vec2(0.0, 0.0)
     for j in range(begin, end):
         p = charge_at(pose, bodies.axial[j], bend[j])
         over = overhang(p, space)
         low = wp.max(low, wp.vec2(over[0], over[1]))
         high = wp.max(high, wp.vec2(over[2], over[3]))
-        pixel = density_pixel(confine(p, space), k, images, space.size)
-        if images.pixel[pixel] <= 0.0:
-            outside = 1.0
-            back = images.to_support[pixel]
-            if wp.length_sq(back) > away:
-                away = wp.length_sq(back)
-                farthest = back
+        pieces = int(1)
+        if images.step > 0.0 and j > begin:
+            pieces = wp.clamp(int(wp.length(p - last) / images.step) + 1, 1, MOST_PIECES)
+        for piece in range(1, pieces + 1):
+            q = p
+            if piece < pieces:
+                q = last + (p - last) * (float(piece) / float(pieces))
+            pixel = density_pixel(confine(q, space), k, images, space.size)
+            if images.pixel[pixel] <= 0.0:
+                outside = 1.0
+                back = images.to_support[pixel]
+                if wp.length_sq(back) > away:
+                    away = wp.length_sq(back)
+                    farthest = back
+        last = p
     inwards = low - high
     if wp.length_sq(inwards) > 0.0:
         outside = 1.0

@@ -18,7 +18,7 @@ from . import kernels_descent
 from .body_flags import BodyFlags
 from .model import LineKind, Model
 
-__all__ = ["LineRules", "length_blocks"]
+__all__ = ["FIRST_LENGTH", "LineRules", "length_blocks"]
 
 # Lines start at this share of their preferred length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
@@ -100,6 +100,29 @@ class LineRules:
             angle[led] = 0.5 * np.arctan2(preferred[led, 1], preferred[led, 0])
             result[own, 0] = angle
             result[own, 1] = share * sample_density(self._lengths[kind], meters, size) / model.unit
+        return result
+
+    def without_room(self, pose: np.ndarray, step: float) -> np.ndarray:
+        """Which bodies are lines that lie across what is no support, bool, shape ``[body_count]``.
+
+        Args:
+            pose: Where bodies are, in the solver's unit, shape ``[body_count, 4]``.
+            step: Distance of the points of a line that are looked at, in that unit.
+        """
+        model, result = self._model, np.zeros(len(pose), bool)
+        lines = np.flatnonzero(model.body.kind >= 0)
+        extent = np.array(model.size)
+        for number in np.unique(model.body.support[lines]).tolist():
+            own = lines[model.body.support[lines] == number]
+            image = model.supports[number]
+            height, width = image.shape
+            count = int(np.ceil(pose[own, 3].max(initial=0.0) / step)) + 1
+            along = np.stack([np.cos(pose[own, 2]), np.sin(pose[own, 2])], axis=1) * pose[own, 3:4]
+            for share in np.linspace(-0.5, 0.5, max(count, 2)):
+                at = model.space.wrapped(pose[own, :2] + share * along) / extent
+                column = np.clip((at[:, 0] * width).astype(np.int64), 0, width - 1)
+                row = np.clip(((1.0 - at[:, 1]) * height).astype(np.int64), 0, height - 1)
+                result[own] |= image[row, column] <= 0.0
         return result
 
     def fixed_angle_and_length(self) -> np.ndarray:

@@ -100,6 +100,8 @@ def _required_for_images(problem: Problem) -> int:
 def _required_for_meshes(problem: Problem) -> int:
     """What the meshes of the field and the grid of the report take."""
     groups = _group_count(problem)
+    images = _distinct_images(problem)
+    uniform = all(image.min() == image.max() for image in images)
     classes = len(problem.classes)
     unit = math.sqrt(problem.rectangle.area / problem.charge_count)
     space = Space.of(problem.rectangle, unit)
@@ -108,13 +110,13 @@ def _required_for_meshes(problem: Problem) -> int:
         # The mesh lies over the images beyond the borders as well.
         space, charges = space.with_mirror_images(), COPIES * charges
     coarse = charge_mesh(space, spacing, charge_count=charges, group_count=groups, on_gpu=False)
-    fine = target_mesh(space, spacing, charge_count=charges, cutoff=cutoff_of(coarse), on_gpu=False)
+    fine = target_mesh(space, spacing, charge_count=charges, cutoff=cutoff_of(coarse), on_gpu=False, uniform=uniform)
     of_coarse = (
         groups * (BYTES_PER_NODE_AND_GROUP * coarse.node_count + _halves(coarse)) + 4 * classes * coarse.node_count
     )
     # While it is made; the report comes when that is over.
-    rows = min(classes, groups)
-    of_fine = 4 * (classes + rows) * fine.node_count + rows * _halves(fine)
+    rows = min(_rows_of_targets(problem), groups)
+    of_fine = 4 * (len(images) + rows) * fine.node_count + rows * _halves(fine)
     kept_of_fine = 4 * rows * fine.node_count
     longer = max(problem.rectangle.size)
     cells = comparison_cells(problem.rectangle, problem.body_count)
@@ -134,6 +136,14 @@ def _required_for_meshes(problem: Problem) -> int:
 def _has_outlines_with_corners(problem: Problem) -> bool:
     outlines = (o for c in problem.classes for size in c.sizes for o in size.outlines)
     return problem.avoid_overlap and any(len(outline.corners) > 1 for outline in outlines)
+
+
+def _rows_of_targets(problem: Problem) -> int:
+    """Classes at most whose targets are no multiples of each other: those of one image, and as many bodies of the same areas, are."""
+    alike = [
+        (_content(c.density_image), tuple((size.count, size.mean_area) for size in c.sizes)) for c in problem.classes
+    ]
+    return len(set(alike))
 
 
 def _halves(layout: MeshLayout) -> int:
@@ -167,7 +177,12 @@ def _bytes_per_charge(problem: Problem) -> int:
 
 
 def _distinct_images(problem: Problem) -> list[np.ndarray]:
-    return list({id(c.density_image): c.density_image for c in problem.classes}.values())
+    return list({_content(c.density_image): c.density_image for c in problem.classes}.values())
+
+
+def _content(image: np.ndarray) -> float | int:
+    """What tells an image from others: a number of its own, or that of which a uniform one is full."""
+    return float(image[0, 0]) if image.size == 1 else id(image)
 
 
 def check_memory(problem: Problem) -> None:

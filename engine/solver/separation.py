@@ -2,9 +2,9 @@
 
 Pairs that are near are listed, with a skin, and listed anew when a body has moved beyond its skin. In every round all contacts are
 resolved at once, each by half as many as there are, with momentum that grows, while a pull that fades keeps bodies near where the
-descent put them. What stays stuck trades places with others of its kind; bodies whose turns are fixed have another try with more
-momentum and no pull. What depends on where bodies are is left to those who know: in a rectangle :mod:`.plane_separation`, on a surface
-:mod:`.surface_separation`.
+descent put them. What stays stuck trades places with others of its kind; where that does not help either, there is another try from
+the start, with more momentum and no pull. What depends on where bodies are is left to those who know: in a rectangle
+:mod:`.plane_separation`, on a surface :mod:`.surface_separation`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ FIRST_MOMENTUM = 0.9
 RISE = 0.7
 ROUNDS_PER_RISE = 60
 LARGEST_MOMENTUM = 0.985
-# Measured on 300 planks at random turns that cover 60 % of a periodic domain: 3 of 12 runs stay jammed with 0.98, none with 0.99.
+# Measured on 300 planks at random turns that cover 60 % of a periodic domain: 3 of 12 runs stay jammed with 0.98, none with 0.99. On
+# planks, boxes and discs that may turn and cover 80 % of one, 1 of 12 runs stays jammed without that try, none with it.
 HOT_MOMENTUM = 0.99
 # Share of what contacts ask for that is made in a round. Measured: with 0.6 coverage errors are 2 % larger, with 1.2 6 % smaller; none
 # overlap with either.
@@ -353,7 +354,7 @@ class Separation(ABC):
         """
         self._again, self._guidance = again, guidance
         parted = self._try(go_on, hot=False)
-        if parted is False and self._fixed and self._swappable and not self.too_crowded:
+        if parted is False and self._swappable and not self.too_crowded:
             self._go_home()
             parted = self._try(go_on, hot=True)
         self._write_back()

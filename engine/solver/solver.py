@@ -14,6 +14,7 @@ from ..device.devices import resolve_device
 from ..device.launcher import Launcher
 from ..device.profile import Profile
 from ..errors import ProblemError
+from ..problem.cover import cover_of
 from ..problem.domain import Domain
 from ..problem.placement import Placement
 from ..problem.problem import Problem
@@ -49,6 +50,11 @@ __all__ = ["Edit", "Progress", "Solver", "is_stop"]
 TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than half a hundredth of their spacing.
 SETTLED = 5e-3
+# The same where outlines that keep apart cover more than this of their ground: contact grants little of what forces ask for there, and
+# who gives way here presses elsewhere, so that bodies go on jostling by 0.004 to 0.015 of their spacing however many steps are taken.
+# Measured on planks, boxes and discs at 80 %, where ten steps come to 0.03; planks at 70 % come to 0.001.
+JOSTLED = 0.75
+SETTLED_WHERE_JOSTLED = 2e-2
 # What is said where numbers leave the range of float32 all the same.
 OVERFLOW = (
     "the forces between the bodies are no longer finite numbers: areas, lengths and `size_emphasis` lie too far apart; bring them "
@@ -243,7 +249,8 @@ class Solver:
         pose[is_line, 2:] = state.pose.numpy()[source[is_line], 2:]
         pose[is_line, 2] -= turned
         pose[is_line, 3] *= old.unit / model.unit
-        descent = Descent(model, self.launcher, pose=pose, smooth=smooth)
+        # Where bodies were placed beyond a border there are obstacles in the density only, for which a line's charges count.
+        descent = Descent(model, self.launcher, pose=pose, smooth=smooth, begins_short=smooth is not None)
         carried = CarriedOver(position, source, model.body.identity, np.zeros((0, 2)))
         carry_lines(old, state, model, descent.state, carried)
         if old is model:
@@ -511,7 +518,13 @@ class Solver:
             # Before the second step nothing has shown yet whether contact lets bodies move.
             if residual < TOLERANCE and step > 1:
                 return step, True
-        return max_steps, step > 1 and residual < SETTLED
+        return max_steps, step > 1 and (residual < SETTLED or (residual < SETTLED_WHERE_JOSTLED and self._jostled))
+
+    @property
+    def _jostled(self) -> bool:
+        """Whether bodies that keep apart cover so much of their ground that contact decides how far they move."""
+        problem = self.model.problem
+        return problem.avoid_overlap and cover_of(problem).covered > JOSTLED
 
     def choose_start(self, max_steps: int, progress: Callable[[Progress], bool | None] | None = None) -> int:
         """Of a few bodies, go to where the least energy is reached from within ``max_steps``; see :mod:`.choice_of_start`.

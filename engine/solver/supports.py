@@ -93,7 +93,8 @@ def _radii(
 ) -> np.ndarray:
     """How far footprints reach from the charges of every body [m]; 0 where footprints may overlap what they like.
 
-    Outlines reach as far as their farthest points, however they come to be turned; of lines, to their sides.
+    Outlines reach as far as their farthest points, however they come to be turned; those of lines, which lie along the axis, as far as
+    they are beside it and beyond its ends.
     """
     if not problem.avoid_overlap:
         return np.zeros(len(area))
@@ -102,8 +103,23 @@ def _radii(
         for s, size in enumerate(body_class.sizes):
             own = (class_index == c) & (size_index == s)
             radius[own] = size.kind.reach_across(area[own])
+            along = own & footprints.is_outline
+            if size.kind.has_axis and along.any():
+                beyond = _beyond_axis(footprints, np.flatnonzero(along), 0.5 * size.kind.mean_length)
+                radius[along] = np.maximum(radius[along], beyond)
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     has_axis = np.array([size.kind.has_axis for c in problem.classes for size in c.sizes])
     first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in problem.classes])])
     dots = footprints.is_outline & ~has_axis[first[class_index] + size_index]
     return np.where(dots, circle * footprints.factor, radius)
+
+
+def _beyond_axis(footprints: BodyFootprints, bodies: np.ndarray, half: float) -> np.ndarray:
+    """How far outlines of bodies reach from an axis along x of this half length [m], shape ``[len(bodies)]``."""
+    result = np.zeros(len(bodies))
+    shape, factor = footprints.shape[bodies], footprints.factor[bodies]
+    for number in np.unique(shape).tolist():
+        own, outline = shape == number, footprints.shapes[number]
+        x, y = np.abs(outline.corners.T)[:, :, None] * factor[own]
+        result[own] = np.hypot(np.maximum(x - half, 0.0), y).max(axis=0) + outline.rounding * factor[own]
+    return result

@@ -12,7 +12,7 @@ class Images:
     """Density images of all classes in one array, row 0 at the top: where each starts, its height and width.
 
     A class's *support* is where its density is above zero. ``to_support`` leads from an empty pixel's center to that of the nearest
-    in the support.
+    in the support. Of lines, points at most ``step`` apart are looked at; 0: their charges only.
     """
 
     pixel: wp.array(dtype=float)
@@ -20,6 +20,7 @@ class Images:
     start: wp.array(dtype=wp.int32)
     height: wp.array(dtype=wp.int32)
     width: wp.array(dtype=wp.int32)
+    step: float
 
 
 @wp.func

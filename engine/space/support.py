@@ -18,7 +18,12 @@ COLUMNS = 16
 
 
 def images_for_kernels(
-    launcher: Launcher, images: Sequence[np.ndarray], size: tuple[float, float], *, to_support: bool = True
+    launcher: Launcher,
+    images: Sequence[np.ndarray],
+    size: tuple[float, float],
+    *,
+    to_support: bool = True,
+    step: float = 0.0,
 ) -> kernels_images.Images:
     """Put the density images of all classes on the device, if asked with the vectors to the support.
 
@@ -27,12 +32,14 @@ def images_for_kernels(
         images: One per class, shape ``[height, width]``; what several classes share is there once.
         size: Extent of the domain, in the unit that the vectors are to have.
         to_support: Whether anybody wants to leave empty pixels.
+        step: Distance of the points of a line that are looked at, in that unit; 0 for its charges only.
     """
     device = launcher.device
     distinct = list({id(image): image for image in images}.values())
     index = np.array([[id(image) for image in distinct].index(id(image)) for image in images])
     first = np.concatenate([[0], np.cumsum([image.size for image in distinct])])
     result = kernels_images.Images()
+    result.step = step
     result.pixel = wp.array(np.concatenate([image.ravel() for image in distinct]), dtype=float, device=device)
     result.to_support = launcher.zeros(int(first[-1]) if to_support else 1, wp.vec2)
     # Densities differ more often than where they are above zero: behind one obstacle, all of them are so in the same pixels.

@@ -15,6 +15,7 @@ from esh import (
     Obstacle,
     Problem,
     Size,
+    load_placement,
     read_fixed_bodies,
     read_recipe,
     solve,
@@ -239,7 +240,7 @@ def test_every_value_of_fixed_bodies_is_written_and_read_back(tmp_path, name):
         ),
         ("[[obstacle]]\nmargin = 1\n", "`obstacle.1.`: an obstacle must have one of"),
         ("[[obstacle]]\ndisc = [1, 2]\n", "`obstacle.1..disc` must be x, y and a radius above 0, in meters; got"),
-        ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number between 0"),
+        ("[[obstacle]]\ndisc = [1, 2, 3]\nmargin = -1\n", "`obstacle.1..margin` must be a number between 0 and"),
         (
             "[[obstacle]]\ndisc = [1, 2, 3]\ninvert = true\n",
             "`obstacle.1..invert` is only for an obstacle that is an `image`",
@@ -280,3 +281,16 @@ def test_damaged_archives_are_named(tmp_path):
     np.savez(path, position=[[1.0, 2.0]], class_index=[3], class_name=["a"])
     with pytest.raises(EshError, match="must have a name for every `class_index`; it has 1 names"):
         read_fixed_bodies(path)
+
+
+def test_files_of_fixed_bodies_that_hold_something_else_are_named(tmp_path):
+    table, array = tmp_path / "t.csv", tmp_path / "t.npz"
+    table.write_text("x,y,id\n1,2,99999999999999999999\n", encoding="utf-8")
+    with pytest.raises(EshError, match="id"):
+        read_fixed_bodies(table)
+    with array.open("wb") as file:
+        np.save(file, np.zeros((3, 2)))
+    with pytest.raises(InputFileError, match="several named arrays"):
+        read_fixed_bodies(array)
+    with pytest.raises(InputFileError, match="cannot be read as NumPy arrays"):
+        load_placement(array)

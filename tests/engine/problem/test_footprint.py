@@ -112,7 +112,7 @@ def test_rounded_points_on_a_line_are_capsules_and_one_is_a_disc():
         (lambda: Footprints(SHAPES["disc"], turn="left"), "`turn` of footprints must be"),
         (lambda: Footprints(SHAPES["disc"], turn=math.nan), "`turn` of footprints must be"),
         (lambda: Footprints(SHAPES["disc"], turn=[0.0, math.inf]), "must be finite"),
-        (lambda: Footprints(SHAPES["disc"], room=0.0), "`room` of footprints must be a number between"),
+        (lambda: Footprints(SHAPES["disc"], room=0.0), "`room` of footprints must be a number between 0.01 and 100"),
         (lambda: Footprints(SHAPES["disc"], room=2.0, gap=1.0), "cannot be combined with a `gap`"),
         (lambda: Footprints(SHAPES["disc"], turn=[0.0, 1.0], scale=[1.0]), "must all have one entry per body"),
         (lambda: Size("s"), "`area` of size"),

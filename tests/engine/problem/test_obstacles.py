@@ -120,7 +120,7 @@ def test_obstacles_everywhere_are_refused():
         ({"disc": "abc"}, "`obstacle.disc` must be x, y and a radius above 0"),
         ({"image": np.ones(3)}, r"`obstacle.image` must be an image of shape \[height, width\]"),
         ({"image": [[np.nan]]}, "`obstacle.image` must be finite everywhere"),
-        ({"disc": (1, 1, 1), "margin": -1}, "`obstacle.margin` must be a number between 0"),
+        ({"disc": (1, 1, 1), "margin": -1}, "`obstacle.margin` must be a number between 0 and"),
     ],
 )
 def test_values_that_are_none_are_refused_with_a_sentence(values, message):

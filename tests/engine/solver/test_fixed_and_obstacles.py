@@ -1,8 +1,10 @@
 """Fixed bodies take part and do not move; obstacles keep bodies off; density beside both is as asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from esh import BodyClass, Domain, FixedBodies, Line, Obstacle, Problem, ProblemError, Size, Solver, solve
+from esh import BodyClass, Domain, FixedBodies, Footprint, Line, Obstacle, Problem, ProblemError, Size, Solver, solve
 
 WIDE = Domain((40.0, 20.0))
 
@@ -189,6 +191,30 @@ def test_lines_keep_off_obstacles_with_both_ends():
     for end in (placement.position - half, placement.position, placement.position + half):
         assert (np.linalg.norm(end - [12.0, 10.0], axis=1) > 5.5).all()
         assert (from_house(end) > 0.0).all()
+
+
+@pytest.mark.parametrize("outline", [None, Footprint.rectangle(2.0, 0.3)])
+@pytest.mark.parametrize("boundary", ["open", "natural"])
+def test_lines_do_not_lie_across_posts_and_walls_that_are_thinner_than_they_are_long(outline, boundary):
+    import shapely
+
+    posts = [shapely.box(x, y, x + 0.1, y + 0.1) for x in np.arange(1.0, 11.0, 1.7) for y in np.arange(1.0, 11.0, 1.7)]
+    things = [*posts, shapely.box(-1.0, 5.9, 13.0, 6.1)]
+    size = Size("stick", 0.6, 60, line=Line(2.0 if outline is None else 1.7, "none", width=0.3), footprint=outline)
+    if outline is not None:
+        size = replace(size, area=None)
+    obstacles = [Obstacle(polygon=list(thing.exterior.coords)[:-1]) for thing in things]
+    problem = Problem(
+        Domain((12.0, 12.0), boundary), [BodyClass("k", [size])], obstacles=obstacles, avoid_overlap=True, seed=1
+    )
+    placement = solved(problem, 100)
+    for at, angle, length in zip(placement.position, placement.angle, placement.length, strict=True):
+        along = 0.5 * length * np.array([np.cos(angle), np.sin(angle)])
+        body = shapely.LineString([at - along, at + along]).buffer(0.15)
+        if outline is not None:
+            body = shapely.affinity.rotate(shapely.box(-1.0, -0.15, 1.0, 0.15), angle, (0, 0), use_radians=True)
+            body = shapely.affinity.translate(body, *at)
+        assert max(body.intersection(thing).area for thing in things) < 1e-4
 
 
 def test_a_size_that_fits_nowhere_is_refused_by_name():

@@ -82,6 +82,9 @@ MEASURED = {
     "many bodies": "[BodyClass('a', [Size('s', 1e-6, 400_000)])]",
     "clumps": "[BodyClass('a', [Size('s', 1e-4, 100)], clustering=0.5, clump_size=0.012)]",
     "ranges": "[BodyClass(f'{k}', [Size('s', (1e-3, 1e-2), 3000)]) for k in range(6)]",
+    "rare classes beside a frequent one": (
+        "[BodyClass('a', [Size('s', 1e-5, 100_000)]), *(BodyClass(f'{k}', [Size('s', 1e-4, 60)]) for k in range(12))]"
+    ),
     "images": (
         "[BodyClass(f'{k}', [Size('s', 1e-4, 100)], density=np.random.default_rng(k).random((2000, 2000)) > 0.5)"
         " for k in range(6)]"

@@ -103,6 +103,45 @@ def test_a_run_that_settled_and_parted_has_converged():
     assert solve(problem_of(PLANK, 100, 11.0), device="cpu").report.converged
 
 
+@pytest.mark.parametrize(
+    "share, turn, cover",
+    [((1, 0, 0), "free", 0.7), ((1, 0, 0), "random", 0.6), ((1, 1, 1), "free", 0.8), ((0, 0, 1), 0.0, 0.8)],
+)
+def test_a_crowd_that_came_to_rest_apart_has_converged(contact, share, turn, cover):
+    shapes = PLANK, Footprint.rectangle(0.8, 0.6), Footprint.disc(0.4)
+    counts = [240 * number // sum(share) for number in share]
+    side = math.sqrt(sum(n * shape.area for n, shape in zip(counts, shapes, strict=True)) / cover)
+    sizes = [
+        Size(str(k), count=n, footprint=Footprints(shape, turn=turn))
+        for k, (n, shape) in enumerate(zip(counts, shapes, strict=True))
+        if n
+    ]
+    problem = Problem(Domain((side, side)), [BodyClass("a", sizes)], avoid_overlap=True, seed=4)
+    placement = solve(problem, device="cpu")
+    assert placement.report.converged
+    assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
+    # A run that was cut short has not come to rest, though its outlines are parted.
+    assert not solve(problem, device="cpu", max_steps=5).report.converged
+
+
+def test_bodies_that_may_turn_have_a_second_try_as_well(contact):
+    shapes = PLANK, Footprint.rectangle(0.8, 0.6), Footprint.disc(0.4)
+    side = math.sqrt(100 * sum(shape.area for shape in shapes) / 0.8)
+    sizes = [Size(str(k), count=100, footprint=Footprints(shape)) for k, shape in enumerate(shapes)]
+    problem = Problem(Domain((side, side), "periodic"), [BodyClass("a", sizes)], avoid_overlap=True, seed=5)
+    placement = solve(problem, device="cpu")
+    assert placement.report.converged and placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
+
+
+@pytest.mark.parametrize("cover", [0.95, 1.31])
+def test_a_crowd_that_cannot_be_parted_has_not_converged(cover):
+    for shape in (PLANK, Footprint.disc(0.4)):
+        side = math.sqrt(150 * shape.area / cover)
+        problem = problem_of(shape, 150, side, domain=Domain((side, side), "periodic"))
+        report = solve(problem, device="cpu").report
+        assert report.overlaps and not report.converged
+
+
 def test_room_and_gap_are_kept(contact):
     for footprints, apart in ((Footprints(PLANK, gap=0.2), 0.2), (Footprints(PLANK, room=1.5), 0.15)):
         placement = solve(problem_of(footprints, 100, 15.0), device="cpu")
