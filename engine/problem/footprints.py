@@ -196,10 +196,10 @@ class Footprints(Settings):
         default=0.0,
         metadata=setting(
             "Largest random lean of a body, in any direction, beside that of the ground. Its outline lies in the plane that leans so",
-            more="Beyond a right angle, where a body is turned over, its outline counts as that of the other side",
+            more="At most a right angle: of what is turned over the outline would be another one",
             unit="rad",
             low=0.0,
-            high=math.pi,
+            high=0.5 * math.pi,
         ),
     )
 

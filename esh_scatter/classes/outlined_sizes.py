@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from ...engine.errors import ProblemError
 from ...engine.problem.footprints import Footprints
 from ...engine.problem.scatter_settings import ScatterSettings
 from ...engine.problem.size import Size, with_count
@@ -55,6 +57,11 @@ class OutlinedSizes:
         self._counted += len(identity)
         if shape.line_given or not len(identity):
             return replace(size, footprint=None)
+        if tilt > 0.5 * math.pi and (shape.outlines_of_variants or leaning is not None):
+            raise ProblemError(
+                f"`tilt` must be at most a right angle (1.5708) where overlap is avoided; got {tilt:g}; outlines of objects "
+                "that are turned over are not known"
+            )
         standing = standing_of(self._classes[where[0]], self._settings)
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)

@@ -510,3 +510,11 @@ def test_origins_beside_the_middle_are_on_the_ground_all_the_same(align):
     middles = np.array([polygon.centroid.coords[0] for polygon in outlines_in_the_scene()])
     assert np.allclose(middles, result.placement.position - [6.0, 6.0 * math.cos(math.radians(30.0))], atol=1e-4)
     assert result.report.overlaps == 0
+
+
+def test_outlines_of_what_may_be_turned_over_are_refused():
+    ground = rectangle("Ground", 10.0, 10.0)
+    classes = [esh.ScatterClass("plank", [esh.ScatterSize("all", 10, rectangle("Plank", 2.0, 0.3))])]
+    with pytest.raises(esh.EshError, match="`tilt` must be at most a right angle"):
+        esh.scatter(ground, classes, device="cpu", avoid_overlap=True, tilt=2.5)
+    assert len(esh.scatter(ground, classes, device="cpu", avoid_overlap=False, tilt=2.5).instances.position) == 10

@@ -16,7 +16,15 @@ PLANK = Footprint.rectangle(1.0, 0.4)
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("room", 1e308), ("room", 1e-200), ("gap", 1e160), ("scale", 1e-320), ("scale", 1e300), ("scale", [1.0, 1e-30])],
+    [
+        ("room", 1e308),
+        ("room", 1e-200),
+        ("gap", 1e160),
+        ("scale", 1e-320),
+        ("scale", 1e300),
+        ("scale", [1.0, 1e-30]),
+        ("tilt", 1.6),
+    ],
 )
 def test_factors_of_footprints_have_bounds(name, value):
     with pytest.raises(ProblemError, match=f"`{name}`"):
