@@ -4,6 +4,7 @@
     python benchmarks/huge_tiles.py --bodies 1000000 --device cpu      # fewer, on processors
     python benchmarks/huge_tiles.py --tile 500 --workers 12            # tiles of 500 spacings, twelve processes
     python benchmarks/huge_tiles.py --bodies 1000000000 --device cuda  # on all GPUs of the machine
+    python benchmarks/huge_tiles.py --ray local --gpus 0.1             # by Ray, ten processes on each GPU
 
 First a small problem of the same kind is solved, which compiles the kernels and is not counted. Then a line says how long each stage
 took by the wall, and another what the processes did meanwhile: reading what the pass before left, setting windows up, stepping,
@@ -100,6 +101,32 @@ class GpuLoad:
         return f"GPU at work {sum(busy) / len(busy):.0f} % of the time, at most {max(used) / 1024:.1f} GiB in use"
 
 
+class RayMemory:
+    """How many processes a cluster has on this machine, and the most memory that one of them has taken; looked at now and then."""
+
+    def __init__(self) -> None:
+        self._most: dict[str, float] = {}
+        self._next = 0.0
+
+    def look(self) -> None:
+        if time.perf_counter() < self._next:
+            return
+        self._next = time.perf_counter() + 2.0
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                # At work or idle, they are called after what they carry out; the cluster's own are called otherwise.
+                if not (process / "cmdline").read_bytes().startswith((b"ray::_carry_out", b"ray::IDLE")):
+                    continue
+                fields = dict(line.split(":", 1) for line in (process / "status").read_text().splitlines())
+            except OSError:
+                continue
+            if "VmHWM" in fields:
+                self._most[process.name] = int(fields["VmHWM"].split()[0]) / 1024
+
+    def __str__(self) -> str:
+        return f"{len(self._most)} processes of Ray were seen, of at most {max(self._most.values(), default=0.0):,.0f} MiB each"
+
+
 def solve(
     esh: types.ModuleType,
     problem: object,
@@ -112,11 +139,11 @@ def solve(
     folder = Path(tempfile.mkdtemp(prefix="esh-tiles-", dir=options.folder))
     stages: dict[str, float] = {}
     last = [time.perf_counter(), ""]
-    state = None
+    memory = RayMemory() if options.ray is not None else None
 
     def look(now: object) -> None:
-        nonlocal state
-        state = now
+        if memory is not None:
+            memory.look()
         moment = time.perf_counter()
         if last[1]:
             stages[last[1]] = stages.get(last[1], 0.0) + moment - last[0]
@@ -128,29 +155,34 @@ def solve(
     try:
         result = esh.solve_tiles(
             problem, folder / "out", tile=tile, steps=steps, ending=options.ending, device=options.device,
-            workers=options.workers, progress=look,
+            workers=options.workers, ray=options.ray, gpus=options.gpus, progress=look,
         )  # fmt: skip
         seconds = time.perf_counter() - start
         if tell:
             written = sum(path.stat().st_size for path in (folder / "out").iterdir() if path.is_file())
-            _report(result, state, stages, seconds, written)
+            _report(result, stages, seconds, written, by_ray=memory is not None)
+            if memory is not None:
+                print(f"  {memory}")
         return seconds
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _report(result: object, state: object, stages: dict[str, float], seconds: float, written: int) -> None:
+def _report(result: object, stages: dict[str, float], seconds: float, written: int, *, by_ray: bool) -> None:
     columns, rows = result.tiles
     print(
         f"{result.bodies:,} bodies in {columns} x {rows} tiles: {seconds:.1f} s, {written / result.bodies:.1f} bytes a body"
     )
     print("  by the wall: " + ", ".join(f"{name} {spent:.1f} s" for name, spent in stages.items()))
-    workers = max(1, result.workers)
     between = result.seconds.get("between", 0.0)
     inside = {name: spent for name, spent in result.seconds.items() if name != "between"}
     shares = ", ".join(f"{name} {spent:.1f} s" for name, spent in inside.items())
-    waited = workers * (seconds - between) - sum(inside.values())
-    print(f"  {workers} processes, seconds of all together: {shares}, waiting {waited:.1f} s")
+    if by_ray:
+        print(f"  processes of Ray, seconds of all together: {shares}")
+    else:
+        workers = max(1, result.workers)
+        waited = workers * (seconds - between) - sum(inside.values())
+        print(f"  {workers} processes, seconds of all together: {shares}, waiting {waited:.1f} s")
     print(f"  between stages, while all wait: {between:.1f} s")
 
 
@@ -162,6 +194,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--tile", type=float, default=None, help="length in mean spacings (default: what the program chooses)"
     )
     parser.add_argument("--workers", type=int, default=None, help="processes (default: what the program chooses)")
+    parser.add_argument("--ray", default=None, help='address of a Ray cluster, or "local" for one of this machine')
+    parser.add_argument("--gpus", type=float, default=0.0, help="GPUs that a window asks of Ray")
     parser.add_argument("--steps", type=int, nargs=3, default=None)
     parser.add_argument("--case", choices=["uniform", "classes"], default="uniform")
     parser.add_argument("--folder", default=None, help="where the tiles go for a while (default: the system's)")
@@ -174,7 +208,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.ending == ".npz":
         print("pyarrow is not installed: tiles are written as .npz, which are larger and take no packing")
     if not options.no_warming:
-        small = argparse.Namespace(**{**vars(options), "workers": 0})
+        small = argparse.Namespace(**{**vars(options), "workers": 0, "ray": None, "gpus": 0.0})
         problem = problem_of(esh, options.case, SMALL_SIDE**2)
         warming = solve(esh, problem, small, SMALL_SIDE / SMALL_TILES, SMALL_STEPS, tell=False)
         print(f"warming with {SMALL_SIDE**2:,} bodies, not counted: {warming:.1f} s", flush=True)
@@ -185,7 +219,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.device != "cpu":
         print(f"  {load}")
     own, others = (resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    print(f"  most memory of a process: {others:,.0f} MiB of the largest worker, {own:,.0f} MiB of this one")
+    if options.ray is None:
+        print(f"  most memory of the largest worker: {others:,.0f} MiB")
+    print(f"  most memory of this process: {own:,.0f} MiB")
     return 0
 
 

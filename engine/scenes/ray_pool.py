@@ -53,7 +53,8 @@ class RayPool:
         No call waits for another: each machine compiles what it needs.
         """
         ray = self._ray
-        remote = ray.remote(num_cpus=1, num_gpus=self._gpus, max_retries=RETRIES)(_carry_out)
+        # Processes stay for other calls: Ray would start one for every call that asks for a GPU, to load the kernels once more.
+        remote = ray.remote(num_cpus=1, num_gpus=self._gpus, max_retries=RETRIES, max_calls=0)(_carry_out)
         waiting = enumerate(calls)
         running: dict[Any, int] = {}
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 
@@ -36,6 +37,15 @@ def test_a_machine_that_is_lost_loses_no_scene(cluster, recipe, tmp_path):  # no
     removed[0].join()
     assert (state.done, state.made, dict(state.failed)) == (16, 16, {})
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_processes_that_ask_for_gpus_stay_for_other_calls(cluster):
+    cluster.add_node(num_cpus=2, num_gpus=2)  # Ray is told so; there need be none
+    cluster.wait_for_nodes()
+    answers = [answer for _, answer in RayPool(cluster.address, gpus=1.0).map(os.getpid, [()] * 12)]
+    assert len(answers) == 12
+    # Now and then one more is started than can work at once.
+    assert len(set(answers)) <= 4
 
 
 def test_no_cluster_is_one_sentence():
