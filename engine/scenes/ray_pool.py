@@ -74,6 +74,10 @@ class RayPool:
                     number = running.pop(reference)
                     try:
                         answer = ray.get(reference)
+                    except ray.exceptions.RayTaskError as error:
+                        # Errors of the call itself are in its answer: the process did not even find what to call.
+                        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+                        answer = Failure(f"a machine of the cluster cannot make it: {lines[-1][:300]}", False)
                     except ray.exceptions.RayError as error:
                         answer = Failure(f"its process was lost: {type(error).__name__}", False)
                     yield number, answer
