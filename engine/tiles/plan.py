@@ -57,6 +57,7 @@ class TileRun:
         steps: Of every pass.
         device: See :func:`~esh.solve`.
         ending: Of the tiles' files.
+        contents: Hash of the recipe and its densities: processes that stay make another plan when these are others.
     """
 
     recipe: str
@@ -66,6 +67,7 @@ class TileRun:
     steps: tuple[int, ...]
     device: str
     ending: str
+    contents: str
 
     @property
     def work(self) -> Path:

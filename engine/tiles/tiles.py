@@ -139,8 +139,9 @@ def solve_tiles(
     recipe = _recipe_of(problem, folder)
     scene = read_tiled_recipe(recipe, seed)
     tiles = choose_tiles(scene, tile, on_gpu)
-    run = TileRun(str(recipe), str(folder), seed, tiles, checked, device, ending)
-    _open_folder(run, recipe, on_gpu)
+    contents = _digest([recipe, *recipe_densities(recipe)])
+    run = TileRun(str(recipe), str(folder), seed, tiles, checked, device, ending, contents)
+    _open_folder(run, on_gpu)
     plan = make_plan(run)
     return _Driver(run, plan, workers, ray, gpus, on_gpu, progress).go()
 
@@ -321,12 +322,12 @@ def _recipe_of(problem: Problem | str | Path, folder: Path) -> Path:
     return recipe
 
 
-def _open_folder(run: TileRun, recipe: Path, on_gpu: bool) -> None:
+def _open_folder(run: TileRun, on_gpu: bool) -> None:
     """Make the folder, or find that it is of the same run."""
     folder = Path(run.folder)
     plan: dict[str, Any] = {
         "version": 1,
-        "recipe": _digest([recipe, *recipe_densities(recipe)]),
+        "recipe": run.contents,
         "seed": run.seed,
         "tiles": list(run.tiles),
         "steps": list(run.steps),

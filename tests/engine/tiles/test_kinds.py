@@ -245,7 +245,9 @@ def test_nobody_strays_to_where_windows_fade(tmp_path):
             return
         told = json.loads((tmp_path / "out" / "tiles.json").read_text())
         recipe = str(tmp_path / "out" / "problem" / "problem.toml")
-        run = TileRun(recipe, str(tmp_path / "out"), None, tuple(told["tiles"]), tuple(told["steps"]), "cpu", ".npz")
+        run = TileRun(
+            recipe, str(tmp_path / "out"), None, tuple(told["tiles"]), tuple(told["steps"]), "cpu", ".npz", ""
+        )
         plan = make_plan(run)
         started = PartBodies.joined([read_bodies(path) for path in sorted((work / "start").glob("*.npz"))])
         for path in sorted((work / "pass-1").glob("*.npz")):
