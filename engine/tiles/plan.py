@@ -137,8 +137,6 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     problem = scene.problem
     if not isinstance(problem.domain, Domain):
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
-    if problem.domain.boundary == "natural":
-        raise ProblemError('`domain.boundary` must be "open", "mirror" or "periodic" for tiles; got "natural"')
     for c in problem.classes:
         if c.look_at is not None:
             raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')

@@ -123,7 +123,7 @@ def _pass(run: TileRun, plan: Plan, place: int, number: int, times: PartTimes) -
     with times.of("warp"):
         bodies = _warped(run, plan, stage, this.warp, box, bodies)
     demand = read_demand(run.work / DEMAND)
-    bodies, factor = relax(plan, box, bodies, factor, demand, this.steps, this.part, run.device, times)
+    bodies, factor = relax(plan, box, bodies, factor, demand, this.steps, this.part, place == 0, run.device, times)
     bodies = _at_home(plan, bodies)
     last = place + 1 == len(plan.passes)
     if last:

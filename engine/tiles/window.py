@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from ..device.launcher import launcher_of_process
+from ..device.launcher import Launcher, launcher_of_process
 from ..errors import ProblemError
 from ..field.field import FieldTarget
 from ..problem.balance import Balance
@@ -23,9 +23,11 @@ from ..solver.final_placement import angle_within, position_in_meters
 from ..solver.initial_placement import first_pose
 from ..solver.line_rules import FIRST_LENGTH, LineRules, length_blocks
 from ..solver.model import Model
+from ..solver.natural_border import SMOOTH_OVER_SPACING, SMOOTH_STEPS, STEPS_WITHIN, NaturalBorder
 from ..solver.state import State
 from ..space.density import move_into_support, sample_density
 from ..space.support import images_for_kernels
+from .beyond import Beyond, beyond_of, kept_within
 from .bodies import PartBodies
 from .demand import Demand
 from .density_windows import into_pixels
@@ -33,6 +35,7 @@ from .groups import in_turns
 from .layout import Box, within
 from .part_times import PartTimes
 from .plan import Plan
+from .random_numbers import random_shares
 from .window_problem import MARGIN, between_pixels, model_of, pixels_of
 
 __all__ = ["onto_densities", "relax", "spread_rare", "start_bodies"]
@@ -78,17 +81,25 @@ def spread_rare(plan: Plan, target: np.ndarray, device: str) -> tuple[np.ndarray
         classes.append(PreparedClass(plan.problem.classes[c].name, sizes, target[c][::-1].astype(np.float32)))
     domain = Domain(whole.size, whole.boundary)
     problem = Problem(domain, classes, Balance(size_emphasis=1.0), seed=plan.problem.seed)
-    group = np.repeat(np.arange(len(rare)), tiles.count[rare]).astype(np.int32)
-    class_index = np.unique(tiles.class_index[rare], return_inverse=True)[1].ravel()
-    model = Model(problem, groups=Groups(group, class_index, tiles.matrix[np.ix_(rare, rare)]))
     launcher = launcher_of_process(device)
-    descent = Descent(model, launcher)
+    border = NaturalBorder(launcher, problem) if whole.natural else None
+    matrix = tiles.matrix[np.ix_(rare, rare)]
+    model = _model_of_sizes(problem, matrix)
+    descent = Descent(model if border is None else _model_of_sizes(border.problem, matrix), launcher)
     try:
         for _ in range(STEPS_OF_RARE if len(identity) > 1 else 0):
             descent.step.play()
-        return identity, position_in_meters(model, descent.state, launcher)
+        position = position_in_meters(descent.model, descent.state, launcher)
+        return identity, position if border is None else border.cut(position, model).position
     finally:
         launcher.release(descent.step)
+
+
+def _model_of_sizes(problem: Problem, matrix: np.ndarray) -> Model:
+    """The model of a problem of which every size is a group, with these interaction factors."""
+    sizes = [(c, size.count or 0) for c, body_class in enumerate(problem.classes) for size in body_class.sizes]
+    group = np.repeat(np.arange(len(sizes)), [count for _, count in sizes]).astype(np.int32)
+    return Model(problem, groups=Groups(group, np.array([c for c, _ in sizes]), matrix))
 
 
 def start_bodies(
@@ -117,27 +128,53 @@ def start_bodies(
     identity = identity[order]
     if not len(identity):
         return fixed
-    launcher = launcher_of_process(device)
     seed = int(np.random.default_rng([plan.problem.seed, 7, tile]).integers(1 << 31))
+    place = np.full((len(identity), 2), np.nan)
+    place[len(identity) - len(rare[0]) :] = rare[1]
+    launcher = launcher_of_process(device)
+    started = _started(plan, box, identity, seed, launcher, vacancy=demand.vacancy, known=place[order])
+    return PartBodies.joined([started, fixed])
+
+
+def _started(
+    plan: Plan,
+    box: Box,
+    identity: np.ndarray,
+    seed: int,
+    launcher: Launcher,
+    images: dict[int, np.ndarray] | None = None,
+    *,
+    vacancy: dict[int, np.ndarray] | None = None,
+    known: np.ndarray | None = None,
+) -> PartBodies:
+    """Bodies where a box's densities ask for them.
+
+    Args:
+        plan: The plan.
+        box: The box.
+        identity: Their numbers, ascending.
+        seed: From it follows what is random.
+        launcher: Where to run.
+        images: See :func:`.model_of`.
+        vacancy: As well.
+        known: Where some of them are [m], shape ``[n, 2]``; NaN of all others.
+    """
     bodies = _resting(plan, identity)
-    model = model_of(plan, box, bodies, np.zeros(len(identity), np.int32), seed, demand.vacancy)
+    model = model_of(plan, box, bodies, np.zeros(len(identity), np.int32), seed, vacancy, images)
     # The ways out of empty pixels take long to find; whoever would need one is brought to the next full pixel below.
-    images = images_for_kernels(launcher, model.supports, model.size, to_support=False)
-    images.to_support = launcher.zeros(int(images.pixel.shape[0]), wp.vec2)
-    pose = first_pose(launcher, model, images).numpy().astype(np.float64)
+    supports = images_for_kernels(launcher, model.supports, model.size, to_support=False)
+    supports.to_support = launcher.zeros(int(supports.pixel.shape[0]), wp.vec2)
+    pose = first_pose(launcher, model, supports).numpy().astype(np.float64)
     # Areas of a level grow with the numbers, and these along the curve: one end of a tile would hold more than the other.
     for own in _levels_of_ranges(plan, identity):
         pose[own] = pose[own[in_turns(np.arange(len(own)), len(own))]]
-    place = np.full((len(identity), 2), np.nan)
-    place[len(identity) - len(rare[0]) :] = (rare[1] - box.low) / model.unit
-    place = place[order]
-    pose[:, :2] = np.where(np.isnan(place), pose[:, :2], place)
+    if known is not None:
+        pose[:, :2] = np.where(np.isnan(known), pose[:, :2], (known - box.low) / model.unit)
     if model.kinds:
         pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
     everybody = np.ones(len(identity), bool)
     position = _settled(plan, box, model, pose[:, :2] * model.unit, everybody)
-    started = replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
-    return PartBodies.joined([started, fixed])
+    return replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
 
 
 def _fixed_bodies(plan: Plan, identity: np.ndarray) -> PartBodies:
@@ -181,6 +218,7 @@ def relax(
     demand: Demand,
     steps: int,
     part: bool,
+    first: bool,
     device: str,
     times: PartTimes,
 ) -> tuple[PartBodies, np.ndarray]:
@@ -194,6 +232,7 @@ def relax(
         demand: What the whole domain asks of every group.
         steps: Of the descent.
         part: Whether to part footprints at the end.
+        first: Whether bodies are where they started.
         device: Where to run.
         times: Gets the seconds of what is done.
 
@@ -202,25 +241,75 @@ def relax(
     """
     if len(bodies) < 2:
         return bodies, length_factor
-    longest = 0.5 * plan.longest
-    flags = np.zeros(len(bodies), np.int32)
-    margin, taper = _margins(plan, box, len(bodies))
-    pinned = (box.depth(bodies.position) < margin + longest) | _held(plan, bodies.identity)
-    pinned |= plan.groups.is_fixed(bodies.identity)
-    flags[pinned] = BodyFlags.PINNED
-    if pinned.all():
+    room = _Room(box, *_margins(plan, box, len(bodies)))
+    # Who comes near to a cut on the way stays free.
+    free = _is_free(plan, room, bodies)
+    if not free.any():
         return bodies, length_factor
     launcher = launcher_of_process(device)
+    if plan.problem.rectangle.natural:
+        with times.of("set-up"):
+            beyond = beyond_of(plan, box, len(bodies), room.margin, launcher)
+        if beyond is not None:
+            bodies = _with_beyond(plan, box, bodies, free, length_factor, demand, steps, first, beyond, launcher, times)
+            smooth = replace(room, smooth=SMOOTH_OVER_SPACING)
+            bodies, _ = _settle(plan, smooth, bodies, free, length_factor, demand, SMOOTH_STEPS, False, launcher, times)
+            steps = STEPS_WITHIN
+    return _settle(plan, room, bodies, free, length_factor, demand, steps, part, launcher, times)
+
+
+@dataclass(frozen=True)
+class _Room:
+    """Where bodies settle.
+
+    Attributes:
+        box: The window.
+        margin: How far from its cuts bodies are pinned [m].
+        taper: Over how far from them everything fades [m].
+        images: Densities there, where these are others than the plan's.
+        smooth: See :class:`.Descent`.
+    """
+
+    box: Box
+    margin: float
+    taper: float
+    images: dict[int, np.ndarray] | None = None
+    smooth: float | None = None
+
+
+def _settle(
+    plan: Plan,
+    room: _Room,
+    bodies: PartBodies,
+    free: np.ndarray,
+    length_factor: np.ndarray,
+    demand: Demand,
+    steps: int,
+    part: bool,
+    launcher: Launcher,
+    times: PartTimes,
+) -> tuple[PartBodies, np.ndarray]:
+    """Let the bodies of a window that are ``free`` settle in a room; see :func:`relax`."""
+    box, margin, taper = room.box, room.margin, room.taper
     with times.of("set-up"):
-        model = model_of(plan, box, bodies, flags, plan.problem.seed)
+        flags = np.where(free, 0, BodyFlags.PINNED).astype(np.int32)
+        model = model_of(plan, box, bodies, flags, plan.problem.seed, images=room.images)
         # Charges per area of a footprint, before anything fades.
         scale = model.charge_count / float(model.body.area.sum())
         whole_charge = model.charge.charge
         model.charge = replace(model.charge, charge=whole_charge * _fading(box, bodies, model, taper))
-        pose = _poses(box, bodies, model, ~pinned)
+        pose = _poses(box, bodies, model, free)
         present = np.unique(plan.groups.group_of(bodies.identity))
         targets = _targets(plan, box, model, present, demand, scale, taper)
-        descent = Descent(model, launcher, pose=pose, targets=targets, whole_charge=whole_charge)
+        descent = Descent(
+            model,
+            launcher,
+            pose=pose,
+            targets=targets,
+            whole_charge=whole_charge,
+            smooth=room.smooth,
+            begins_short=room.smooth is not None,
+        )
         factors = _LengthFactors.of(plan, model, present)
         factors.give(length_factor, descent.state)
         _give_bends(model, bodies, descent)
@@ -229,19 +318,57 @@ def relax(
             _descend(descent, steps)
         state = descent.state
         with times.of("contact"):
-            _call_back(descent, box, pose, ~pinned, margin)
+            _call_back(descent, box, pose, free, margin)
             if part and descent.contact is not None:
                 # What looks like a free place beyond the pinned bodies along a cut is that of somebody whom this window does not hold.
-                room = box.inside(margin + longest)
-                descent.contact.separate(state.pose, state.turn, state.bend, room=room)
+                held = box.inside(margin + 0.5 * plan.longest)
+                descent.contact.separate(state.pose, state.turn, state.bend, room=held)
         with times.of("readback"):
-            moved = _moved(bodies, ~pinned, model, state)
-            position = _settled(plan, box, model, position_in_meters(model, state, launcher), ~pinned)
-            moved.position[~pinned] = position[~pinned]
+            moved = _moved(bodies, free, model, state)
+            position = _settled(plan, box, model, position_in_meters(model, state, launcher), free)
+            moved.position[free] = position[free]
             length_factor = factors.taken(state, length_factor)
     finally:
         launcher.release(descent.step)
     return moved, length_factor
+
+
+def _is_free(plan: Plan, room: _Room, bodies: PartBodies) -> np.ndarray:
+    """Which bodies of a window are not pinned."""
+    pinned = (room.box.depth(bodies.position) < room.margin + 0.5 * plan.longest) | _held(plan, bodies.identity)
+    return ~(pinned | plan.groups.is_fixed(bodies.identity))
+
+
+def _with_beyond(
+    plan: Plan,
+    box: Box,
+    bodies: PartBodies,
+    free: np.ndarray,
+    length_factor: np.ndarray,
+    demand: Demand,
+    steps: int,
+    first: bool,
+    beyond: Beyond,
+    launcher: Launcher,
+    times: PartTimes,
+) -> PartBodies:
+    """Bodies of a window that settled as if others stood beyond its natural borders; see :mod:`.beyond`."""
+    seed = [plan.problem.seed, 11, *(int(np.floor(x / plan.spacing)) & 0xFFFFFFFF for x in beyond.box.low)]
+    identity = beyond.numbers(plan, demand, seed)
+    if not len(identity):
+        return bodies
+    with times.of("start"):
+        others = _started(
+            plan, beyond.box, identity, int(random_shares(np.zeros(1), seed)[0] * 2**31), launcher, beyond.added
+        )
+    room = _Room(beyond.box, beyond.margin, TAPER / MARGIN * beyond.margin, beyond.images)
+    order = np.argsort(np.concatenate([bodies.identity, identity]), kind="stable")
+    both = np.concatenate([free, _is_free(plan, room, others)])[order]
+    everybody = PartBodies.joined([bodies, others])
+    waved = both if first else both & (order >= len(bodies))
+    everybody = everybody.at(beyond.sheared(plan, everybody.position, waved))
+    settled, _ = _settle(plan, room, everybody, both, length_factor, demand, steps, False, launcher, times)
+    return kept_within(plan, box, bodies, settled, order, both, beyond)
 
 
 def _descend(descent: Descent, steps: int) -> None:

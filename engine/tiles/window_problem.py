@@ -21,7 +21,7 @@ from ..problem.problem import Problem
 from ..problem.size import Size, with_count
 from ..solver.model import Model
 from .bodies import PartBodies
-from .density_windows import sample_source
+from .density_windows import Axis, sample_source
 from .layout import Box
 from .plan import Plan, uncut
 
@@ -55,17 +55,18 @@ def model_of(
     flags: np.ndarray,
     seed: int,
     vacancy: Mapping[int, np.ndarray] | None = None,
+    images: Mapping[int, np.ndarray] | None = None,
 ) -> Model:
     """The model of some bodies in a box; in order of their numbers they are in class, then size order.
 
-    Where ``vacancy`` says of a class's density how much is left in the cells of the coarse grid, only that is followed.
+    Where ``vacancy`` says of a class's density how much is left in the cells of the coarse grid, only that is followed. Densities of
+    ``images`` are taken as they are, in a box whose border is open and where obstacles are in these densities only.
     """
     tiles, identity = plan.groups, bodies.identity
     drawn = tiles.outlines(identity) if tiles.outlined else None
     group = tiles.group_of(identity)
     present, own = np.unique(group, return_inverse=True)
     area = tiles.areas(identity)
-    at_edge = not all(box.cut)
     classes: list[PreparedClass] = []
     of_plan: list[int] = []
     for c, body_class in enumerate(plan.problem.classes):
@@ -79,13 +80,12 @@ def model_of(
             of_plan.append(c)
             # With the room and the gap that it keeps.
             uncut_class = uncut(body_class)
-            image = _density(plan, c, box)
+            image = _density(plan, c, box) if images is None else images[c]
             if vacancy is not None and c in vacancy:
                 image = _left_of(plan, box, image, vacancy[c])
             classes.append(replace(uncut_class, sizes=tuple(sizes), density_image=image, asked=None, base=None))
-    whole = plan.problem.rectangle
-    domain = Domain(box.size, whole.boundary if at_edge else "open", inset=whole.inset and at_edge)
-    obstacles = _obstacles_near(plan, box, classes[0].density_image.shape)
+    obstacles = _obstacles_near(plan, box, classes[0].density_image.shape) if images is None else []
+    domain = _domain_in(plan, box, classes, obstacles) if images is None else Domain(box.size)
     class_index = np.unique(tiles.class_index[present], return_inverse=True)[1].ravel()
     groups = Groups(own.ravel().astype(np.int32), class_index, tiles.matrix[np.ix_(present, present)])
     # Group factors are those of the whole problem; sizes are weighed nowhere else.
@@ -95,7 +95,7 @@ def model_of(
         # Only contact asks for it.
         balance = replace(balance, class_separation=0.0, non_overlap=kept[np.ix_(of_plan, of_plan)].astype(float))
 
-    apart = plan.problem.avoid_overlap
+    apart = plan.problem.avoid_overlap and images is None
     # Where obstacles leave a size no room in this window with its footprints, their centers keep off them, or nothing does.
     ways = [(apart, obstacles), (False, obstacles), (False, [])] if obstacles else [(apart, obstacles)]
     for keep_apart, kept_off in ways:
@@ -114,6 +114,15 @@ def model_of(
             if (keep_apart, kept_off) == ways[-1]:
                 raise
     raise AssertionError
+
+
+def _domain_in(plan: Plan, box: Box, classes: list[PreparedClass], obstacles: list[Obstacle]) -> Domain:
+    """The domain that a box is: one that has cuts only has no border, unless densities have natural ones within it."""
+    whole = plan.problem.rectangle
+    at_edge = not all(box.cut)
+    ends = bool(obstacles) or any((c.density_image <= 0.0).any() for c in classes)
+    bordered = at_edge or (whole.natural and ends)
+    return Domain(box.size, whole.boundary if bordered else "open", inset=whole.inset and at_edge)
 
 
 def _left_of(plan: Plan, box: Box, image: np.ndarray, vacancy: np.ndarray) -> np.ndarray:
@@ -174,8 +183,9 @@ def _with_turns(model: Model, bodies: PartBodies) -> Model:
 def _part_of(image: np.ndarray, box: Box, least: tuple[int, ...]) -> np.ndarray:
     """The part of an image over the domain that lies in a box: its own pixels where there are many, ``least`` of them where not."""
     down, across = box.down, box.across
-    row = _pixels_under(down.begin, down.end, down.units, image.shape[0], least[0])
-    column = _pixels_under(across.begin, across.end, across.units, image.shape[1], least[1])
+    wraps = box.period is not None
+    row = _pixels_under(down, image.shape[0], least[0], wraps)
+    column = _pixels_under(across, image.shape[1], least[1], wraps)
     return image[row[:, None], column]
 
 
@@ -248,13 +258,14 @@ def _obstacles_near(plan: Plan, box: Box, shape: tuple[int, ...]) -> list[Obstac
     return result
 
 
-def _pixels_under(begin: int, end: int, units: int, pixels: int, least: int) -> np.ndarray:
-    """Pixels of an image under the middles of so many steps, or more, of a part of an axis."""
+def _pixels_under(axis: Axis, pixels: int, least: int, wraps: bool) -> np.ndarray:
+    """Pixels of an image under the middles of so many steps, or more, of a part of an axis; beyond its ends those at them."""
+    begin, end, units = axis.begin, axis.end, axis.units
     count = max(least, math.ceil((end - begin) * pixels / units))
     middle = begin + (np.arange(count) + 0.5) * (end - begin) / count
-    # A part reaches beyond the ends of an axis only where that wraps.
     under = np.floor(middle * pixels / units).astype(np.int64)
-    return np.where((under >= pixels) & (end <= units), pixels - 1, under % pixels)
+    # What is below the end of an axis by less than a rounding is at that end.
+    return under % pixels if wraps and end > units else np.clip(under, 0, pixels - 1)
 
 
 @lru_cache(maxsize=8)
