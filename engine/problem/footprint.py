@@ -155,6 +155,17 @@ class Footprint(Settings):
         return float(np.hypot(*self.corners.T).max()) + self.rounding
 
     @property
+    def inner_radius(self) -> float:
+        """Radius of the largest disc about the origin that lies within the outline [m]; 0 where the origin lies outside."""
+        edge = np.roll(self.corners, -1, axis=0) - self.corners
+        square = np.maximum((edge**2).sum(axis=1), 1e-300)
+        along = np.clip(-(self.corners * edge).sum(axis=1) / square, 0.0, 1.0)
+        away = float(np.hypot(*(self.corners + along[:, None] * edge).T).min())
+        left_of = edge[:, 1] * self.corners[:, 0] - edge[:, 0] * self.corners[:, 1]
+        inside = len(self.corners) > 2 and bool((left_of >= 0.0).all())
+        return max(self.rounding + (away if inside else -away), 0.0)
+
+    @property
     def moment(self) -> float:
         """Integral of the squared distance from the origin over the inside [m⁴]."""
         x, y = self.outline(ARC).T

@@ -15,11 +15,13 @@ import numpy as np
 
 from ..errors import ProblemError
 from . import validation
+from .convex_polygon import convex_hull, enclosing_polygon
 from .domain import Domain
+from .footprint import MOST_CORNERS, Footprint
 from .settings import Settings, described, setting
 from .validation import show
 
-__all__ = ["Obstacle", "clearance", "distance_to", "mask_shape"]
+__all__ = ["Obstacle", "clearance", "convex_outline", "distance_to", "mask_shape"]
 
 # Pixels over the mean spacing of bodies, and along the longer side of the domain at least and at most.
 PIXELS_PER_SPACING = 5.0
@@ -29,6 +31,8 @@ MOST_PIXELS = 4096
 ROWS = 32
 # From this value on an obstacle's image is one.
 THRESHOLD = 0.5
+# A polygon is convex where it lacks no larger share of its hull.
+NOT_CONVEX = 1e-6
 
 
 def _check_polygon(value: object, key: str) -> np.ndarray:
@@ -156,6 +160,36 @@ def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, 
         fine = max([math.ceil(length / pixel), *(min(n, MOST_PIXELS) for n in of_images)])
         result.append(pixels * math.ceil(fine / pixels))
     return result[0], result[1]
+
+
+def convex_outline(obstacle: Obstacle) -> Footprint | None:
+    """The ground that bodies keep off, with the margin, as an outline about the origin; None where it is not known to be convex.
+
+    Of a polygon with more corners than a footprint may have it is one around it, which is a little larger.
+    """
+    if obstacle.disc is not None:
+        x, y, radius = obstacle.disc
+        return Footprint(np.array([[x, y]]), radius + obstacle.margin)
+    if obstacle.polygon is None:
+        return None
+    corners = np.asarray(obstacle.polygon)
+    hull = convex_hull(corners)
+    if len(hull) < 3:
+        return None
+    lacking = _area(hull) - abs(_area(corners))
+    if lacking > NOT_CONVEX * _area(hull):
+        return None
+    try:
+        return Footprint(enclosing_polygon(hull, MOST_CORNERS), obstacle.margin)
+    except ProblemError:
+        # Too thin, or too large, for an outline.
+        return None
+
+
+def _area(corners: np.ndarray) -> float:
+    """Area of a polygon, above 0 where its corners are counter-clockwise."""
+    x, y = (corners - corners[0]).T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..problem.body_footprints import CAPSULE, BodyFootprints
+from ..problem.footprint import Footprint
 
 __all__ = ["FootprintTables", "footprint_tables", "numbered", "ranked"]
 
@@ -36,6 +38,29 @@ class FootprintTables:
     width: np.ndarray
     area: np.ndarray
     inertia: np.ndarray
+
+    def followed_by(self, outlines: Sequence[Footprint]) -> FootprintTables:
+        """The same with outlines behind those of the bodies, each as it is."""
+        if not outlines:
+            return self
+        cores = [outline.corners for outline in outlines]
+        first = self.start[-1] + np.cumsum([len(core) for core in cores])
+
+        def behind(values: np.ndarray, others: Sequence[float]) -> np.ndarray:
+            return np.concatenate([values, others])
+
+        return replace(
+            self,
+            corners=np.concatenate([self.corners, *(np.hstack([core, _normals(core)]) for core in cores)]),
+            start=np.concatenate([self.start, first]).astype(np.int32),
+            shape=np.concatenate([self.shape, len(self.start) - 1 + np.arange(len(cores), dtype=np.int32)]),
+            factor=behind(self.factor, np.ones(len(cores))),
+            rounding=behind(self.rounding, [outline.rounding for outline in outlines]),
+            reach=behind(self.reach, [outline.circumradius for outline in outlines]),
+            width=behind(self.width, [outline.width for outline in outlines]),
+            area=behind(self.area, [outline.area for outline in outlines]),
+            inertia=behind(self.inertia, [outline.moment for outline in outlines]),
+        )
 
 
 def footprint_tables(footprints: BodyFootprints, length: np.ndarray, width: np.ndarray) -> FootprintTables:

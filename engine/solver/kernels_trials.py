@@ -163,23 +163,38 @@ def propose_swaps(
     gain[q] = best
 
 
+@wp.func
+def turn_trial(i: int, angle: float, corners: int, outlines: Outlines):
+    """Write corners of body i as they would be at an angle, from ``corners`` on."""
+    c = wp.cos(angle)
+    s = wp.sin(angle)
+    start = outlines.shape_start[outlines.shape[i]]
+    for k in range(outlines.first_corner[i + 1] - outlines.first_corner[i]):
+        outlines.corner[corners + k] = turned_corner(
+            outlines.shape_corner[start + k], outlines.factor[i], c, s, outlines.slope[i]
+        )
+
+
 @wp.kernel
 def propose_places(
     first: int,
     stuck: wp.array(dtype=wp.int32),
     candidates: int,
+    room_for_corners: int,
+    most_corners: int,
     seed: int,
     room: wp.vec4,
     bodies: Bodies,
     images: Images,
-    crowd: Crowd,
     # outputs
-    place: wp.array(dtype=wp.vec2),
+    crowd: Crowd,
+    place: wp.array(dtype=wp.vec3),
     cost: wp.array(dtype=float),
 ):
-    """The place around it where a stuck body overlaps the least, and its squared overlaps there.
+    """The place around it where a stuck body overlaps the least, and how it is turned there; and its squared overlaps there.
 
-    Places are on its density, and between the two corners of ``room``.
+    Places are on its density, and between the two corners of ``room``. Who may turn is turned at random in every other one, with
+    corners as in :func:`propose_turns`.
     """
     q = first + wp.tid()
     i = stuck[q]
@@ -189,7 +204,8 @@ def propose_places(
     own = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
     state = wp.rand_init(seed, i)
     least = float(PINNED_COST)
-    chosen = own
+    chosen = wp.vec3(own[0], own[1], crowd.pose[i][2])
+    may_turn = outlines.ease[i] > 0.0 and outlines.length[i] == 0.0
     for candidate in range(candidates):
         share = float(candidate) / float(candidates)
         far = outlines.reach[i] * NEAREST_PLACE * wp.pow(FARTHEST_PLACE / NEAREST_PLACE, share)
@@ -198,11 +214,18 @@ def propose_places(
         ahead = wp.randn(state)
         at = confine(own + far * wp.vec2(aside, ahead), space)
         in_room = at[0] >= room[0] and at[1] >= room[1] and at[0] <= room[2] and at[1] <= room[3]
+        angle = crowd.pose[i][2]
+        corners = outlines.first_corner[i]
+        if may_turn and candidate % 2 == 1:
+            angle = wp.randf(state, 0.0, 2.0 * wp.pi)
+            corners = room_for_corners + i * most_corners
         if in_room and in_support(at, support, images, space.size):
-            here = cost_of_place(i, outlines.first_corner[i], i, at, least, crowd)
+            if corners >= room_for_corners:
+                turn_trial(i, angle, corners, outlines)
+            here = cost_of_place(i, corners, i, at, least, crowd)
             if here < least:
                 least = here
-                chosen = at
+                chosen = wp.vec3(at[0], at[1], angle)
     place[q] = chosen
     cost[q] = least
 
@@ -243,19 +266,12 @@ def propose_turns(
     best = float(0.0)
     chosen = crowd.pose[i][2]
     if cost[i] > 0.0 and outlines.ease[i] > 0.0 and outlines.length[i] == 0.0:
-        count = outlines.first_corner[i + 1] - outlines.first_corner[i]
         at = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
         corners = room_for_corners + i * most_corners
-        factor = outlines.factor[i]
-        start = outlines.shape_start[outlines.shape[i]]
         state = wp.rand_init(seed, i)
         for _trial in range(trials):
             trial = wp.randf(state, 0.0, 2.0 * wp.pi)
-            c = wp.cos(trial)
-            s = wp.sin(trial)
-            for k in range(count):
-                corner = turned_corner(outlines.shape_corner[start + k], factor, c, s, outlines.slope[i])
-                outlines.corner[corners + k] = corner
+            turn_trial(i, trial, corners, outlines)
             # As much may be left at most.
             most = keep * cost[i] - best
             after = cost_of_place(i, corners, i, at, most, crowd)

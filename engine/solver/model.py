@@ -153,11 +153,17 @@ class Model:
         self.body = replace(self.body, identity=carried.identity.astype(np.int32), flags=flags)
         self.footprints = _carried_outlines(old.footprints, self.footprints, carried.source)
 
-    def meeting(self, launcher: Launcher, order: np.ndarray | None = None) -> Meeting:
-        """Which bodies keep apart, in this order, for kernels. Lines whose footprints may overlap do not cross others all the same."""
+    def meeting(self, launcher: Launcher, order: np.ndarray | None = None, others: int = 0) -> Meeting:
+        """Which bodies keep apart, in this order, for kernels; behind them there are ``others``, which all of them keep off.
+
+        Lines whose footprints may overlap do not cross others all the same.
+        """
         apart = self.problem.balance.classes_apart if self.problem.avoid_overlap else None
-        class_index = self.body.class_index
-        return meeting_of(launcher, class_index if order is None else class_index[order], apart)
+        class_index = self.body.class_index if order is None else self.body.class_index[order]
+        if others and apart is not None:
+            class_index = np.concatenate([class_index, np.full(others, len(apart))])
+            apart = np.pad(apart, (0, 1), constant_values=True)
+        return meeting_of(launcher, class_index, apart)
 
     @property
     def space(self) -> Space:

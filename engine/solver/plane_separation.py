@@ -17,6 +17,8 @@ from .guidance import Guidance
 from .model import Model
 from .separation import SKIN, TOLERANCE, Separation
 from .spatial_order import spatial_order
+from .standing_outlines import StandingOutlines, standing_outlines
+from .supports import parted_from_obstacles
 
 __all__ = ["PlaneSeparation"]
 
@@ -76,17 +78,24 @@ class PlaneSeparation(Separation):
         start_turn = turn.numpy().astype(np.float64)
         angle = np.where(is_line, given[:, 2], start_turn)
         order = spatial_order(launcher, pose, model.space.size)
+        # What else keeps its distance from obstacles does so by where bodies may be.
+        by_outlines = parted_from_obstacles(model.problem, model.footprints).any()
+        standing = standing_outlines(model.problem) if by_outlines else StandingOutlines([], domain.size)
+        tables = tables.followed_by(standing.footprints)
         super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
-        reach = tables.reach / unit + SKIN * np.sqrt(tables.area) / unit
-        meeting = model.meeting(launcher, order)
-        self._near = Neighborhood(launcher, model.space, reach, np.zeros(n), np.ones(n), meeting)
-        self._near.footprints.radius.assign(reach[order].astype(np.float32))
-        level = self._near.footprints.level.numpy()[order]
+        everything = np.concatenate([order, np.arange(n, n + len(standing))])
+        reach = tables.reach / unit
+        reach[:n] += SKIN * np.sqrt(tables.area[:n]) / unit
+        meeting = model.meeting(launcher, order, len(standing))
+        count = len(reach)
+        self._near = Neighborhood(launcher, model.space, reach, np.zeros(count), np.ones(count), meeting)
+        self._near.footprints.radius.assign(reach[everything].astype(np.float32))
+        level = self._near.footprints.level.numpy()[everything]
         self._near.footprints.level.assign(level)
         # Images that are farther than the nearest one matter where two bodies reach over half a period.
-        periods = model.space.images_within(2.0 * float(reach.max()), MOST_IMAGES)
-        self._slopes = self._slopes_for_kernels(order)
-        self._make_arrays(given, angle)
+        periods = model.space.images_within(float(reach[:n].max() + reach.max()), MOST_IMAGES)
+        self._slopes = self._slopes_for_kernels(order, len(standing))
+        self._make_arrays(given, angle, standing)
         self._crowd = kernels_pairs.Crowd()
         self._crowd.pose, self._crowd.outlines, self._crowd.neighbors = (
             self._crowd_pose,
@@ -95,8 +104,8 @@ class PlaneSeparation(Separation):
         )
         self._crowd.images, self._crowd.inset = wp.vec2i(*periods), int(domain.inset)
 
-    def _slopes_for_kernels(self, order: np.ndarray) -> kernels_outlines.Slopes | None:
-        """Slopes of the planes that outlines lie in; None where all are horizontal."""
+    def _slopes_for_kernels(self, order: np.ndarray, standing: int) -> kernels_outlines.Slopes | None:
+        """Slopes of the planes that outlines lie in; None where all are horizontal, as what stands among them is."""
         footprints, device = self._model.footprints, self.launcher.device
         tilt = footprints.tilts(self._model.body.identity, self._model.problem.seed)
         if not footprints.slopes and tilt is None:
@@ -107,7 +116,7 @@ class PlaneSeparation(Separation):
 
         pixels = [image.reshape(-1, 2) for image in footprints.slopes]
         slopes = kernels_outlines.Slopes()
-        slopes.image = whole(footprints.slope[order])
+        slopes.image = whole(np.concatenate([footprints.slope[order], np.full(standing, -1, np.int32)]))
         slopes.start = whole(np.cumsum([0, *(len(image) for image in pixels[:-1])]))
         slopes.rows = whole([image.shape[0] for image in footprints.slopes])
         slopes.columns = whole([image.shape[1] for image in footprints.slopes])
@@ -117,14 +126,16 @@ class PlaneSeparation(Separation):
             angle, direction = tilt[order].T
             level = np.sin(angle)
             axis = np.stack([level * np.cos(direction), level * np.sin(direction), np.cos(angle)], axis=1)
+            axis = np.concatenate([axis, np.broadcast_to([0.0, 0.0, 1.0], (standing, 3))])
             slopes.tilt = wp.array(axis, dtype=wp.vec3, device=device)
         return slopes
 
-    def _make_arrays(self, given: np.ndarray, angle: np.ndarray) -> None:
+    def _make_arrays(self, given: np.ndarray, angle: np.ndarray, standing: StandingOutlines) -> None:
         launcher, n = self.launcher, self._count
         values = np.zeros((n, 4), np.float32)
-        values[:, :2], values[:, 2] = given[:, :2], angle
-        values = values[self._order]
+        bodies = len(self._order)
+        values[:bodies, :2], values[:bodies, 2] = given[self._order, :2], angle[self._order]
+        values[bodies:, :2] = standing.position / self._model.unit
         self._start = values
         self._crowd_pose = wp.array(values, dtype=wp.vec4, device=launcher.device)
         moves = kernels_separation.Moves()
@@ -233,25 +244,26 @@ class PlaneSeparation(Separation):
         wedged = before >= kernels_trials.PINNED_COST
         caught = movable & (before > CAUGHT**2)
         count = int(caught.sum())
-        if not self._caught or count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * self._count):
+        if not self._caught or count > max(STILL_CAUGHT * self._caught, MANY_CAUGHT * len(self._order)):
             count, caught = 0, np.zeros_like(caught)
         self._caught = count
         some = np.flatnonzero(caught & ~wedged)
         stuck = np.concatenate([np.flatnonzero(movable & wedged), some[:: -(-max(len(some), 1) // MOST_AT_ONCE)]])
         if not len(stuck):
             return 0
-        place, left = launcher.empty(len(stuck), wp.vec2), launcher.zeros(len(stuck), float)
+        place, left = launcher.empty(len(stuck), wp.vec3), launcher.zeros(len(stuck), float)
         seed = (self._model.problem.seed * 7919 + (1 << 21) + number) % (1 << 31)
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
-        inputs = [on_device, PLACES_TO_TRY, seed, self._room, self._bodies, self._images, self._crowd]
+        inputs = [on_device, PLACES_TO_TRY, self._corner_count, self._trial_corners, seed, self._room]
+        inputs += [self._bodies, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
         # Who is caught among bodies that give way goes only where there is room.
         found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, TOLERANCE**2)
         landing = np.flatnonzero(found)
-        landing = landing[_alone(place.numpy()[landing], self._outlines.reach.numpy()[stuck[landing]])]
+        landing = landing[_alone(place.numpy()[landing, :2], self._outlines.reach.numpy()[stuck[landing]])]
         poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))
         moved = stuck[landing]
-        poses[moved, :2] = home[moved, :2] = place.numpy()[landing]
+        poses[moved, :3] = home[moved, :3] = place.numpy()[landing]
         last[moved] = 0.0
         self._crowd_pose.assign(poses)
         self._moves.home.assign(home)
@@ -284,7 +296,7 @@ class PlaneSeparation(Separation):
 
     def _write_back(self) -> None:
         """Put bodies into the state as they are now."""
-        crowd_pose = self._crowd_pose.numpy()
+        crowd_pose = self._crowd_pose.numpy()[: len(self._order)]
         pose, turn = self._pose.numpy().copy(), self._turn.numpy().copy()
         lines, order = self._is_line[self._order], self._order
         pose[order, :2] = self._model.space.wrapped(crowd_pose[:, :2])
@@ -298,16 +310,18 @@ class PlaneSeparation(Separation):
 
     def _straighten(self) -> None:
         """Let lines bend no farther than there is room: they were parted as if they were straight."""
-        launcher, n = self.launcher, self._count
+        launcher, n = self.launcher, len(self._order)
         self._turn_corners()
-        widest, room = launcher.zeros(n, float), launcher.zeros(n, float)
+        widest, room = launcher.zeros(self._count, float), launcher.zeros(n, float)
         launcher.launch(kernels_bends.find_bends, n, [self._outlines, self._bodies, self._bend], [widest])
         # Bodies as they lie in space; those that are bent are looked for as far as they reach.
         reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
         meeting = self._near.footprints.meeting
-        near = Neighborhood(launcher, self._model.space, reach, np.zeros(n), np.ones(n), meeting)
+        near = Neighborhood(
+            launcher, self._model.space, reach, np.zeros(self._count), np.ones(self._count), meeting
+        )
         # Cells know only places inside of a periodic domain.
-        launcher.launch(kernels_pairs.begin_list, n, [], [self._crowd, self._moves.built, self._moves.moved_far])
+        launcher.launch(kernels_pairs.begin_list, self._count, [], [self._crowd, self._moves.built, self._moves.moved_far])
         near.sort(self._crowd_pose)
         crowd = kernels_pairs.Crowd()
         crowd.pose, crowd.outlines, crowd.neighbors = self._crowd_pose, self._outlines, near.for_kernels

@@ -130,8 +130,8 @@ class Separation(ABC):
     Args:
         model: What was placed.
         launcher: Where to run.
-        tables: The bodies' outlines.
-        order: In which order bodies lie in space: their numbers in the model, shape ``[n]``.
+        tables: The bodies' outlines, and behind them those of what stands among them and does not move.
+        order: In which order bodies lie in space: their numbers in the model, shape ``[n]``. What stands among them follows.
         length: Lengths of the axes of lines [m], shape ``[n]``.
         offset: How outlines are turned from these axes [rad], shape ``[n]``.
     """
@@ -150,12 +150,18 @@ class Separation(ABC):
     ) -> None:
         self.launcher = launcher
         self._model = model
-        self._count = n = model.body_count
+        standing = len(tables.shape) - len(order)
+        self._count = n = len(tables.shape)
         self._order = order
+
+        def behind(values: np.ndarray, value: float) -> np.ndarray:
+            """Values of the bodies, and behind them that of all that stands among them."""
+            return np.concatenate([values, np.full(standing, value, values.dtype)]) if standing else values
+
         self._is_line = model.body.kind >= 0
         unit = model.unit
-        free = model.footprints.free | self._is_line
-        pinned = (model.body.flags & BodyFlags.PINNED) != 0
+        free = behind(model.footprints.free | self._is_line, False)
+        pinned = behind((model.body.flags & BodyFlags.PINNED) != 0, True)
         self._pinned = bool(pinned.any())
         # Bodies that were caught in gaps at the last pass; 0 where no other follows.
         self._caught = 0.0
@@ -166,23 +172,25 @@ class Separation(ABC):
         ease = np.where(
             pinned | ~free | is_round, 0.0, tables.area * unit**2 / (mass * np.maximum(tables.inertia, 1e-300))
         )
+        everything = np.concatenate([order, np.arange(len(order), n)])
         self._outlines = self._outlines_for_kernels(
             tables,
-            order,
-            skin=SKIN * np.sqrt(tables.area) / unit,
+            everything,
+            skin=behind(SKIN * np.sqrt(tables.area[: len(order)]) / unit, 0.0),
             lightness=lightness,
             ease=ease,
-            length=length / unit,
-            offset=offset,
+            length=behind(length / unit, 0.0),
+            offset=behind(offset, 0.0),
         )
-        self._covered = float(tables.area.sum() / model.problem.domain.area)
-        self._free = bool((free & ~is_round & ~pinned & ~self._is_line).any())
+        self._covered = float(tables.area[: len(order)].sum() / model.problem.domain.area)
+        self._free = bool((free & ~is_round & ~pinned & ~behind(self._is_line, False)).any())
         self._fixed = bool((~free & ~is_round & ~pinned).any())
         kept = np.array([is_long(shape) for shape in model.footprints.shapes] + [False])[model.footprints.shape]
-        kept &= (lightness == 0.0) | (ease == 0.0)
+        kept = behind(kept, False) & ((lightness == 0.0) | (ease == 0.0))
         self._rows = self._fixed and np.count_nonzero(kept) > 1
-        self._kept, self._in_row = launcher.array(kept[order].astype(np.int32), wp.int32), launcher.zeros(n, wp.int32)
-        self._prepare_bins(tables, is_round, pinned)
+        self._kept = launcher.array(kept[everything].astype(np.int32), wp.int32)
+        self._in_row = launcher.zeros(n, wp.int32)
+        self._prepare_bins(tables.area[: len(order)], tables.reach, is_round[: len(order)], pinned[: len(order)])
         self._settings = wp.zeros(6, dtype=float, device=launcher.device)
         self._deep, self._touching = launcher.zeros(n, wp.int32), launcher.zeros(n, wp.int32)
         self._cost = launcher.zeros(n, float)
@@ -314,15 +322,15 @@ class Separation(ABC):
         outlines.corner = self.launcher.empty(self._corner_count + len(order) * self._trial_corners, wp.vec4)
         return outlines
 
-    def _prepare_bins(self, tables: FootprintTables, is_round: np.ndarray, pinned: np.ndarray) -> None:
+    def _prepare_bins(self, area: np.ndarray, reach: np.ndarray, is_round: np.ndarray, pinned: np.ndarray) -> None:
         """Bodies that may trade places: of one class and size, of like areas, and not all the same disc."""
         body = self._model.body
         may = ~pinned & ~self._is_line
         if not (may & ~is_round).any():
-            bin_of, members, start = np.zeros(self._count, np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64)
-            self._may_swap = np.zeros(self._count, bool)
+            bin_of, members, start = np.zeros(len(may), np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64)
+            self._may_swap = np.zeros(len(may), bool)
         else:
-            step = np.floor(np.log(tables.area) / math.log(ALIKE)).astype(np.int64)
+            step = np.floor(np.log(area) / math.log(ALIKE)).astype(np.int64)
             bin_of = numbered(np.where(may, body.class_index, -1), body.size_index, body.support, step)[self._order]
             count = int(bin_of.max()) + 1
             useful = np.zeros(count, bool)
@@ -340,7 +348,7 @@ class Separation(ABC):
         self._bins.member = wp.array(
             (members if len(members) else np.zeros(1)).astype(np.int32), dtype=wp.int32, device=device
         )
-        self._swap_reach = 2.0 * float(tables.reach[self._order][members].max(initial=0.0)) / self._model.unit
+        self._swap_reach = 2.0 * float(reach[self._order][members].max(initial=0.0)) / self._model.unit
 
     def run(
         self, go_on: Callable[[], bool] | None = None, *, again: bool = False, guidance: Guidance | None = None
@@ -375,7 +383,7 @@ class Separation(ABC):
     @property
     def _most_rounds(self) -> int:
         if self._covered > 1.0:
-            return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // self._count))
+            return min(ROUNDS_OF_THE_HOPELESS, max(FEWEST_ROUNDS, BODIES_OF_THE_HOPELESS // len(self._order)))
         return MOST_ROUNDS
 
     @cached_property
@@ -400,7 +408,7 @@ class Separation(ABC):
         pull_rounds = ROUNDS_OF_PULL[int(self._covered > CROWDED and (self._free or self._fixed))]
         if guidance is not None:
             longest = ROUNDS_OF_GUIDANCE if self._model.space.has_edges else ROUNDS_OF_GUIDANCE_WITHOUT_EDGES
-            guided = min(longest, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // self._count))
+            guided = min(longest, max(FEWEST_ROUNDS_OF_GUIDANCE, BODIES_TO_GUIDE // len(self._order)))
             pull_rounds, strongest = guided, PULL_OF_GUIDANCE
         least, since, clean = math.inf, 0, 0
         best, stopped = math.inf, False
@@ -499,7 +507,7 @@ class Separation(ABC):
 
     def _find(self) -> None:
         """What contacts there are, with the pairs listed anew where that is due."""
-        if self._strayed > STRAY_SHARE * self._count:
+        if self._strayed > STRAY_SHARE * len(self._order):
             self._rebuild()
         assert self._one_round is not None
         self._one_round[0].play()
@@ -522,13 +530,13 @@ class Separation(ABC):
     def _swap(self, number: int, share: float, keep: float) -> int:
         """Let the most stuck bodies trade places with others of their kind where both fit better; returns how many do."""
         self._left()
-        cost = self._cost.numpy()
+        cost = self._cost.numpy()[: len(self._order)]
         stuck = np.flatnonzero(self._may_swap & (cost > TOLERANCE**2))
         if not len(stuck):
             return 0
         stuck = stuck[np.argsort(-cost[stuck], kind="stable")]
         if share < 1.0:
-            stuck = stuck[: max(1, int(share * self._count))]
+            stuck = stuck[: max(1, int(share * len(self._order)))]
         candidates = max(1, min(CANDIDATES, PLACES_TO_TRY // len(stuck)))
         stuck = stuck[:PLACES_TO_TRY]
         self._sort()
@@ -549,10 +557,10 @@ class Separation(ABC):
 
     def _swap_first(self) -> None:
         """Let bodies trade places before the first round: the more that fit where they are, the less they need to move."""
-        for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // self._count))):
+        for number in range(min(FIRST_SWAPS, max(FEWEST_SWAPS, BODIES_TO_SWAP // len(self._order)))):
             self._find()
             swapped = self._swap(number, 1.0, FIRST_KEEP)
-            if swapped < LEAST_SWAPS * self._count:
+            if swapped < LEAST_SWAPS * len(self._order):
                 break
 
     def _turn_first(self) -> None:

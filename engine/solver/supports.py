@@ -8,11 +8,12 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
-from ..problem.obstacles import clearance
+from ..problem.of_bodies import of_bodies
+from ..problem.obstacles import Obstacle, clearance, convex_outline
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 
-__all__ = ["Supports", "supports_of"]
+__all__ = ["Supports", "parted_from_obstacles", "supports_of"]
 
 # Bodies of a size whose footprints differ keep off obstacles by one of so many distances, the next larger one.
 LEVELS = 4
@@ -53,37 +54,49 @@ def supports_of(
     images: list[np.ndarray] = []
     of_body = np.zeros(len(class_index), np.int32)
     radius = _radii(problem, class_index, size_index, area, footprints)
-    largest = [float(radius[class_index == c].max(initial=0.0)) for c in range(len(problem.classes))]
-    shapes = [(c.density_image.shape[0], c.density_image.shape[1]) for c in problem.classes]
-    free_space: dict[tuple[int, int], np.ndarray] = {}
+    # Outlines are parted from what is convex; the image is to say only where none of them could be, however they are turned.
+    nearest = np.where(parted_from_obstacles(problem, footprints), _inner_radii(footprints), radius)
+    kinds: list[tuple[np.ndarray, list[Obstacle]]] = [(radius, []), (nearest, [])]
+    for obstacle in problem.obstacles:
+        kinds[int(convex_outline(obstacle) is not None)][1].append(obstacle)
+    known: dict[tuple[int, tuple[int, int]], np.ndarray] = {}
+
+    def free_around(kind: int, shape: tuple[int, int]) -> np.ndarray | None:
+        """How far every pixel is from the obstacles of a kind [m]; None where there are none."""
+        reach, obstacles = kinds[kind]
+        if not obstacles:
+            return None
+        if (kind, shape) not in known:
+            # Classes whose images are alike ask once: as far as any of them wants to know.
+            pixel = np.array(problem.rectangle.size) / shape[::-1]
+            most = (float(reach.max()) + 0.5 * float(np.hypot(*pixel))) * SAFELY + float(pixel.max())
+            known[kind, shape] = clearance(obstacles, problem.rectangle, shape, most)
+        return known[kind, shape]
+
     for c, body_class in enumerate(problem.classes):
         image = body_class.density_image
-        shape = shapes[c]
-        pixel = np.array(problem.rectangle.size) / shape[::-1]
+        shape = (image.shape[0], image.shape[1])
         # A pixel belongs to the support with its corners.
-        corner = 0.5 * float(np.hypot(*pixel))
+        corner = 0.5 * float(np.hypot(*(np.array(problem.rectangle.size) / shape[::-1])))
         own = class_index == c
-        # Classes whose images are alike ask once: as far as any of them wants to know, which changes nothing nearer than that.
-        if shape not in free_space:
-            most = max(reach for reach, other in zip(largest, shapes, strict=True) if other == shape)
-            free_space[shape] = clearance(
-                problem.obstacles, problem.rectangle, shape, (most + corner) * SAFELY + float(pixel.max())
-            )
-        free = free_space[shape]
+        free = [free_around(kind, shape) for kind in range(len(kinds))]
         for s, size in enumerate(body_class.sizes):
             bodies = np.flatnonzero(own & (size_index == s))
             low, high = float(radius[bodies].min()), float(radius[bodies].max())
             steps = LEVELS if high > low else 1
             level = np.ceil((radius[bodies] - low) / max(high - low, 1e-300) * steps).astype(int).clip(1, steps)
             for number in np.unique(level).tolist():
-                needed = low + (high - low) * number / steps
-                support = np.where(free >= (needed + corner) * SAFELY, image, np.float32(0.0))
+                support, of_level = image, bodies[level == number]
+                needed = [float(reach[of_level].max()) for reach, _ in kinds]
+                for away, clear in zip(needed, free, strict=True):
+                    if clear is not None:
+                        support = np.where(clear >= (away + corner) * SAFELY, support, np.float32(0.0))
                 if not support.any():
                     raise ProblemError(
                         f'`obstacles` must leave room for size "{size.name}" of class "{body_class.name}", which keeps '
-                        f"{needed:.3g} m away from them"
+                        f"{max(needed):.3g} m away from them"
                     )
-                of_body[bodies[level == number]] = len(images)
+                of_body[of_level] = len(images)
                 images.append(support)
     return Supports(images, of_body)
 
@@ -108,10 +121,31 @@ def _radii(
                 beyond = _beyond_axis(footprints, np.flatnonzero(along), 0.5 * size.kind.mean_length)
                 radius[along] = np.maximum(radius[along], beyond)
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
-    has_axis = np.array([size.kind.has_axis for c in problem.classes for size in c.sizes])
-    first = np.concatenate([[0], np.cumsum([len(c.sizes) for c in problem.classes])])
-    dots = footprints.is_outline & ~has_axis[first[class_index] + size_index]
+    dots = footprints.is_outline & ~_has_axis(problem)
     return np.where(dots, circle * footprints.factor, radius)
+
+
+def parted_from_obstacles(problem: Problem, footprints: BodyFootprints) -> np.ndarray:
+    """Which bodies are parted from convex obstacles by their outlines, shape ``[n]``, bool.
+
+    Not lines, nor discs, which keep off by their radius; nor those whose room is smaller than they are.
+    """
+    if not problem.avoid_overlap:
+        return np.zeros(len(footprints.shape), bool)
+    is_round = np.array([outline.inner_radius == outline.circumradius for outline in footprints.shapes] + [True])
+    return footprints.is_outline & ~is_round[footprints.shape] & ~_has_axis(problem) & (footprints.room >= 1.0)
+
+
+def _inner_radii(footprints: BodyFootprints) -> np.ndarray:
+    """Radius of the largest disc about every body's position within its outline [m], shape ``[n]``."""
+    inner = np.array([outline.inner_radius for outline in footprints.shapes] + [0.0])
+    return inner[footprints.shape] * footprints.factor
+
+
+def _has_axis(problem: Problem) -> np.ndarray:
+    """Which bodies are lines, shape ``[n]``, bool."""
+    sizes = [size for c in problem.classes for size in c.sizes]
+    return of_bodies([size.kind.has_axis for size in sizes], [size.count or 0 for size in sizes], np.bool_)
 
 
 def _beyond_axis(footprints: BodyFootprints, bodies: np.ndarray, half: float) -> np.ndarray:
