@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +22,7 @@ from .footprint import MOST_CORNERS, Footprint
 from .settings import Settings, described, setting
 from .validation import show
 
-__all__ = ["Obstacle", "clearance", "convex_outline", "distance_to", "mask_shape"]
+__all__ = ["Obstacle", "clearance", "distance_to", "mask_shape"]
 
 # Pixels over the mean spacing of bodies, and along the longer side of the domain at least and at most.
 PIXELS_PER_SPACING = 5.0
@@ -141,6 +142,34 @@ class Obstacle(Settings):
     def _key(self, name: str) -> str:
         return f"`obstacle.{name}`"
 
+    @cached_property
+    def outline(self) -> Footprint | None:
+        """The ground that bodies keep off, with the margin, as an outline about the origin; None where it is not known to be convex.
+
+        Of a polygon with more corners than a footprint may have it is one around it, which is a little larger.
+        """
+        if self.disc is not None:
+            x, y, radius = self.disc
+            return Footprint(np.array([[x, y]]), radius + self.margin)
+        if self.polygon is None:
+            return None
+        corners = np.asarray(self.polygon)
+        area = _area(corners)
+        try:
+            if len(corners) <= MOST_CORNERS:
+                return Footprint(corners if area > 0.0 else corners[::-1], self.margin)
+        except ProblemError:
+            # Some of the corners may lie on edges.
+            pass
+        hull = convex_hull(corners)
+        if len(hull) < 3 or _area(hull) - abs(area) > NOT_CONVEX * _area(hull):
+            return None
+        try:
+            return Footprint(enclosing_polygon(hull, MOST_CORNERS), self.margin)
+        except ProblemError:
+            # Too thin, or too large, for an outline.
+            return None
+
 
 def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], count: int) -> tuple[int, int]:
     """Pixels for a density of ``shape`` that obstacles are cut out of: each of its own is divided into whole ones.
@@ -160,30 +189,6 @@ def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, 
         fine = max([math.ceil(length / pixel), *(min(n, MOST_PIXELS) for n in of_images)])
         result.append(pixels * math.ceil(fine / pixels))
     return result[0], result[1]
-
-
-def convex_outline(obstacle: Obstacle) -> Footprint | None:
-    """The ground that bodies keep off, with the margin, as an outline about the origin; None where it is not known to be convex.
-
-    Of a polygon with more corners than a footprint may have it is one around it, which is a little larger.
-    """
-    if obstacle.disc is not None:
-        x, y, radius = obstacle.disc
-        return Footprint(np.array([[x, y]]), radius + obstacle.margin)
-    if obstacle.polygon is None:
-        return None
-    corners = np.asarray(obstacle.polygon)
-    hull = convex_hull(corners)
-    if len(hull) < 3:
-        return None
-    lacking = _area(hull) - abs(_area(corners))
-    if lacking > NOT_CONVEX * _area(hull):
-        return None
-    try:
-        return Footprint(enclosing_polygon(hull, MOST_CORNERS), obstacle.margin)
-    except ProblemError:
-        # Too thin, or too large, for an outline.
-        return None
 
 
 def _area(corners: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..problem.body_footprints import CAPSULE, BodyFootprints
-from ..problem.footprint import Footprint
+from .standing_outlines import StandingOutlines
 
 __all__ = ["FootprintTables", "footprint_tables", "numbered", "ranked"]
 
@@ -39,27 +39,29 @@ class FootprintTables:
     area: np.ndarray
     inertia: np.ndarray
 
-    def followed_by(self, outlines: Sequence[Footprint]) -> FootprintTables:
-        """The same with outlines behind those of the bodies, each as it is."""
-        if not outlines:
+    def followed_by(self, standing: StandingOutlines) -> FootprintTables:
+        """The same with what stands among the bodies behind them, as it is. Nothing turns it: its inertia is 1."""
+        if not len(standing):
             return self
-        cores = [outline.corners for outline in outlines]
+        cores, outlines = standing.cores, standing.outlines
         first = self.start[-1] + np.cumsum([len(core) for core in cores])
 
-        def behind(values: np.ndarray, others: Sequence[float]) -> np.ndarray:
+        def behind(values: np.ndarray, others: Sequence[float] | np.ndarray) -> np.ndarray:
             return np.concatenate([values, others])
 
         return replace(
             self,
             corners=np.concatenate([self.corners, *(np.hstack([core, _normals(core)]) for core in cores)]),
-            start=np.concatenate([self.start, first]).astype(np.int32),
-            shape=np.concatenate([self.shape, len(self.start) - 1 + np.arange(len(cores), dtype=np.int32)]),
+            start=behind(self.start, first).astype(np.int32),
+            shape=behind(self.shape, len(self.start) - 1 + np.arange(len(cores), dtype=np.int32)),
             factor=behind(self.factor, np.ones(len(cores))),
-            rounding=behind(self.rounding, [outline.rounding for outline in outlines]),
-            reach=behind(self.reach, [outline.circumradius for outline in outlines]),
-            width=behind(self.width, [outline.width for outline in outlines]),
-            area=behind(self.area, [outline.area for outline in outlines]),
-            inertia=behind(self.inertia, [outline.moment for outline in outlines]),
+            rounding=behind(self.rounding, [o.rounding for o in outlines]),
+            reach=behind(
+                self.reach, [np.hypot(*c.T).max() + o.rounding for c, o in zip(cores, outlines, strict=True)]
+            ),
+            width=behind(self.width, [o.width for o in outlines]),
+            area=behind(self.area, [o.area for o in outlines]),
+            inertia=behind(self.inertia, np.ones(len(cores))),
         )
 
 

@@ -2,49 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..problem.footprint import Footprint
-from ..problem.obstacles import convex_outline
 from ..problem.problem import Problem
 
 __all__ = ["StandingOutlines", "standing_outlines"]
 
 
+@dataclass(frozen=True, eq=False)
 class StandingOutlines:
-    """Outlines of obstacles, each about a place inside the domain.
-
-    Args:
-        outlines: In the domain [m].
-        size: Of the domain [m].
+    """Outlines of obstacles, each seen from a place inside the domain.
 
     Attributes:
+        outlines: The outlines, about the domain's origin [m].
         position: The places [m], shape ``[m, 2]``.
-        footprints: The outlines as they are seen from there.
     """
 
-    def __init__(self, outlines: list[Footprint], size: tuple[float, float]) -> None:
-        middle = np.array([outline.middle for outline in outlines]).reshape(-1, 2)
-        # Cells of neighbors know places inside the domain only.
-        self.position = np.clip(middle, 0.0, np.nextafter(np.array(size), 0.0))
-        self.footprints = [
-            Footprint(outline.corners - place, outline.rounding)
-            for outline, place in zip(outlines, self.position, strict=True)
-        ]
+    outlines: Sequence[Footprint]
+    position: np.ndarray
 
     def __len__(self) -> int:
-        return len(self.footprints)
+        return len(self.outlines)
+
+    @property
+    def cores(self) -> list[np.ndarray]:
+        """Corners of every core, seen from its place [m]."""
+        return [outline.corners - place for outline, place in zip(self.outlines, self.position, strict=True)]
 
 
 def standing_outlines(problem: Problem) -> StandingOutlines:
     """Return the convex obstacles of a problem that come upon its domain."""
     domain = problem.rectangle
+    size = np.array(domain.size)
     found = []
-    for outline in map(convex_outline, problem.obstacles):
+    for obstacle in problem.obstacles:
+        outline = obstacle.outline
         if outline is None:
             continue
-        low, high = (limit(outline.corners, axis=0) for limit in (np.min, np.max))
+        near = (outline.corners.max(axis=0) >= -outline.rounding) & (outline.corners.min(axis=0) <= size + outline.rounding)
         # In a periodic domain they go on at the other side.
-        if domain.periodic or ((high >= -outline.rounding) & (low <= np.array(domain.size) + outline.rounding)).all():
+        if domain.periodic or near.all():
             found.append(outline)
-    return StandingOutlines(found, domain.size)
+    middle = np.array([outline.middle for outline in found]).reshape(-1, 2)
+    # Cells of neighbors know places inside the domain only.
+    return StandingOutlines(found, np.clip(middle, 0.0, np.nextafter(size, 0.0)))

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
 from ..problem.of_bodies import of_bodies
-from ..problem.obstacles import Obstacle, clearance, convex_outline
+from ..problem.obstacles import Obstacle, clearance
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 
@@ -58,7 +58,7 @@ def supports_of(
     nearest = np.where(parted_from_obstacles(problem, footprints), _inner_radii(footprints), radius)
     kinds: list[tuple[np.ndarray, list[Obstacle]]] = [(radius, []), (nearest, [])]
     for obstacle in problem.obstacles:
-        kinds[int(convex_outline(obstacle) is not None)][1].append(obstacle)
+        kinds[int(obstacle.outline is not None)][1].append(obstacle)
     known: dict[tuple[int, tuple[int, int]], np.ndarray] = {}
 
     def free_around(kind: int, shape: tuple[int, int]) -> np.ndarray | None:

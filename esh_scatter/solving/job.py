@@ -19,6 +19,7 @@ from ...engine.problem.body_class import BodyClass
 from ...engine.problem.fixed_bodies import FixedBodies
 from ...engine.problem.placement import Placement
 from ...engine.problem.prepared_class import PreparedClass
+from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.problem import Problem, SamplingSettings
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import RunSettings, ScatterSettings
@@ -46,7 +47,7 @@ from ..result.result_points import ResultPoints, overlap_attributes, point_attri
 from ..targets.references import Reference
 from ..targets.target import check_exists, is_result
 from ..targets.targets import Target, Targets, read_targets
-from .obstacles import ObstacleSource, StoredObstacle, covered, obstacle_image, read_obstacles
+from .obstacles import ObstacleSource, StoredObstacle, covered, obstacles_in, read_obstacles
 
 __all__ = ["ScatterJob", "ScatterResult"]
 
@@ -224,9 +225,9 @@ class ScatterJob:
             values_of_classes.append(survey.density(scatter_class.name, reader, self.chart))
             shapes_of_classes.append(shapes)
         self._shapes = [shape for shapes in shapes_of_classes for shape in shapes]
-        obstacle = None
+        obstacles: list[Obstacle] = []
         if reading.obstacles and isinstance(self.chart, Chart):
-            obstacle = obstacle_image(reading.obstacles, self.chart, survey)
+            obstacles = obstacles_in(reading.obstacles, self.chart, survey)
         elif reading.obstacles:
             free = ~covered(reading.obstacles, self.chart.points.position, survey)
             values_of_classes = [values * free for values in values_of_classes]
@@ -235,7 +236,7 @@ class ScatterJob:
             self._prepare_classes(reading, shapes_of_classes, values_of_classes),
             Balance(**values_of(self.settings, Balance)),
             **values_of(self.settings, SamplingSettings),
-            obstacles=() if obstacle is None else (obstacle,),
+            obstacles=obstacles,
             fixed=self._fixed(reading),
             include_fixed=True,
         )

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import ProblemError
+from ...engine.problem.convex_polygon import convex_hull, width_of
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.settings import Settings, described, setting
 from ...engine.problem.validation import show
@@ -31,12 +32,17 @@ __all__ = [
     "ScatterObstacle",
     "StoredObstacle",
     "covered",
-    "obstacle_image",
+    "obstacles_in",
     "read_obstacles",
 ]
 
 # Cells along the longer side of the rectangle that obstacles are drawn into.
 CELLS = 2048
+# Obstacles that are met by their outlines, at most: of more, each of which is small, an image is quicker and as good.
+MOST_CONVEX = 2000
+# A shape is convex where of its hull, so many cells along its longer side, it lacks no larger share.
+CELLS_OF_SHAPE = 64
+MOST_LACKING = 0.03
 KEY = "`obstacles`"
 
 
@@ -116,16 +122,21 @@ class StoredObstacle:
     """An obstacle as it was when it was read: what any thread may look at.
 
     Attributes:
-        triangle: Faces, edges and points in the world's x and y [m], shape ``[t, 3, 2]``.
+        shapes: Of every object faces, edges and points in the world's x and y [m], shape ``[t, 3, 2]``.
         stood: What other scatters have placed.
         reach: How far it reaches beyond these [m].
         middle: On a whole surface it is a ball around this, in the world [m]; None for what is seen from above there, too.
     """
 
-    triangle: np.ndarray
+    shapes: tuple[np.ndarray, ...]
     stood: tuple[_Stood, ...]
     reach: float
     middle: tuple[float, float, float] | None = None
+
+    def triangles(self, survey: Survey) -> np.ndarray:
+        """All of it, with the outlines of what other scatters have placed, shape ``[t, 3, 2]``."""
+        fans = [_fan(corners) for stood in self.stood for corners in _outlines(stood, survey)]
+        return np.concatenate([np.empty((0, 3, 2)), *self.shapes, *fans])
 
 
 def read_obstacles(obstacles: object, known: Known, without: Sequence[bpy.types.Object] = ()) -> list[StoredObstacle]:
@@ -149,20 +160,20 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
         entry = ScatterObstacle(entry)
     if isinstance(entry, FreePlace):
         middle = None if entry.z is None else (entry.x, entry.y, entry.z)
-        return StoredObstacle(np.full((1, 3, 2), (entry.x, entry.y), np.float64), (), entry.radius, middle)
+        return StoredObstacle((np.full((1, 3, 2), (entry.x, entry.y), np.float64),), (), entry.radius, middle)
     if not isinstance(entry, ScatterObstacle):
         raise ProblemError(
             f"{KEY} must be a list of ScatterObstacle, objects and collections; got {show(entry)} among them"
         )
-    triangles, stood = [np.empty((0, 3, 2))], []
+    shapes, stood = [], []
     for item in shape_objects(entry.source, KEY):
         if item.session_uid in without:
             continue
         if is_result(item):
             stood.append(_read_result(item))
         else:
-            triangles.append(read_shapes(item, KEY, known).triangle)
-    return StoredObstacle(np.concatenate(triangles), tuple(stood), 0.5 * entry.width + entry.margin)
+            shapes.append(read_shapes(item, KEY, known).triangle)
+    return StoredObstacle(tuple(shapes), tuple(stood), 0.5 * entry.width + entry.margin)
 
 
 def _read_result(item: bpy.types.Object) -> _Stood:
@@ -194,26 +205,79 @@ def _raised(axes: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=1) for row in rows], axis=1) @ axes
 
 
-def obstacle_image(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> Obstacle | None:
-    """Draw obstacles into the rectangle of a chart; touches nothing of Blender.
+def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> list[Obstacle]:
+    """Return obstacles as they lie in the rectangle of a chart; touches nothing of Blender.
+
+    What is convex is met exactly as it is, by outlines of any shape; the rest is drawn into an image.
 
     Args:
         obstacles: What was read.
         chart: Of the target.
         survey: Knows outlines.
-
-    Returns:
-        One obstacle for all of them; None where none of them lies over the rectangle.
     """
     cell = float(max(chart.size)) / CELLS
-    shape = int(max(1, round(float(chart.size[1]) / cell))), int(max(1, round(float(chart.size[0]) / cell)))
-    image = np.zeros(shape, bool)
+    found: list[Obstacle] = []
+    drawn: list[tuple[np.ndarray, float]] = []
+    few = sum(len(o.shapes) + sum(len(stood.position) for stood in o.stood) for o in obstacles) <= MOST_CONVEX
     for obstacle in obstacles:
-        triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
-        if not len(triangle):
-            continue
         # What is thinner than a cell is as wide as one.
-        _draw(image, triangle - chart.origin, max(obstacle.reach, 0.5 * cell), chart.size)
+        reach = max(obstacle.reach, 0.5 * cell)
+        if not few:
+            drawn.append((obstacle.triangles(survey) - chart.origin, reach))
+            continue
+        pieces: list[np.ndarray] = []
+        for shape in obstacle.shapes:
+            hull = _convex_corners(shape)
+            if hull is None:
+                drawn.append((shape - chart.origin, reach))
+            else:
+                pieces.append(hull)
+        pieces += [corners for stood in obstacle.stood for outlines in _outlines(stood, survey) for corners in outlines]
+        near = (corners - chart.origin for corners in pieces)
+        found += [_obstacle_of(c, obstacle.reach, reach) for c in near if _comes_upon(c, reach, chart.size)]
+    image = obstacle_image(drawn, chart.size)
+    return found if image is None else [*found, image]
+
+
+def _obstacle_of(corners: np.ndarray, margin: float, reach: float) -> Obstacle:
+    """An obstacle of convex corners ``[k, 2]`` [m]; of a single one a disc."""
+    if len(corners) == 1:
+        return Obstacle(disc=(*corners[0].tolist(), reach))
+    return Obstacle(polygon=corners, margin=margin)
+
+
+def _comes_upon(corners: np.ndarray, reach: float, size: np.ndarray) -> bool:
+    """Whether anything within ``reach`` of corners may lie in a rectangle of this size [m]."""
+    return bool(((corners.max(axis=0) > -reach) & (corners.min(axis=0) < size + reach)).all())
+
+
+def _convex_corners(triangle: np.ndarray) -> np.ndarray | None:
+    """Return the corners of the hull of a shape ``[t, 3, 2]``, where the shape fills it, shape ``[k, 2]``; None elsewhere."""
+    from ...engine.surface.shapes_from_above import draw_shapes
+
+    low, high = triangle.min(axis=(0, 1)), triangle.max(axis=(0, 1))
+    if not (high > low).any():
+        return low[None]
+    hull = convex_hull(triangle.reshape(-1, 2))
+    cell = float((high - low).max()) / CELLS_OF_SHAPE
+    if len(hull) < 3 or width_of(hull) < cell:
+        return None
+    height, width = np.maximum(np.ceil((high - low) / cell).astype(int), 1)[::-1].tolist()
+    size = np.array([width, height]) * cell
+    own, full = np.zeros((height, width), bool), np.zeros((height, width), bool)
+    draw_shapes(own, triangle - low, 0.5 * cell, size)
+    draw_shapes(full, _fan(hull[None]) - low, 0.5 * cell, size)
+    return hull if np.count_nonzero(full & ~own) <= MOST_LACKING * np.count_nonzero(full) else None
+
+
+def obstacle_image(drawn: Sequence[tuple[np.ndarray, float]], size: np.ndarray) -> Obstacle | None:
+    """Draw triangles of a rectangle of this size [m] and what is as near to them as is said with them; None where that is nothing."""
+    cell = float(max(size)) / CELLS
+    shape = int(max(1, round(float(size[1]) / cell))), int(max(1, round(float(size[0]) / cell)))
+    image = np.zeros(shape, bool)
+    for triangle, reach in drawn:
+        if len(triangle):
+            _draw(image, triangle, reach, size)
     return Obstacle(image=image) if image.any() else None
 
 
@@ -226,16 +290,16 @@ def covered(obstacles: Sequence[StoredObstacle], position: np.ndarray, survey: S
         if obstacle.middle is not None:
             found |= np.linalg.norm(position - obstacle.middle, axis=1) <= obstacle.reach
             continue
-        triangle = np.concatenate([obstacle.triangle, *(_outlines(stood, survey) for stood in obstacle.stood)])
+        triangle = obstacle.triangles(survey)
         if len(triangle):
             reach = max(obstacle.reach, 1e-6 * float(np.ptp(triangle, axis=(0, 1)).max()))
             found |= FlatShapes(triangle).distance(position, 1.01 * reach) <= reach
     return found
 
 
-def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:
-    """Return the outlines of what stands, as triangles, shape ``[t, 3, 2]``."""
-    found = [np.empty((0, 3, 2))]
+def _outlines(stood: _Stood, survey: Survey) -> list[np.ndarray]:
+    """Return corners of the convex outlines of what stands, of each mesh those of shape ``[n, k, 2]``."""
+    found = []
     for number, mesh in enumerate(stood.meshes):
         own = np.flatnonzero(stood.variant == number)
         if mesh is None or not len(own):
@@ -244,11 +308,14 @@ def _outlines(stood: _Stood, survey: Survey) -> np.ndarray:
             corners = np.array(survey.outline(mesh, KEY).corners)
         except ProblemError:  # it covers no ground
             continue
-        placed = stood.position[own][:, None] + np.einsum("nij,kj->nki", stood.axes[own], corners)
-        # They are convex.
-        fan = np.stack([np.broadcast_to(placed[:, :1], placed[:, 1:-1].shape), placed[:, 1:-1], placed[:, 2:]], axis=2)
-        found.append(fan.reshape(-1, 3, 2))
-    return np.concatenate(found)
+        found.append(stood.position[own][:, None] + np.einsum("nij,kj->nki", stood.axes[own], corners))
+    return found
+
+
+def _fan(corners: np.ndarray) -> np.ndarray:
+    """Return triangles that fill convex polygons ``[n, k, 2]``, shape ``[n * (k - 2), 3, 2]``."""
+    first = np.broadcast_to(corners[:, :1], corners[:, 1:-1].shape)
+    return np.stack([first, corners[:, 1:-1], corners[:, 2:]], axis=2).reshape(-1, 3, 2)
 
 
 def _draw(image: np.ndarray, triangle: np.ndarray, reach: float, size: np.ndarray) -> None:

@@ -122,6 +122,42 @@ def test_two_scatters_never_coincide(ground, tree):
     np.testing.assert_array_equal(xy(again), trees)
 
 
+def ground_below(result, half):
+    """What boxes of half extents ``half`` cover, seen from above."""
+    from shapely import box
+    from shapely.affinity import affine_transform
+
+    w, _, _, z = result.instances.rotation.T
+    turn = 2.0 * np.arctan2(z, w)
+    place = zip(xy(result), turn, strict=True)
+    shape = box(-half[0], -half[1], half[0], half[1])
+    return [affine_transform(shape, [np.cos(a), -np.sin(a), np.sin(a), np.cos(a), *at]) for at, a in place]
+
+
+def test_boxes_find_the_gaps_between_the_planks_of_another_scatter(ground, tree):
+    from shapely import STRtree
+
+    for vertex in ground.data.vertices:
+        vertex.co.z = 0.0
+    boxes = []
+    for half in ((1.0, 0.15), (0.45, 0.3)):
+        bpy.ops.mesh.primitive_cube_add(size=2.0, location=(70, 0, 0))
+        bpy.context.object.scale = (*half, 0.2)
+        bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
+        boxes.append(bpy.context.object)
+    planks = [ScatterClass("plank", [ScatterSize("s", 146, boxes[0], line=False)])]
+    first = scatter(ground, planks, device="cpu", name="Planks")
+    crates = [ScatterClass("crate", [ScatterSize("s", 140, boxes[1], line=False)])]
+    second = scatter(ground, crates, device="cpu", name="Crates", obstacles=[first.object, house(size=2.0)])
+    assert second.report.overlaps == 0
+    shown, around = ground_below(second, (0.45, 0.3)), ground_below(first, (1.0, 0.15))
+    for others in (shown, around):
+        tree_of = STRtree(others)
+        pairs = [(a, b) for a, one in enumerate(shown) for b in tree_of.query(one) if others[b] is not one]
+        assert max(shown[a].intersection(others[b]).area for a, b in pairs) < 1e-4
+    assert from_box(xy(second), (5, 5), 1.0).min() > 0.29, "nor in the house"
+
+
 def test_what_covers_everything_is_said(ground, tree):
     with pytest.raises(EshError, match=r"must leave (room|some ground)"):
         placed(ground, tree, obstacles=[house(size=100.0)])

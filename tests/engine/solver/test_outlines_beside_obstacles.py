@@ -1,0 +1,134 @@
+"""Outlines of any shape lie close to convex obstacles, are parted from them as from each other, and turn into the gaps between."""
+
+import numpy as np
+import pytest
+import shapely
+from esh import BodyClass, Domain, Footprint, Footprints, Obstacle, Problem, Size, Solver, solve
+from shapely import affinity
+
+SIDE = 20.0
+PLANK = Footprint.rectangle(2.0, 0.3)
+QUAD = Footprint.polygon([[-0.55, -0.32], [0.45, -0.32], [0.45, 0.08], [-0.35, 0.48]])
+WALL = [[9.9, 0.0], [10.1, 0.0], [10.1, SIDE], [9.9, SIDE]]
+
+
+def laid_out(placement, outline):
+    """What lies where, as shapely's polygons."""
+    shape = shapely.Polygon(outline.outline(32))
+    return [
+        affinity.translate(
+            affinity.scale(affinity.rotate(shape, angle, (0, 0), use_radians=True), factor, factor, origin=(0, 0)), *at
+        )
+        for at, angle, factor in zip(placement.position, placement.angle, placement.scale, strict=True)
+    ]
+
+
+def overlaps(one, others):
+    """How many of some polygons lie in others by more than is seen."""
+    tree = shapely.STRtree(others)
+    found = 0
+    for shape in one:
+        near = [others[k] for k in tree.query(shape) if others[k] is not shape]
+        found += any(shape.intersection(o).area > 2e-4 * min(shape.area, o.area) for o in near)
+    return found
+
+
+def problem_of(outline, count, obstacles, boundary="open", seed=2, **footprints):
+    size = Size("a", None, count, footprint=Footprints([outline], **footprints))
+    domain = Domain((SIDE, SIDE), boundary)
+    return Problem(domain, [BodyClass("k", [size])], avoid_overlap=True, obstacles=obstacles, seed=seed)
+
+
+def convex_ones(kind):
+    """Obstacles, and the ground that they take as polygons."""
+    if kind == "posts":
+        at = [(x, y) for x in np.arange(1.0, SIDE, 2.0) for y in np.arange(1.0, SIDE, 2.0)]
+        return [Obstacle(disc=(x, y, 0.05)) for x, y in at], [shapely.Point(p).buffer(0.05, 64) for p in at]
+    if kind == "wall with a margin":
+        return [Obstacle(polygon=WALL, margin=0.3)], [shapely.Polygon(WALL).buffer(0.3, 64)]
+    random = np.random.default_rng(1)
+    corners = [random.uniform(0.0, SIDE, 2) + random.uniform(-1.5, 1.5, (3, 2)) for _ in range(30)]
+    return [Obstacle(polygon=c) for c in corners], [shapely.Polygon(c) for c in corners]
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic", "natural"])
+@pytest.mark.parametrize("kind", ["posts", "wall with a margin", "triangles"])
+@pytest.mark.parametrize("footprints", [{}, {"turn": "random", "scale_jitter": 0.3}], ids=["free", "given turns"])
+def test_none_lies_in_an_obstacle_nor_in_another(kind, boundary, footprints):
+    obstacles, ground = convex_ones(kind)
+    placement = solve(problem_of(PLANK, 80, obstacles, boundary, **footprints), device="cpu")
+    shapes = laid_out(placement, PLANK)
+    assert overlaps(shapes, ground) == overlaps(shapes, shapes) == 0
+    assert placement.report.overlaps == 0
+
+
+@pytest.mark.parametrize("count", [90, 160])
+def test_they_find_the_gaps_between_many_planks(count):
+    """Where each kept the distance of a disc around it, there was room for hardly any of them."""
+    planks = solve(problem_of(PLANK, 146, [], seed=1), device="cpu")
+    ground = laid_out(planks, PLANK)
+    obstacles = [Obstacle(polygon=np.array(shape.exterior.coords)[:-1]) for shape in ground]
+    placement = solve(problem_of(QUAD, count, obstacles), device="cpu")
+    shapes = laid_out(placement, QUAD)
+    assert overlaps(shapes, ground) == overlaps(shapes, shapes) == placement.report.overlaps == 0
+    assert placement.report.coverage_error < 0.1
+
+
+def test_they_lie_close_to_a_wall():
+    """Free planks beside one turn along it; a disc around them would keep a meter away."""
+    placement = solve(problem_of(PLANK, 300, [Obstacle(polygon=WALL)]), device="cpu")
+    away = shapely.distance(np.array(laid_out(placement, PLANK)), shapely.Polygon(WALL))
+    assert np.count_nonzero(away < 0.3) > 20
+    assert placement.report.converged
+
+
+def test_what_is_not_convex_keeps_the_distance_of_a_disc():
+    corner = [[4.0, 4.0], [16.0, 4.0], [16.0, 6.0], [6.0, 6.0], [6.0, 16.0], [4.0, 16.0]]
+    placement = solve(problem_of(PLANK, 200, [Obstacle(polygon=corner)]), device="cpu")
+    assert overlaps(laid_out(placement, PLANK), [shapely.Polygon(corner)]) == 0
+    assert shapely.distance(shapely.points(placement.position), shapely.Polygon(corner)).min() > PLANK.circumradius
+
+
+def test_an_obstacle_far_larger_than_the_domain_is_met_as_well():
+    half = [[-500.0, -500.0], [500.0, -500.0], [500.0, 5.0], [-500.0, 5.0]]
+    placement = solve(problem_of(PLANK, 250, [Obstacle(polygon=half)]), device="cpu")
+    shapes = laid_out(placement, PLANK)
+    assert overlaps(shapes, [shapely.Polygon(half)]) == overlaps(shapes, shapes) == 0
+
+
+def test_edits_part_them_as_well():
+    obstacles, ground = convex_ones("triangles")
+    solver = Solver(problem_of(PLANK, 80, []), device="cpu")
+    solver.run(60)
+    solver.separate()
+    solver.edit(problem_of(PLANK, 80, obstacles))
+    solver.run(60)
+    solver.separate()
+    shapes = laid_out(solver.placement(), PLANK)
+    assert overlaps(shapes, ground) == overlaps(shapes, shapes) == 0
+
+
+@pytest.mark.parametrize(
+    ("corners", "convex"),
+    [
+        (WALL, True),
+        (WALL[::-1], True),
+        ([[0, 0], [1, 0], [2, 0], [2, 1], [0, 1]], True),
+        ([[0, 0], [2, 0], [2, 2], [1, 0.5], [0, 2]], False),
+        ([[0, 0], [2, 2], [2, 0], [0, 2]], False),
+        ([[0, 0], [1, 0], [2, 0]], False),
+    ],
+    ids=["box", "clockwise", "corner on an edge", "notch", "crossing", "no inside"],
+)
+def test_only_convex_polygons_have_an_outline(corners, convex):
+    outline = Obstacle(polygon=corners, margin=0.1).outline
+    assert (outline is not None) == convex
+    if convex:
+        assert outline.area == pytest.approx(shapely.Polygon(corners).buffer(0.1, 64).area, rel=1e-3)
+
+
+def test_round_polygons_of_many_corners_have_one_around_them():
+    ring = np.array(shapely.Point(3.0, 2.0).buffer(1.0, 64).exterior.coords)[:-1]
+    outline = shapely.Polygon(Obstacle(polygon=ring).outline.corners)
+    assert outline.buffer(1e-9).contains(shapely.Polygon(ring))
+    assert outline.area < 1.03 * shapely.Polygon(ring).area
