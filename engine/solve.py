@@ -86,7 +86,7 @@ def solve_on(
         with solver.launcher.phase("report"):
             placement = solver.last_placement()
             report = measure(placement, solver.launcher)
-        converged = converged and not (problem.avoid_overlap and report.overlaps)
+        converged = converged and (report.clean or not problem.avoid_overlap)
         seconds = time.perf_counter() - start_time
         return replace(placement, report=replace(report, steps=steps, converged=converged, seconds=seconds))
 
@@ -106,7 +106,7 @@ def moved(placement: Placement, position: np.ndarray, device: str = "auto") -> P
     placement = replace(placement, position=inside, report=None)
     with closing(Launcher(resolve_device(device))) as launcher:
         report = measure(placement, launcher)
-    converged = before.converged and not (placement.problem.avoid_overlap and report.overlaps)
+    converged = before.converged and (report.clean or not placement.problem.avoid_overlap)
     return replace(placement, report=replace(report, steps=before.steps, converged=converged, seconds=before.seconds))
 
 

@@ -6,6 +6,7 @@ edge, and so holds as much as is asked beside it. Where bodies may be ends befor
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -34,6 +35,8 @@ ROWS = 32
 THRESHOLD = 0.5
 # A polygon is convex where it lacks no larger share of its hull.
 NOT_CONVEX = 1e-6
+# Edges of a polygon that is looked at for crossings.
+MOST_EDGES_THAT_CROSS = 1000
 
 
 def _check_polygon(value: object, key: str) -> np.ndarray:
@@ -170,6 +173,18 @@ class Obstacle(Settings):
             # Too thin, or too large, for an outline.
             return None
 
+    @cached_property
+    def pieces(self) -> tuple[Footprint, ...]:
+        """That ground in convex pieces; of a polygon that is not convex trapezoids; none of an image, a ball, and what has no inside."""
+        if self.outline is not None:
+            return (self.outline,)
+        found = []
+        for corners in () if self.polygon is None else _slabs(np.asarray(self.polygon)):
+            # Those without an inside take no ground.
+            with contextlib.suppress(ProblemError):
+                found.append(Footprint.polygon(corners, self.margin))
+        return tuple(found)
+
 
 def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, int], count: int) -> tuple[int, int]:
     """Pixels for a density of ``shape`` that obstacles are cut out of: each of its own is divided into whole ones.
@@ -189,6 +204,36 @@ def mask_shape(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, 
         fine = max([math.ceil(length / pixel), *(min(n, MOST_PIXELS) for n in of_images)])
         result.append(pixels * math.ceil(fine / pixels))
     return result[0], result[1]
+
+
+def _slabs(corners: np.ndarray) -> Iterator[np.ndarray]:
+    """Cut a polygon, whose edges may cross, into trapezoids between horizontal lines: corners of shape ``[4, 2]``."""
+    start, end = corners, np.roll(corners, -1, axis=0)
+    low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
+    lines = np.unique(np.concatenate([corners[:, 1], _heights_of_crossings(start, end - start)]))
+    slope = (end[:, 0] - start[:, 0]) / np.where(high > low, end[:, 1] - start[:, 1], 1.0)
+    for below, above in pairwise(lines.tolist()):
+        middle = 0.5 * (below + above)
+        own = np.flatnonzero((low <= middle) & (middle < high))
+        own = own[np.argsort(start[own, 0] + slope[own] * (middle - start[own, 1]), kind="stable")]
+        at = np.array([start[own, 0] + slope[own] * (y - start[own, 1]) for y in (below, above)]).T
+        # What is inside an odd number of times lies between the first and the second edge, the third and the fourth, and so on.
+        for left, right in zip(at[::2], at[1::2], strict=False):
+            yield np.array([[left[0], below], [right[0], below], [right[1], above], [left[1], above]])
+
+
+def _heights_of_crossings(start: np.ndarray, edge: np.ndarray) -> np.ndarray:
+    """Where edges cross, along y; of more edges than these nobody asks."""
+    if len(edge) > MOST_EDGES_THAT_CROSS:
+        return np.empty(0)
+    between = start[None] - start[:, None]
+    cross = edge[:, None, 0] * edge[None, :, 1] - edge[:, None, 1] * edge[None, :, 0]
+    parted = np.where(cross == 0.0, np.nan, cross)
+    along = (between[..., 0] * edge[None, :, 1] - between[..., 1] * edge[None, :, 0]) / parted
+    other = (between[..., 0] * edge[:, None, 1] - between[..., 1] * edge[:, None, 0]) / parted
+    met = (along > 0.0) & (along < 1.0) & (other > 0.0) & (other < 1.0)
+    one = np.nonzero(met)[0]
+    return start[one, 1] + along[met] * edge[one, 1]
 
 
 def _area(corners: np.ndarray) -> float:

@@ -70,6 +70,12 @@ class Report:
         deepest_pair: The two bodies, None where nothing overlaps.
         deepest_place: The middle between them [m]: x and y, and z on a surface.
         overlapping: Bodies that overlap others, those that lie deepest in another first; at most 10,000.
+        in_obstacles: Bodies whose outlines lie in an obstacle or its margin by more than 1e-3 of the narrower one's width, where
+            overlap is avoided in a rectangle. Fixed bodies do not count.
+        deepest_in_obstacle: How deep the deepest of them does [m].
+        beyond_border: Bodies whose outlines reach across the border of an ``inset`` domain, where overlap is avoided. Fixed bodies do
+            not count.
+        farthest_beyond_border: How far the farthest of them does [m].
         notes: Sentences worth the user's attention, e.g. that the footprints cannot fit.
         closest: Smallest distance between two bodies' centers [m], in the plane of the domain; on a surface in a straight line, of two
             on one sheet of it. None with fewer than two bodies.
@@ -96,6 +102,15 @@ class Report:
     deepest_pair: tuple[int, int] | None = None
     deepest_place: tuple[float, ...] | None = None
     overlapping: tuple[int, ...] = ()
+    in_obstacles: int = 0
+    deepest_in_obstacle: float = 0.0
+    beyond_border: int = 0
+    farthest_beyond_border: float = 0.0
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing overlaps, lies in an obstacle or reaches across the border."""
+        return not (self.overlaps or self.in_obstacles or self.beyond_border)
 
     @property
     def psnr(self) -> float | None:

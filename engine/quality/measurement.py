@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
+from ..problem.body_footprints import BodyFootprints
 from ..problem.cover import cover_of
 from ..problem.of_bodies import one_by_one
 from ..problem.placement import Placement
@@ -22,7 +23,8 @@ from ..space.support import images_for_kernels
 from . import kernels_spacing
 from .coverage import Coverage
 from .measured_bodies import MeasuredBodies, measured_bodies
-from .overlaps import Overlaps, overlaps_of
+from .out_of_place import OutOfPlace, out_of_place
+from .overlaps import Overlaps, overlaps_of, overlaps_of_fixed
 from .spacing import Spacing, measure_spacing
 from .surface_measurement import measure_on_surface
 
@@ -61,6 +63,9 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     notes = [note for c in problem.classes for note in c.notes]
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes += _notes_on_overlaps(problem, overlaps, covered)
+    misplaced = out_of_place(placement, launcher, footprints)
+    notes += _notes_on_places(misplaced)
+    notes += _notes_on_fixed(placement, launcher, footprints)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     apart = [spacing]
     if len(problem.classes) > 1:
@@ -80,6 +85,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         deepest_pair=overlaps.pair,
         deepest_place=overlaps.place,
         overlapping=overlaps.bodies,
+        in_obstacles=misplaced.in_obstacles,
+        deepest_in_obstacle=misplaced.deepest,
+        beyond_border=misplaced.beyond_border,
+        farthest_beyond_border=misplaced.farthest,
         covered=covered,
         classes=_class_reports(placement, errors, apart),
         notes=tuple(notes),
@@ -136,6 +145,29 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
             "lower the counts or the areas"
         )
     return notes
+
+
+def _notes_on_places(found: OutOfPlace) -> list[str]:
+    """Say what lies in obstacles or reaches across the border."""
+    notes = []
+    if found.in_obstacles:
+        lie = "1 body lies" if found.in_obstacles == 1 else f"{found.in_obstacles} bodies lie"
+        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; lower the counts or the areas")
+    if found.beyond_border:
+        reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
+        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; lower the counts or the areas")
+    return notes
+
+
+def _notes_on_fixed(placement: Placement, launcher: Launcher, footprints: BodyFootprints) -> list[str]:
+    """Say which fixed bodies overlap each other, which nothing can part."""
+    if not placement.problem.avoid_overlap or np.count_nonzero(placement.fixed) < 2:
+        return []
+    found = overlaps_of_fixed(placement, launcher, footprints)
+    if not found.count:
+        return []
+    pairs = "1 pair of fixed bodies overlaps" if found.count == 1 else f"{found.count} pairs of fixed bodies overlap"
+    return [f"{pairs} each other, the deepest by {found.deepest:.3g} m: they stay where they are"]
 
 
 def _covers(body_class: PreparedClass) -> bool:

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
-from ..problem.body_footprints import CAPSULE, BodyFootprints
+from ..problem.body_footprints import BodyFootprints
 from ..problem.domain import Domain
-from ..problem.of_bodies import is_same, of_all, one_by_one
+from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.surface import Surface
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
+from .laid_out import bent_lines, laid_out
 from .sheets import sheets_of
 from .summaries import largest_by_kind, sum_of_whole
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_from", "overlaps_of"]
+__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_from", "overlaps_of", "overlaps_of_fixed"]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3
@@ -88,6 +88,29 @@ def overlaps_of(
     )
 
 
+def overlaps_of_fixed(placement: Placement, launcher: Launcher, footprints: BodyFootprints) -> Overlaps:
+    """Return what the fixed bodies of a placement overlap among themselves, which no run can part; see :func:`overlaps_of`.
+
+    Bodies are numbered among the fixed ones.
+    """
+    own = np.flatnonzero(placement.fixed)
+    tilt = footprints.tilts(placement.id, placement.problem.seed)
+    return find_overlaps(
+        replace(footprints, shape=footprints.shape[own], factor=footprints.factor[own], slope=footprints.slope[own]),
+        placement.position[own],
+        placement.angle[own],
+        placement.length[own],
+        placement.width[own],
+        placement.problem.rectangle,
+        launcher,
+        smaller=np.minimum(footprints.room[own], 1.0),
+        bends=None if placement.bends is None else placement.bends[own],
+        tilt=None if tilt is None else tilt[own],
+        apart=placement.problem.balance.classes_apart,
+        class_index=placement.class_index[own],
+    )
+
+
 def find_overlaps(
     footprints: BodyFootprints,
     position: np.ndarray,
@@ -128,9 +151,9 @@ def find_overlaps(
         return Overlaps(0)
     slope = footprints.slopes_at(position, domain.size, tilt)
     factor = of_all(1.0, n) if smaller is None else smaller
-    bent = _bent_lines(footprints, position, bends)
+    bent = bent_lines(footprints, position, bends)
     place = launcher.array(position, wp.vec2d) if on_device is None else on_device
-    shapes = _laid_out(footprints, place, angle, length, width, factor, slope, bent, launcher)
+    shapes = laid_out(footprints, place, angle, length, width, factor, slope, bent, launcher)
     stays = of_all(np.int32(0), n) if fixed is None or not fixed.any() else fixed.astype(np.int32)
     shapes.fixed = launcher.alike(stays, wp.int32)
     _note_classes(shapes, apart, class_index, launcher)
@@ -199,7 +222,7 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
     bends = None if placement.bends is None else _laid_flat(placement.bends, placement.position, smooth, along)
     pieces = 0 if bends is None else bends.shape[1] - 1
     most_corners = max([2, 2 * pieces, *(len(outline.corners) for outline in footprints.shapes)])
-    shapes = _laid_out(
+    shapes = laid_out(
         footprints,
         launcher.zeros(n, wp.vec2d),
         of_all(0.0, n),
@@ -207,7 +230,7 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
         placement.width,
         np.minimum(footprints.room, 1.0),
         None,
-        _bent_lines(footprints, np.zeros((n, 2)), bends),
+        bent_lines(footprints, np.zeros((n, 2)), bends),
         launcher,
         spare_corners=n * most_corners,
     )
@@ -290,85 +313,6 @@ def _note_classes(
     shapes.of_class = launcher.array(whose, wp.int32)
     table = np.zeros(1, np.int32) if apart is None else apart.astype(np.int32).ravel()
     shapes.apart = launcher.array(table, wp.int32)
-
-
-class _BentLines(NamedTuple):
-    """Lines that are bent: their bodies ``[m]``, where the points of each begin ``[m + 1]``, and the way to these ``[points, 2]``."""
-
-    body: np.ndarray
-    start: np.ndarray
-    point: np.ndarray
-
-
-def _bent_lines(footprints: BodyFootprints, position: np.ndarray, bends: np.ndarray | None) -> _BentLines:
-    if bends is None:
-        return _BentLines(np.zeros(0, np.int32), np.zeros(1, np.int32), np.zeros((0, 2)))
-    there = np.isfinite(bends).all(axis=2)
-    count = np.where(footprints.shape == CAPSULE, there.sum(axis=1), 0)
-    body = np.flatnonzero(count >= 2)
-    start = np.concatenate([[0], np.cumsum(count[body])])
-    point = (bends[body] - position[body, None])[there[body]]
-    return _BentLines(body.astype(np.int32), start.astype(np.int32), point)
-
-
-def _laid_out(
-    footprints: BodyFootprints,
-    position: wp.array,
-    angle: np.ndarray,
-    length: np.ndarray,
-    width: np.ndarray,
-    smaller: np.ndarray,
-    slope: np.ndarray | None,
-    bent: _BentLines,
-    launcher: Launcher,
-    spare_corners: int = 0,
-) -> kernels_overlaps.Shapes:
-    """What lies where, but for what is fixed; without slopes all lies in horizontal planes; corners have some room behind them."""
-    device, n = launcher.device, len(position)
-
-    def numbers(values: np.ndarray) -> wp.array:
-        # Dots have neither angle nor length; what is 0 of all is there once.
-        return launcher.alike(values if values.any() else of_all(0.0, len(values)), wp.float64)
-
-    outlines = footprints.shapes
-    cores = [*(outline.corners for outline in outlines), np.array([[-1.0, 0.0], [1.0, 0.0]])]
-    start = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int32)
-    shape = one_by_one(
-        lambda number: np.where(number == CAPSULE, len(outlines), number).astype(np.int32), footprints.shape
-    )
-    given = kernels_overlaps.Given()
-    given.shape = launcher.alike(shape, wp.int32)
-    given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)
-    given.width, given.smaller = numbers(width), numbers(smaller)
-    given.start = wp.array(start, dtype=wp.int32, device=device)
-    given.corner = wp.array(np.concatenate(cores), dtype=wp.vec2d, device=device)
-    middles = np.array([*(outline.middle for outline in outlines), np.zeros(2)])
-    given.middle = wp.array(middles, dtype=wp.vec2d, device=device)
-    given.shape_rounding = numbers(np.array([*(outline.rounding for outline in outlines), 0.0]))
-    given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
-    given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))
-    given.capsule = len(outlines)
-    given.slope = launcher.array(np.zeros((0, 2)) if slope is None else slope, wp.vec2d)
-    pieces = of_all(np.int32(0), n)
-    if is_same(shape) and not len(bent.body):
-        first = np.diff(start)[shape[0]] * np.arange(n + 1, dtype=np.int32)
-    else:
-        pieces = np.zeros(n, np.int32)
-        pieces[bent.body] = np.diff(bent.start) - 1
-        first = np.zeros(n + 1, np.int32)
-        np.cumsum(np.where(pieces > 0, 2 * pieces, np.diff(start)[shape]), out=first[1:])
-    shapes = kernels_overlaps.Shapes()
-    shapes.position = position
-    shapes.first_corner = launcher.array(first, wp.int32)
-    shapes.corner = launcher.empty(int(first[-1]) + spare_corners, wp.vec4d)
-    shapes.rounding, shapes.reach, shapes.width = (launcher.empty(n, wp.float64) for _ in range(3))
-    shapes.pieces = launcher.alike(pieces, wp.int32)
-    launcher.launch(kernels_overlaps.lay_out, n, [given], [shapes])
-    if len(bent.body):
-        lines = [launcher.array(values, wp.int32) for values in (bent.body, bent.start)]
-        points = launcher.array(bent.point, wp.vec2d)
-        launcher.launch(kernels_overlaps.lay_out_bent, len(bent.body), [*lines, points, given.smaller], [shapes])
-    return shapes
 
 
 def _lattice(
