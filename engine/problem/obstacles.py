@@ -175,7 +175,7 @@ class Obstacle(Settings):
 
     @cached_property
     def pieces(self) -> tuple[Footprint, ...]:
-        """That ground in convex pieces; of a polygon that is not convex trapezoids; none of an image, a ball, and what has no inside."""
+        """That ground in convex pieces, of a polygon that is not convex trapezoids; none of images, balls, and what has no inside."""
         if self.outline is not None:
             return (self.outline,)
         found = []

@@ -38,7 +38,7 @@ def find_beyond_border(
 
 @wp.struct
 class Drawn:
-    """An obstacle that is an image: how many pixels of every row, row 0 at the bottom, are obstacles before each column; and its margin.
+    """An obstacle that is an image: how many pixels of every row, row 0 below, are obstacles before each column; and its margin.
 
     Its rows and columns, and the extent of the domain that it covers.
     """
@@ -119,6 +119,27 @@ def part_of_row(i: int, y: wp.float64, around: wp.float64, shapes: Shapes):
     return wp.vec2d(low, high)
 
 
+@wp.func
+def deepest_of_row(i: int, row: int, shapes: Shapes, drawn: Drawn, tolerance: wp.float64):
+    """How deep the middle of a pixel of a row that is an obstacle, or its margin, lies in an outline; 0 if none does."""
+    at = shapes.position[i]
+    wide = drawn.size[0] / wp.float64(drawn.columns)
+    y = (wp.float64(row) + HALF) * drawn.size[1] / wp.float64(drawn.rows) - at[1]
+    part = part_of_row(i, y, shapes.rounding[i] + drawn.margin, shapes)
+    left = int(wp.floor((at[0] + part[0]) / wide))
+    right = wp.max(int(wp.ceil((at[0] + part[1]) / wide)), left)
+    if obstacles_before(row, right, drawn) == obstacles_before(row, left, drawn):
+        right = left
+    deepest = wp.float64(0.0)
+    for column in range(left, right):
+        if obstacles_before(row, column + 1, drawn) > obstacles_before(row, column, drawn):
+            x = (wp.float64(column) + HALF) * wide - at[0]
+            found = depth_in_outline(i, wp.vec2d(x, y), shapes) + drawn.margin
+            if found > tolerance * shapes.width[i]:
+                deepest = wp.max(deepest, found)
+    return deepest
+
+
 @wp.kernel
 def find_in_image(
     first: int,
@@ -134,9 +155,7 @@ def find_in_image(
     """
     i = first + wp.tid()
     at = shapes.position[i]
-    wide = drawn.size[0] / wp.float64(drawn.columns)
     high = drawn.size[1] / wp.float64(drawn.rows)
-    around = shapes.rounding[i] + drawn.margin
     reach = shapes.reach[i] + drawn.margin
     below = int(wp.floor((at[1] - reach) / high))
     above = int(wp.ceil((at[1] + reach) / high))
@@ -147,15 +166,5 @@ def find_in_image(
         above = below
     deepest = depth[i]
     for row in range(below, above):
-        y = (wp.float64(row) + HALF) * high - at[1]
-        part = part_of_row(i, y, around, shapes)
-        left = int(wp.floor((at[0] + part[0]) / wide))
-        right = int(wp.ceil((at[0] + part[1]) / wide))
-        if left < right and obstacles_before(row, right, drawn) > obstacles_before(row, left, drawn):
-            for column in range(left, right):
-                if obstacles_before(row, column + 1, drawn) > obstacles_before(row, column, drawn):
-                    x = (wp.float64(column) + HALF) * wide - at[0]
-                    found = depth_in_outline(i, wp.vec2d(x, y), shapes) + drawn.margin
-                    if found > tolerance * shapes.width[i]:
-                        deepest = wp.max(deepest, found)
+        deepest = wp.max(deepest, deepest_of_row(i, row, shapes, drawn, tolerance))
     depth[i] = deepest

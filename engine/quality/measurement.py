@@ -155,7 +155,9 @@ def _notes_on_places(found: OutOfPlace) -> list[str]:
         notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; lower the counts or the areas")
     if found.beyond_border:
         reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
-        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; lower the counts or the areas")
+        notes.append(
+            f"{reach} across the border, the farthest by {found.farthest:.3g} m; lower the counts or the areas"
+        )
     return notes
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,6 @@ from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.body_footprints import BodyFootprints
 from ..problem.domain import Domain
 from ..problem.footprint import Footprint
-from ..problem.obstacles import Obstacle
 from ..problem.of_bodies import one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
@@ -21,6 +21,10 @@ from .laid_out import bent_lines, laid_out
 from .overlaps import TOLERANCE, find_overlaps
 
 __all__ = ["OutOfPlace", "out_of_place"]
+
+# Width of a pixel over that of the narrowest body at most, and pixels along either side of an image at most; its own may be more.
+PIXELS_OF_NARROWEST = 0.25
+MOST_PIXELS = 2048
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,8 @@ def out_of_place(placement: Placement, launcher: Launcher, footprints: BodyFootp
         launcher.launch(kernels_out_of_place.find_beyond_border, n, inputs, [beyond])
     for obstacle in problem.obstacles:
         if obstacle.image is not None:
-            inputs = [shapes, _drawn(obstacle.image, obstacle.margin, domain, launcher), TOLERANCE]
+            narrowest = float(shapes.width.numpy().min())
+            inputs = [shapes, _drawn(obstacle.image, obstacle.margin, domain, narrowest, launcher), TOLERANCE]
             launcher.launch(kernels_out_of_place.find_in_image, n, inputs, [drawn], grain=GRAIN_OF_NEIGHBORS)
     across, depth = beyond.numpy(), drawn.numpy()
     pieces = [piece for obstacle in problem.obstacles for piece in obstacle.pieces]
@@ -90,7 +95,13 @@ def _shapes_of(placement: Placement, footprints: BodyFootprints, launcher: Launc
     return shapes
 
 
-def _drawn(image: np.ndarray, margin: float, domain: Domain, launcher: Launcher) -> kernels_out_of_place.Drawn:
+def _drawn(
+    image: np.ndarray, margin: float, domain: Domain, narrowest: float, launcher: Launcher
+) -> kernels_out_of_place.Drawn:
+    """An obstacle as kernels take it, in pixels so small that the narrowest body [m] does not lie between their middles."""
+    for axis, (count, length) in enumerate(zip(image.shape, domain.size[::-1], strict=True)):
+        times = min(math.ceil(length / count / (PIXELS_OF_NARROWEST * narrowest)), MOST_PIXELS // count)
+        image = np.repeat(image, max(times, 1), axis=axis)
     rows, columns = image.shape
     before = np.zeros((rows, columns + 1), np.int32)
     np.cumsum(image[::-1], axis=1, out=before[:, 1:])
@@ -114,9 +125,7 @@ def _in_pieces(
         return np.concatenate([values, np.full(more, value, values.dtype)])
 
     middle = np.array([piece.middle for piece in pieces])
-    outlines = [
-        Footprint(piece.corners - place, piece.rounding) for piece, place in zip(pieces, middle, strict=True)
-    ]
+    outlines = [Footprint(piece.corners - place, piece.rounding) for piece, place in zip(pieces, middle, strict=True)]
     domain = placement.problem.rectangle
     if domain.periodic:
         middle = np.mod(middle, domain.size)

@@ -21,7 +21,15 @@ from .laid_out import bent_lines, laid_out
 from .sheets import sheets_of
 from .summaries import largest_by_kind, sum_of_whole
 
-__all__ = ["TOLERANCE", "Overlaps", "find_overlaps", "find_overlaps_on_surface", "overlaps_from", "overlaps_of", "overlaps_of_fixed"]
+__all__ = [
+    "TOLERANCE",
+    "Overlaps",
+    "find_overlaps",
+    "find_overlaps_on_surface",
+    "overlaps_from",
+    "overlaps_of",
+    "overlaps_of_fixed",
+]
 
 # Outlines that touch do not overlap: this share of the narrower one's width is not seen.
 TOLERANCE = 1e-3

@@ -56,9 +56,7 @@ class FootprintTables:
             shape=behind(self.shape, len(self.start) - 1 + np.arange(len(cores), dtype=np.int32)),
             factor=behind(self.factor, np.ones(len(cores))),
             rounding=behind(self.rounding, [o.rounding for o in outlines]),
-            reach=behind(
-                self.reach, [np.hypot(*c.T).max() + o.rounding for c, o in zip(cores, outlines, strict=True)]
-            ),
+            reach=behind(self.reach, [np.hypot(*c.T).max() + o.rounding for c, o in zip(cores, outlines, strict=True)]),
             width=behind(self.width, [o.width for o in outlines]),
             area=behind(self.area, [o.area for o in outlines]),
             inertia=behind(self.inertia, np.ones(len(cores))),

@@ -317,11 +317,11 @@ class PlaneSeparation(Separation):
         # Bodies as they lie in space; those that are bent are looked for as far as they reach.
         reach = (self._outlines.reach.numpy() + widest.numpy()).astype(np.float64)
         meeting = self._near.footprints.meeting
-        near = Neighborhood(
-            launcher, self._model.space, reach, np.zeros(self._count), np.ones(self._count), meeting
-        )
+        near = Neighborhood(launcher, self._model.space, reach, np.zeros(self._count), np.ones(self._count), meeting)
         # Cells know only places inside of a periodic domain.
-        launcher.launch(kernels_pairs.begin_list, self._count, [], [self._crowd, self._moves.built, self._moves.moved_far])
+        launcher.launch(
+            kernels_pairs.begin_list, self._count, [], [self._crowd, self._moves.built, self._moves.moved_far]
+        )
         near.sort(self._crowd_pose)
         crowd = kernels_pairs.Crowd()
         crowd.pose, crowd.outlines, crowd.neighbors = self._crowd_pose, self._outlines, near.for_kernels

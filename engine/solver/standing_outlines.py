@@ -43,7 +43,9 @@ def standing_outlines(problem: Problem) -> StandingOutlines:
         outline = obstacle.outline
         if outline is None:
             continue
-        near = (outline.corners.max(axis=0) >= -outline.rounding) & (outline.corners.min(axis=0) <= size + outline.rounding)
+        near = (outline.corners.max(axis=0) >= -outline.rounding) & (
+            outline.corners.min(axis=0) <= size + outline.rounding
+        )
         # In a periodic domain they go on at the other side.
         if domain.periodic or near.all():
             found.append(outline)

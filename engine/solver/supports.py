@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
-from ..problem.of_bodies import of_bodies
 from ..problem.obstacles import Obstacle, clearance
+from ..problem.of_bodies import of_bodies
 from ..problem.problem import Problem
 from ..problem.surface import Surface
 
@@ -86,11 +87,9 @@ def supports_of(
             steps = LEVELS if high > low else 1
             level = np.ceil((radius[bodies] - low) / max(high - low, 1e-300) * steps).astype(int).clip(1, steps)
             for number in np.unique(level).tolist():
-                support, of_level = image, bodies[level == number]
+                of_level = bodies[level == number]
                 needed = [float(reach[of_level].max()) for reach, _ in kinds]
-                for away, clear in zip(needed, free, strict=True):
-                    if clear is not None:
-                        support = np.where(clear >= (away + corner) * SAFELY, support, np.float32(0.0))
+                support = _left_of(image, free, [(away + corner) * SAFELY for away in needed])
                 if not support.any():
                     raise ProblemError(
                         f'`obstacles` must leave room for size "{size.name}" of class "{body_class.name}", which keeps '
@@ -123,6 +122,14 @@ def _radii(
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     dots = footprints.is_outline & ~_has_axis(problem)
     return np.where(dots, circle * footprints.factor, radius)
+
+
+def _left_of(image: np.ndarray, free: Sequence[np.ndarray | None], needed: Sequence[float]) -> np.ndarray:
+    """What of an image is as far from obstacles of all kinds as is needed [m]; shape as the image's."""
+    for clear, away in zip(free, needed, strict=True):
+        if clear is not None:
+            image = np.where(clear >= away, image, np.float32(0.0))
+    return image
 
 
 def parted_from_obstacles(problem: Problem, footprints: BodyFootprints) -> np.ndarray:

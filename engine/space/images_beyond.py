@@ -18,6 +18,11 @@ __all__ = ["AxisBeyond", "DensityBeyond", "KnownWays", "density_beyond", "image_
 MOST_MORE = 4.0
 # How many widths of the margin are tried for one in which densities have few pixels.
 TRIED = 16
+# Pixels are divided into at most so many, unless there are few of them all the same; where that is not enough each becomes as many as
+# the last says, about.
+MOST_FINER = 6
+FEW_PIXELS = 1024
+PIXELS_OF_ONE = 2.0
 
 
 class DensityBeyond(NamedTuple):
@@ -93,7 +98,11 @@ def density_beyond(
 ) -> DensityBeyond:
     """Let a density go on beyond its edges as far as ``reach`` [m], in a domain of ``size`` [m]."""
     for number, axis in enumerate(along):
-        image = np.repeat(image, axis.finer(image.shape[number]), axis=number)
+        count = image.shape[number]
+        if axis.finer(count) <= MOST_FINER or axis.finer(count) * count <= FEW_PIXELS:
+            image = np.repeat(image, axis.finer(count), axis=number)
+        else:
+            image = _with_pixels(image, axis.pixels * math.ceil(PIXELS_OF_ONE * count / axis.pixels), number)
     pads = [axis.beyond * n // axis.pixels for axis, n in zip(along, image.shape, strict=True)]
     inner = np.pad(image, [(n, n) for n in pads])
     pixel = np.array([size[0] / inner.shape[1], size[1] / inner.shape[0]])
@@ -109,6 +118,19 @@ def density_beyond(
         result = np.where(ways.away <= reach + 0.5 * pixel.max(), result, np.float32(0.0))
     more = float(result.sum(dtype=np.float64)) / asked
     return DensityBeyond(result, more, None if ways.deep is None else np.where(inner > 0.0, ways.deep, -ways.away))
+
+
+def _with_pixels(image: np.ndarray, count: int, axis: int) -> np.ndarray:
+    """An image with so many pixels along an axis: their means; 0 where their middles are so."""
+    own = image.shape[axis]
+    whole = np.moveaxis(image, axis, -1).astype(np.float64)
+    sums = np.concatenate([np.zeros((*whole.shape[:-1], 1)), np.cumsum(whole, axis=-1)], axis=-1)
+    at = np.arange(count + 1) * (own / count)
+    left = np.minimum(at.astype(int), own - 1)
+    edges = sums[..., left] + (at - left) * whole[..., left]
+    middle = ((np.arange(count) + 0.5) * (own / count)).astype(int)
+    means = np.where(whole[..., middle] > 0.0, np.diff(edges, axis=-1) * (count / own), 0.0)
+    return np.ascontiguousarray(np.moveaxis(means, -1, axis), dtype=np.float32)
 
 
 def _ways_beside(shape: tuple[int, ...], pads: Sequence[int], pixel: np.ndarray) -> _Ways:

@@ -17,9 +17,9 @@ from ...engine.errors import ProblemError
 from ...engine.problem.balance import Balance
 from ...engine.problem.body_class import BodyClass
 from ...engine.problem.fixed_bodies import FixedBodies
+from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.placement import Placement
 from ...engine.problem.prepared_class import PreparedClass
-from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.problem import Problem, SamplingSettings
 from ...engine.problem.report import Report
 from ...engine.problem.scatter_settings import RunSettings, ScatterSettings

@@ -176,6 +176,31 @@ def test_margins_are_whole_pixels_of_all_images():
         assert made.body_count == round(100 * float(ratio))
 
 
+def test_images_whose_pixels_do_not_fit_each_other_stay_small():
+    """384 and 408 pixels have no margin of whole ones in common but for 17 times as many."""
+    from esh.engine.device.devices import resolve_device
+    from esh.engine.device.launcher import Launcher
+    from esh.engine.space.images_beyond import AxisBeyond, density_beyond
+
+    image = np.random.default_rng(2).random((384, 360)).astype(np.float32) + 0.2
+    image[100:150, 40:90] = 0.0
+    along = [AxisBeyond(20.0 * 120 / 408, 408, 120), AxisBeyond(20.0 * 124 / 372, 372, 124)]
+    assert [axis.finer(count) for axis, count in zip(along, image.shape, strict=True)] == [17, 1]
+    size = 20.0 + 2.0 * along[1].margin, 20.0 + 2.0 * along[0].margin
+    launcher = Launcher(resolve_device("cpu"))
+    made = density_beyond(launcher, image, along, 4.0, size, {})
+    launcher.close()
+    rows, columns = (
+        axis.beyond * n // (axis.pixels + 2 * axis.beyond) for axis, n in zip(along, made.image.shape, strict=True)
+    )
+    within = made.image[rows:-rows, columns:-columns]
+    assert max(within.shape) <= 3 * 408
+    at = [((np.arange(n) + 0.5) * own / n).astype(int) for n, own in zip(within.shape, image.shape, strict=True)]
+    there = image[np.ix_(*at)] > 0.0
+    np.testing.assert_array_equal(made.depth[rows:-rows, columns:-columns] > 0.0, there)
+    assert within[there].mean() == pytest.approx(image[image > 0.0].mean(), rel=2e-3)
+
+
 def with_lines(boundary, **more):
     """Sticks along a direction and sticks as they like, on a uniform density, with dots between them."""
     classes = [
