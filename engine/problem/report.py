@@ -106,10 +106,11 @@ class Report:
     deepest_in_obstacle: float = 0.0
     beyond_border: int = 0
     farthest_beyond_border: float = 0.0
+    fixed_overlaps: int = 0
 
     @property
     def clean(self) -> bool:
-        """Whether nothing overlaps, lies in an obstacle or reaches across the border."""
+        """Whether nothing that is not fixed overlaps, lies in an obstacle or reaches across the border."""
         return not (self.overlaps or self.in_obstacles or self.beyond_border)
 
     @property

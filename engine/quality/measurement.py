@@ -9,7 +9,6 @@ import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.body_footprints import BodyFootprints
 from ..problem.cover import cover_of
 from ..problem.of_bodies import one_by_one
 from ..problem.placement import Placement
@@ -65,7 +64,10 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     notes += _notes_on_overlaps(problem, overlaps, covered)
     misplaced = out_of_place(placement, launcher, footprints)
     notes += _notes_on_places(misplaced)
-    notes += _notes_on_fixed(placement, launcher, footprints)
+    of_fixed = Overlaps(0)
+    if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
+        of_fixed = overlaps_of_fixed(placement, launcher, footprints)
+    notes += _notes_on_fixed(of_fixed)
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     apart = [spacing]
     if len(problem.classes) > 1:
@@ -89,6 +91,7 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
         deepest_in_obstacle=misplaced.deepest,
         beyond_border=misplaced.beyond_border,
         farthest_beyond_border=misplaced.farthest,
+        fixed_overlaps=of_fixed.count,
         covered=covered,
         classes=_class_reports(placement, errors, apart),
         notes=tuple(notes),
@@ -161,11 +164,8 @@ def _notes_on_places(found: OutOfPlace) -> list[str]:
     return notes
 
 
-def _notes_on_fixed(placement: Placement, launcher: Launcher, footprints: BodyFootprints) -> list[str]:
+def _notes_on_fixed(found: Overlaps) -> list[str]:
     """Say which fixed bodies overlap each other, which nothing can part."""
-    if not placement.problem.avoid_overlap or np.count_nonzero(placement.fixed) < 2:
-        return []
-    found = overlaps_of_fixed(placement, launcher, footprints)
     if not found.count:
         return []
     pairs = "1 pair of fixed bodies overlaps" if found.count == 1 else f"{found.count} pairs of fixed bodies overlap"

@@ -189,7 +189,7 @@ class _Run(bpy.types.Operator):
         text = words.summary(report)
         if look:
             text += f". {look[0]}" + (f" (and {len(look) - 1} more in the panel)" if len(look) > 1 else "")
-        self.report({"WARNING" if look or report["overlaps"] else "INFO"}, text)
+        self.report({"WARNING" if look or words.has_trouble(report) else "INFO"}, text)
         return {"FINISHED"}
 
 

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ...engine.problem.cover import Cover
 
-__all__ = ["UNBROKEN", "cover", "evenness", "evenness_word", "meters", "notes", "overlaps", "placed", "summary"]
+__all__ = [
+    "UNBROKEN",
+    "cover",
+    "evenness",
+    "evenness_word",
+    "has_trouble",
+    "meters",
+    "notes",
+    "overlaps",
+    "placed",
+    "summary",
+]
 
 # Coverage errors up to which a placement looks even. Independent random points have 0.31, Poisson disks 0.07.
 VERY_EVEN = 0.04
@@ -44,21 +55,47 @@ def evenness(report: dict[str, Any]) -> str:
 
 def summary(report: dict[str, Any], unbroken: str = " ") -> str:
     """Return a report in one line: "1,042 placed · no overlap · very even · 0.8 s"; ``unbroken`` is the space within its parts."""
-    count = report["overlaps"]
-    overlap = f"{count:,} overlap{'s' * (count != 1)}" if count else "no overlap"
-    parts = [f"{placed(report):,} placed", overlap, evenness(report), f"{report['seconds']:.1f} s"]
+    parts = [f"{placed(report):,} placed", *_troubles(report), evenness(report), f"{report['seconds']:.1f} s"]
     return " · ".join(part.replace(" ", unbroken) for part in parts if part)
+
+
+def has_trouble(report: dict[str, Any]) -> bool:
+    """Whether anything lies where it is not to lie: in another object, an obstacle, or across the border."""
+    return _troubles(report) != ["no overlap"]
+
+
+def _troubles(report: dict[str, Any]) -> list[str]:
+    """Return what lies where it is not to lie: "12 overlaps", "2 in obstacles"; "no overlap" where that is nothing."""
+    found = [_overlaps(count)] if (count := report["overlaps"]) else []
+    # Reports of files that were saved by earlier versions have none of these.
+    if count := report.get("fixed_overlaps", 0):
+        found.append(f"{_overlaps(count)} among pinned")
+    if count := report.get("in_obstacles", 0):
+        found.append(f"{count:,} in obstacles")
+    if count := report.get("beyond_border", 0):
+        found.append(f"{count:,} across the border")
+    return found or ["no overlap"]
+
+
+def _overlaps(count: int) -> str:
+    return f"{count:,} overlap{'s' * (count != 1)}"
 
 
 def notes(report: dict[str, Any]) -> list[str]:
     """Return the sentences of a report that are worth attention, as a panel shows them; more steps only where they would help."""
     # How many overlap, and how deep, has a line of its own.
-    found = [note.replace("`", "") for note in report["notes"] if "still overlap" not in note]
+    found = [_in_blender(note) for note in report["notes"] if "still overlap" not in note]
     # Where many overlap there is no room to be even in.
     crowded = report["overlaps"] > LEAST_CROWDED * placed(report)
     if not report["converged"] and not crowded and evenness(report).startswith("uneven"):
         found.append("more steps would make it more even (Advanced)")
     return [note[:1].upper() + note[1:] for note in found]
+
+
+def _in_blender(note: str) -> str:
+    """Return a sentence of a report in the words of the sidebar."""
+    note = note.replace("`", "").replace("fixed bodies", "pinned objects")
+    return note.replace("1 body ", "1 object ").replace(" bodies ", " objects ")
 
 
 def overlaps(report: dict[str, Any]) -> str:

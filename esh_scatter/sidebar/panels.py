@@ -306,7 +306,7 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
                 context,
                 column,
                 words.summary(report, words.UNBROKEN),
-                icon="ERROR" if report["overlaps"] else "CHECKMARK",
+                icon="ERROR" if words.has_trouble(report) else "CHECKMARK",
             )
     said = live.status(context.scene, scatter)
     if said:

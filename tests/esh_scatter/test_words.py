@@ -64,3 +64,17 @@ def test_overlaps_are_told_once():
     )
     assert words.overlaps(told) == "12 pairs" and words.notes(told) == ["B"]
     assert words.overlaps(report(overlaps=1)) == "1 pair" and words.overlaps(report()) == "none"
+
+
+def test_what_lies_where_it_is_not_to_lie_is_in_the_one_line():
+    assert "no overlap" in words.summary(report()) and not words.has_trouble(report())
+    told = report(
+        in_obstacles=2,
+        fixed_overlaps=1,
+        beyond_border=3,
+        notes=["1 pair of fixed bodies overlaps each other, the deepest by 0.5 m: they stay where they are"],
+    )
+    assert words.has_trouble(told) and "no overlap" not in words.summary(told)
+    for part in ("1 overlap among pinned", "2 in obstacles", "3 across the border"):
+        assert part in words.summary(told)
+    assert words.notes(told)[0].startswith("1 pair of pinned objects overlaps")

@@ -138,7 +138,7 @@ def test_fixed_bodies_do_not_count_but_those_that_overlap_each_other_are_told():
         fixed=fixed,
     )
     report = solve(problem, device="cpu").report
-    assert report.clean and report.converged
+    assert report.clean and report.converged and report.fixed_overlaps == 1
     assert report.notes == (
         "1 pair of fixed bodies overlaps each other, the deepest by 0.5 m: they stay where they are",
     )
