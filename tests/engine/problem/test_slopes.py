@@ -80,7 +80,14 @@ def test_bodies_lean_by_at_most_the_tilt_in_all_directions():
     np.testing.assert_array_equal(tilts(0.3, np.array([7, 3]), 1), tilt[[7, 3]])
 
 
-@pytest.mark.parametrize("most", [0.0, 0.5, 1.4])
+def test_what_is_turned_over_lies_in_the_same_plane():
+    level = np.zeros((2, 2))
+    lean = np.array([[0.4, 1.0], [0.4 - math.pi, 1.0]])
+    upright, over = tilted(level, lean)
+    assert upright == pytest.approx(over)
+
+
+@pytest.mark.parametrize("most", [0.0, 0.5, 1.4, 0.5 * math.pi])
 def test_the_mean_of_what_leans_is_seen(most):
     seen = np.cos(tilts(most, np.arange(100_000), 2)[:, 0]).mean()
     assert mean_cosine(most) == pytest.approx(seen, abs=2e-3)
