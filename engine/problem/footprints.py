@@ -68,12 +68,13 @@ def _check_variant(value: object, key: str) -> np.ndarray:
 
 
 def _check_scale(value: object, key: str) -> float | np.ndarray:
-    if validation.is_real(value):
-        return float(_check_scale([validation.check_positive(value, key)], key)[0])  # type: ignore[index]
-    scale = _kept(_numbers(value, key, "a factor above 0, or one for each body"))
-    if not ((scale >= SMALLEST_SCALE) & (scale <= LARGEST_SCALE)).all():
-        wrong = scale[~((scale >= SMALLEST_SCALE) & (scale <= LARGEST_SCALE))]
-        raise ProblemError(f"{key} must lie between {SMALLEST_SCALE:g} and {LARGEST_SCALE:g}; got {wrong[0]:g}")
+    accepted = "a factor above 0, or one for each body"
+    single = validation.is_real(value)
+    scale = validation.check_positive(value, key) if single else _kept(_numbers(value, key, accepted))
+    factors = np.atleast_1d(scale)
+    outside = factors[~((factors >= SMALLEST_SCALE) & (factors <= LARGEST_SCALE))]
+    if len(outside):
+        raise ProblemError(f"{key} must lie between {SMALLEST_SCALE:g} and {LARGEST_SCALE:g}; got {outside[0]:g}")
     return scale
 
 
