@@ -99,15 +99,11 @@ def tilts(most: float | np.ndarray, identity: np.ndarray, seed: int) -> np.ndarr
 def mean_cosine(most: float) -> float:
     """Mean of the cosines of what :func:`tilts` draws for this largest angle [rad]: how much of areas is seen from above.
 
-    What is turned over is seen from below: beyond a right angle cosines count by amount.
+    Not for more than a right angle: what is turned over is seen from below.
     """
     if most <= 1e-3:
         return 1.0
-    upright = min(most, 0.5 * math.pi)
-    seen = math.cos(upright) + upright * math.sin(upright) - 1.0
-    if most > upright:
-        seen += 0.5 * math.pi - math.cos(most) - most * math.sin(most)
-    return 2.0 * seen / most**2
+    return 2.0 * (math.cos(most) + most * math.sin(most) - 1.0) / most**2
 
 
 def tilted(slope: np.ndarray, tilt: np.ndarray) -> np.ndarray:
