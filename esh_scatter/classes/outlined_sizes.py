@@ -57,11 +57,14 @@ class OutlinedSizes:
         self._counted += len(identity)
         if shape.line_given or not len(identity):
             return replace(size, footprint=None)
-        if tilt > 0.5 * math.pi and (shape.outlines_of_variants or leaning is not None):
+        # A right angle of Blender's is a little larger.
+        right_angle = 0.5 * math.pi
+        if tilt > np.float32(right_angle) and (shape.outlines_of_variants or leaning is not None):
             raise ProblemError(
                 f"`tilt` must be at most a right angle (1.5708) where overlap is avoided; got {tilt:g}; outlines of objects "
                 "that are turned over are not known"
             )
+        tilt = min(tilt, right_angle)
         standing = standing_of(self._classes[where[0]], self._settings)
         long = np.full(len(identity), shape.line is not None)
         factor, turn = draw(standing, identity, long, self._settings.seed)

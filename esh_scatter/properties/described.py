@@ -11,10 +11,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING
 from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy.types import PropertyGroup
 
-from ...engine.problem.settings import Described, settings_of
+from ...engine.problem.settings import Described, Setting, settings_of
 
 __all__ = ["Shown", "property_of", "shown_settings", "values_from", "with_properties"]
 
@@ -131,4 +132,12 @@ def _value_from(group: PropertyGroup, one: Described, name: str) -> Any:
     value = getattr(group, name)
     if one.kind == "choice":
         return next(choice.value for choice in one.setting.choices if choice.identifier == value)
+    if one.kind == "number":
+        return _as_meant(value, one.setting)
     return tuple(value) if one.kind == "numbers" else value
+
+
+def _as_meant(value: float, setting: Setting) -> float:
+    """Return the limit that a value stands for: Blender's numbers have seven digits, so that its pi is above pi."""
+    limits = (limit for limit in (setting.low, setting.high) if limit is not None)
+    return next((limit for limit in limits if value == np.float32(limit)), value)

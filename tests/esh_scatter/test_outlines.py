@@ -518,3 +518,6 @@ def test_outlines_of_what_may_be_turned_over_are_refused():
     with pytest.raises(esh.EshError, match="`tilt` must be at most a right angle"):
         esh.scatter(ground, classes, device="cpu", avoid_overlap=True, tilt=2.5)
     assert len(esh.scatter(ground, classes, device="cpu", avoid_overlap=False, tilt=2.5).instances.position) == 10
+    in_degrees = float(np.float32(math.radians(90.0)))
+    assert in_degrees > 0.5 * math.pi, "as Blender rounds it"
+    assert len(esh.scatter(ground, classes, device="cpu", avoid_overlap=True, tilt=in_degrees).instances.position) == 10

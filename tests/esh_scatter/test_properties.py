@@ -2,15 +2,19 @@
 
 import dataclasses
 import json
+import math
 
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
+from esh.engine.problem.scatter_settings import ScatterSettings, Standing  # noqa: E402
 from esh.esh_scatter.properties.body_class import CLASS_COLORS  # noqa: E402
+from esh.esh_scatter.properties.described import shown_settings, values_from  # noqa: E402
 from esh.esh_scatter.properties.influential_settings import WITHOUT_INFLUENCE  # noqa: E402
 from esh.esh_scatter.properties.names import unused_name  # noqa: E402
+from esh.esh_scatter.properties.scatter import BY_HAND  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("empty_file")
 
@@ -242,6 +246,20 @@ def test_arguments_are_those_of_the_api(scatter):
     assert classes[0].sizes[1].source == bpy.data.collections["Bushes"]
     assert named["device"] == "cuda:0" and named["result"] is None and named["name"] == scatter.name
     assert json.dumps({key: value for key, value in named.items() if key != "result"})
+
+
+def test_limits_of_numbers_can_be_set_and_are_taken(scatter):
+    """Blender rounds them: its pi is above pi."""
+    pine = scatter.classes[0]
+    for group, cls, by_hand in ((scatter, ScatterSettings, BY_HAND), (pine, Standing, ())):
+        numbers = [one for one in shown_settings(cls, by_hand) if one.setting.kind == "number" and not one.switch]
+        assert numbers
+        for name, one, _ in numbers:
+            for limit in {one.setting.low, one.setting.high} - {None}:
+                setattr(group, name, limit)
+                assert getattr(cls(**values_from(group, cls, by_hand)), name) == limit, name
+    pine.use_look_at, pine.look_at_spread = True, math.pi
+    assert pine.look_at().spread == math.pi
 
 
 def test_an_object_that_never_was_in_a_scene_is_not_deleted(scatter):
