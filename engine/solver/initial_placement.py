@@ -15,13 +15,13 @@ import warp as wp
 from ..device.devices import resolve_device
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..problem.problem import Problem
-from ..space.cell_sort import CellSort
 from ..space.kernels_images import Images
 from ..space.support import images_for_kernels
 from ..space.target_deposit import integrate_boxes
 from . import kernels_start
 from .attraction import vacancy
 from .model import Model
+from .spatial_order import order_of_groups
 
 __all__ = ["body_starts", "first_pose", "initial_placement"]
 
@@ -32,8 +32,6 @@ LARGEST_ORDER = 12
 GOLDEN = 0.6180339887498949
 # From so many bodies on it counts where in memory they lie: a processor has those that are fewer at hand.
 MANY_BODIES = 1 << 13
-# Rows are so many times as high as the bodies of a group are apart, and their cells so many times as wide.
-ROW_HEIGHT, CELL_WIDTH = 2.0, 4.0
 
 
 def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0) -> wp.array:
@@ -91,16 +89,10 @@ def _in_rows(launcher: Launcher, model: Model, pose: wp.array) -> wp.array:
     if model.has_fixed:
         group = np.where(model.fixed, kinds, group).astype(np.int32)
         kinds += 1
-    count = np.bincount(group, minlength=kinds)
-    rows = np.maximum(np.sqrt(count) / ROW_HEIGHT, 1.0).astype(np.int32)
-    columns = np.maximum(count / (rows * ROW_HEIGHT * CELL_WIDTH), 1.0).astype(np.int32)
-    begin = np.concatenate([[0], np.cumsum(rows.astype(np.int64) * columns)])
-    cells = CellSort(launcher, model.body_count, int(begin[-1]))
-    of_groups = [launcher.array(values.astype(np.int32), wp.int32) for values in (group, rows, columns, begin)]
-    cells.sort(kernels_start.row_cells_of_groups, [pose, wp.vec2(*model.size), *of_groups])
+    source = order_of_groups(launcher, pose, model.size, group, kinds)
     result = launcher.empty(model.body_count, wp.vec4)
     bodies = launcher.array(_group_after_group(group, kinds), wp.int32)
-    launcher.launch(kernels_start.take_poses, model.body_count, [pose, cells.order, bodies], [result])
+    launcher.launch(kernels_start.take_poses, model.body_count, [pose, source, bodies], [result])
     return result
 
 

@@ -7,6 +7,14 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 
+@wp.func
+def row_cell(pose: wp.vec4, size: wp.vec2, rows: int, columns: int):
+    """The cell of a body: rows of cells, of which none has a body that is farther left than one in a cell before it."""
+    row = int(wp.max(wp.min(pose[1] / size[1] * float(rows), float(rows - 1)), 0.0))
+    column = wp.clamp(int(pose[0] / size[0] * float(columns)), 0, columns - 1)
+    return row * columns + column
+
+
 @wp.kernel
 def row_cells(
     first: int,
@@ -18,11 +26,28 @@ def row_cells(
     key: wp.array(dtype=wp.int32),
     order: wp.array(dtype=wp.int32),
 ):
-    """The cell of every body: rows of cells, of which none has a body that is farther left than one in a cell before it."""
     i = first + wp.tid()
-    row = int(wp.max(wp.min(pose[i][1] / size[1] * float(rows), float(rows - 1)), 0.0))
-    column = wp.clamp(int(pose[i][0] / size[0] * float(columns)), 0, columns - 1)
-    key[i] = row * columns + column
+    key[i] = row_cell(pose[i], size, rows, columns)
+    order[i] = i
+
+
+@wp.kernel
+def row_cells_of_groups(
+    first: int,
+    pose: wp.array(dtype=wp.vec4),
+    size: wp.vec2,
+    group: wp.array(dtype=wp.int32),
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    begin: wp.array(dtype=wp.int32),
+    # outputs
+    key: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+):
+    """The cell of every body: group after group, each of which has rows over the whole domain, and a first cell."""
+    i = first + wp.tid()
+    g = group[i]
+    key[i] = begin[g] + row_cell(pose[i], size, rows[g], columns[g])
     order[i] = i
 
 

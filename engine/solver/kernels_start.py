@@ -156,28 +156,6 @@ def place_bodies(
 
 
 @wp.kernel
-def row_cells_of_groups(
-    first: int,
-    pose: wp.array(dtype=wp.vec4),
-    size: wp.vec2,
-    group: wp.array(dtype=wp.int32),
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    begin: wp.array(dtype=wp.int32),
-    # outputs
-    key: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),
-):
-    """The cell of every body: group after group, and in each of them rows of cells over the whole domain, from below."""
-    i = first + wp.tid()
-    g = group[i]
-    row = wp.clamp(int(pose[i][1] / size[1] * float(rows[g])), 0, rows[g] - 1)
-    column = wp.clamp(int(pose[i][0] / size[0] * float(columns[g])), 0, columns[g] - 1)
-    key[i] = begin[g] + row * columns[g] + column
-    order[i] = i
-
-
-@wp.kernel
 def take_poses(
     first: int,
     pose: wp.array(dtype=wp.vec4),

@@ -11,10 +11,10 @@ from ..device.launcher import Launcher
 from ..space.cell_sort import CellSort
 from . import kernels_spatial_order
 
-__all__ = ["spatial_order"]
+__all__ = ["order_of_groups", "spatial_order"]
 
-# Rows are so many times as high as bodies are apart.
-ROW_HEIGHT = 2.0
+# Rows are so many times as high as bodies are apart, and where bodies of a cell keep their order it is so many times as wide.
+ROW_HEIGHT, CELL_WIDTH = 2.0, 4.0
 
 
 def spatial_order(launcher: Launcher, pose: wp.array, size: tuple[float, float]) -> np.ndarray:
@@ -32,3 +32,28 @@ def spatial_order(launcher: Launcher, pose: wp.array, size: tuple[float, float])
     cells.sort(kernels_spatial_order.row_cells, [pose, wp.vec2(*size), rows, columns])
     launcher.launch(kernels_spatial_order.order_in_cells, rows * columns, [cells.cell_start, pose], [cells.order])
     return cells.order.numpy()[:n].copy()
+
+
+def order_of_groups(
+    launcher: Launcher, pose: wp.array, size: tuple[float, float], group: np.ndarray, group_count: int
+) -> wp.array:
+    """Return the numbers of all bodies, group after group, and of each row after row, cell after cell from left to right.
+
+    Args:
+        launcher: Where to run.
+        pose: Positions, and what else, ``wp.vec4``, shape ``[n]``.
+        size: Extent of the domain.
+        group: Of every body, shape ``[n]``.
+        group_count: Number of groups.
+
+    Returns:
+        ``wp.int32``, shape ``[n]`` or longer.
+    """
+    count = np.bincount(group, minlength=group_count)
+    rows = np.maximum(np.sqrt(count) / ROW_HEIGHT, 1.0).astype(np.int32)
+    columns = np.maximum(count / (rows * ROW_HEIGHT * CELL_WIDTH), 1.0).astype(np.int32)
+    begin = np.concatenate([[0], np.cumsum(rows.astype(np.int64) * columns)])
+    cells = CellSort(launcher, len(group), int(begin[-1]))
+    of_groups = [launcher.array(values.astype(np.int32), wp.int32) for values in (group, rows, columns, begin)]
+    cells.sort(kernels_spatial_order.row_cells_of_groups, [pose, wp.vec2(*size), *of_groups])
+    return cells.order

@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
-from esh.engine.solver.spatial_order import spatial_order
+from esh.engine.solver.spatial_order import order_of_groups, spatial_order
 
 
 @pytest.mark.parametrize("threads", [1, 5])
@@ -28,3 +28,19 @@ def test_bodies_are_listed_row_after_row_and_from_left_to_right(n, threads, monk
             np.testing.assert_array_equal(order, np.lexsort((pose[:, 0], row)))
     finally:
         launcher.close()
+
+
+def test_groups_come_one_after_the_other_each_in_rows_of_its_own():
+    """A group of 400 has 10 rows of 5 cells, one of 16 has 2 rows, and an empty one nothing; bodies of a cell keep their order."""
+    launcher = Launcher(resolve_device("cpu"))
+    size, rng = (30.0, 7.3), np.random.default_rng(2)
+    group = rng.permutation(np.repeat([0, 2], [400, 16])).astype(np.int32)
+    pose = np.zeros((416, 4), np.float32)
+    pose[:, :2] = rng.random((416, 2)) * size
+    rows, columns = np.where(group == 0, 10, 2), np.where(group == 0, 5, 1)
+    row, column = (pose[:, 1] / np.float32(size[1]) * rows).astype(int), (pose[:, 0] / 30.0 * columns).astype(int)
+    try:
+        order = order_of_groups(launcher, wp.array(pose, dtype=wp.vec4, device="cpu"), size, group, 3).numpy()
+    finally:
+        launcher.close()
+    np.testing.assert_array_equal(order[:416], np.lexsort((column, row, group)))
