@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 
 from ..targets.target import RESULT_TAG
-from .node_group import DISPLAYS
+from .node_group import DISPLAYS, placed_objects
 
-__all__ = ["begin_with_points", "get_inputs", "input_property", "our_modifier", "set_inputs"]
+__all__ = ["begin_with_points", "get_inputs", "input_property", "our_modifier", "set_inputs", "shown_objects"]
 
 
 def our_modifier(item: bpy.types.Object) -> bpy.types.Modifier | None:
@@ -19,6 +19,15 @@ def our_modifier(item: bpy.types.Object) -> bpy.types.Modifier | None:
         (m for m in item.modifiers if m.type == "NODES" and m.node_group is not None and m.node_group.get(RESULT_TAG)),
         None,
     )
+
+
+def shown_objects(item: bpy.types.Object) -> list[bpy.types.Object | bpy.types.Collection | None]:
+    """Return what a result shows, in the order that ``instance_index`` counts; None for what was removed.
+
+    Nothing where somebody has removed its modifier.
+    """
+    modifier = our_modifier(item)
+    return [] if modifier is None else placed_objects(modifier.node_group)
 
 
 def get_inputs(modifier: bpy.types.Modifier) -> dict[str, Any]:

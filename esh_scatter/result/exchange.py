@@ -18,7 +18,8 @@ from ...engine.files.placement_reader import load_placement
 from ...engine.files.quaternions import multiply_xyzw
 from ...engine.problem.validation import as_path, show
 from ..targets.target import RESULT_TAG, check_exists
-from .node_group import INSTANCE_INDEX, ROTATION, SCALE, placed_objects
+from .display import shown_objects
+from .node_group import INSTANCE_INDEX, ROTATION, SCALE
 from .result import CLASS_NAMES, write_result
 
 __all__ = ["export_result", "import_placement"]
@@ -139,8 +140,11 @@ def _expose_usd() -> None:
 
 def _read_result(item: bpy.types.Object) -> tuple[Bodies, list[bpy.types.Object | bpy.types.Collection]]:
     """Return the points of a result as they stand in the world, and what is instanced on them."""
-    group = next(m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group.get(RESULT_TAG))
-    placed = placed_objects(group)
+    placed = shown_objects(item)
+    if not placed:
+        raise ProblemError(
+            f'"{item.name}" must have the modifier that shows its objects; it was removed: scatter again'
+        )
     sources = [source for source in placed if source is not None]
     if len(sources) < len(placed):
         raise ProblemError(f'an object that "{item.name}" places was removed from the file; scatter again')

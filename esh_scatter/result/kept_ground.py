@@ -10,6 +10,7 @@ import numpy as np
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ..classes.standing import Ground, stand, turns_towards
+from .display import shown_objects
 from .node_group import (
     ALIGN,
     CORNERS,
@@ -20,7 +21,6 @@ from .node_group import (
     SCALE,
     TARGET,
     WEIGHTS,
-    placed_objects,
 )
 
 __all__ = [
@@ -258,10 +258,8 @@ def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
 
 def sources_by_number(result: bpy.types.Object) -> np.ndarray:
     """Return the session's numbers of the objects that a result shows, by ``instance_index``; -1 for those that are gone."""
-    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = placed_objects(groups[0]) if groups else []
     found = np.full(int(read_attribute(result.data, INSTANCE_INDEX).max(initial=-1)) + 1, -1, np.int64)
-    for number, item in enumerate(shown[: len(found)]):
+    for number, item in enumerate(shown_objects(result)[: len(found)]):
         found[number] = -1 if item is None else item.session_uid
     return found
 

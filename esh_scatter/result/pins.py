@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
 from ..targets.target import members_of, world_matrix
+from .display import shown_objects
 from .kept_ground import (
     BODY_ANGLE,
     BODY_LENGTH,
@@ -24,7 +25,7 @@ from .kept_ground import (
     sources_by_number,
     write_attribute,
 )
-from .node_group import INSTANCE_INDEX, SCALE, placed_objects
+from .node_group import INSTANCE_INDEX, SCALE
 
 # Warp is not imported before something is computed.
 if TYPE_CHECKING:
@@ -251,9 +252,7 @@ def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     mesh, world = result.data, np.array(result.matrix_world)
     position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[points]
     position = position @ world[:3, :3].T + world[:3, 3]
-    groups = [m.node_group for m in result.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = placed_objects(groups[0]) if groups else []
-    half = [_half_width(item) for item in shown]
+    half = [_half_width(item) for item in shown_objects(result)]
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])
     return np.column_stack([position, np.maximum(radius * read_attribute(mesh, SCALE)[points, 0], SMALLEST_DISC)])

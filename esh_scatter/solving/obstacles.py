@@ -17,7 +17,9 @@ from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
 from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
-from ..result.node_group import INSTANCE_INDEX, placed_objects
+from ..result.display import shown_objects
+from ..result.kept_ground import read_attribute
+from ..result.node_group import INSTANCE_INDEX
 from ..result.standing_now import standing_now
 from ..targets.target import is_result
 
@@ -179,14 +181,10 @@ def _read(entry: object, known: Known, without: set[int]) -> StoredObstacle:
 def _read_result(item: bpy.types.Object) -> _Stood:
     from ..classes.object_outline import read_source
 
-    mesh = item.data
-    variant = np.empty(len(mesh.vertices), np.int32)
-    mesh.attributes[INSTANCE_INDEX].data.foreach_get("value", variant)
     stands = standing_now(item, bpy.context)
-    groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group is not None]
-    shown = placed_objects(groups[0]) if groups else []
+    variant = read_attribute(item.data, INSTANCE_INDEX)
     meshes = []
-    for source in shown:
+    for source in shown_objects(item):
         try:
             meshes.append(None if source is None else read_source(source, bpy.context, KEY))
         except ProblemError:

@@ -246,6 +246,10 @@ def test_mistakes_are_one_sentence(result, tmp_path):
     bpy.context.view_layer.update()
     with pytest.raises(EshError, match="must have the same scale along all axes"):
         esh.export_result(tmp_path / "b.ply", result.object)
+    result.object.modifiers.clear()
+    result.object.modifiers.new("Empty", "NODES")
+    with pytest.raises(EshError, match="must have the modifier that shows its objects; it was removed: scatter again"):
+        esh.export_result(tmp_path / "b.ply", result.object)
     assert [path.name for path in Path(tmp_path).iterdir()] == ["a.ply"]
 
 
