@@ -98,23 +98,18 @@ class Chart:
     @cached_property
     def share_seen(self) -> float:
         """Return the area seen from above over that of the whole surface."""
-        return self._seen / max(float(self._areas().sum()), 1e-300)
+        return self._seen / max(float(self.view.mesh.areas().sum()), 1e-300)
 
     @cached_property
     def share_of_facing(self) -> float:
         """Return the area seen from above over that of what faces up, or down where that is more: 1 for flat ground."""
-        area, cosine = self._areas(), self.view.cosine
+        area, cosine = self.view.mesh.areas(), self.view.cosine
         facing = max(float(area[cosine > 0.0].sum()), float(area[cosine < 0.0].sum()))
         return self._seen / max(facing, 1e-300)
 
     @property
     def _seen(self) -> float:
         return len(self._filled) * float(self.cell.prod())
-
-    def _areas(self) -> np.ndarray:
-        """Area of every triangle [m²], shape ``[t]``."""
-        a, b, c = self.view.mesh.position[self.view.mesh.triangle].swapaxes(0, 1)
-        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
     @property
     def stretch(self) -> np.ndarray:

@@ -10,6 +10,7 @@ import warp as wp
 
 from ..problem.surface import Surface
 from . import kernels_facets
+from .triangle_mesh import triangle_areas
 
 __all__ = ["Facets"]
 
@@ -63,9 +64,8 @@ class Facets:
         self.corner_normal = smooth / np.linalg.norm(smooth, axis=2, keepdims=True)
         self.open_side = self._sides_on(open_side)
         self.edge_side = self._sides_on(surface.edge_side)
-        side = self.corner - np.roll(self.corner, 1, axis=1)
-        self.area = 0.5 * np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
-        longest = np.linalg.norm(side, axis=2).max(axis=1)
+        self.area = triangle_areas(self.corner)
+        longest = np.linalg.norm(self.corner - np.roll(self.corner, 1, axis=1), axis=2).max(axis=1)
         self.cuts = np.maximum(np.ceil(longest / TILE - 1e-6), 1.0).astype(np.int64)
         self._count()
 
@@ -193,8 +193,7 @@ def _cut_long(
     while len(corner):
         length = np.linalg.norm(np.roll(corner, 1, axis=1) - np.roll(corner, -1, axis=1), axis=2)
         longest = length.max(axis=1)
-        cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        height = np.linalg.norm(cross, axis=1) / np.maximum(longest, 1e-30)
+        height = 2.0 * triangle_areas(corner) / np.maximum(longest, 1e-30)
         long = (longest > FACET) | ((longest > TILE) & (longest > MOST_SLENDER * height))
         done.append((corner[~long], triangle[~long], weight[~long]))
         corner, triangle, weight, length = corner[long], triangle[long], weight[long], length[long]

@@ -6,7 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["TriangleMesh"]
+__all__ = ["TriangleMesh", "triangle_areas"]
+
+
+def triangle_areas(corner: np.ndarray) -> np.ndarray:
+    """Areas of triangles, shape ``[t]``, from their corners ``[t, 3, 3]``."""
+    a, b, c = corner.swapaxes(0, 1)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 @dataclass
@@ -54,6 +60,10 @@ class TriangleMesh:
     material: list[str] = field(default_factory=list)
     material_of_face: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     bounds: np.ndarray | None = None
+
+    def areas(self) -> np.ndarray:
+        """Area of every triangle [m²], shape ``[t]``."""
+        return triangle_areas(self.position[self.triangle])
 
     def extent_of_triangles(self) -> np.ndarray:
         """Smallest and largest coordinates of what is part of a triangle [m], shape ``[2, 3]``."""

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ..properties.body_class import DERIVED_COUNTS
+from ..targets.target import read_triangles
 
 __all__ = ["area_of", "bodies_ahead", "question"]
 
@@ -71,11 +72,7 @@ def _footprint(body_class: Any) -> float:
 def area_of(target: bpy.types.Object) -> float:
     """Return the area of a mesh's faces in the world, as they are stored [m²]."""
     mesh = target.data
-    mesh.calc_loop_triangles()
-    corner = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("vertices", corner)
-    position = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", position)
-    world = position.reshape(-1, 3).astype(np.float64) @ np.array(target.matrix_world)[:3, :3].T
-    a, b, c = (world[corner.reshape(-1, 3)[:, k]] for k in range(3))
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    if not len(mesh.polygons):
+        # It may not even have positions.
+        return 0.0
+    return float(read_triangles(mesh, np.array(target.matrix_world), target.name).areas().sum())

@@ -132,13 +132,11 @@ def chart_of(mesh: TriangleMesh, settings: TargetSettings, resolution: int = RES
         return WholeSurface(mesh)
     if settings.surface == "above":
         return Chart(mesh, resolution)
-    corner = mesh.position[mesh.triangle]
-    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum()
     try:
         chart = Chart(mesh, resolution)
     except ProblemError:  # nothing is seen from above
         return WholeSurface(mesh)
-    return chart if chart.area.sum() > UPPER_SIDE * area else WholeSurface(mesh)
+    return chart if chart.area.sum() > UPPER_SIDE * mesh.areas().sum() else WholeSurface(mesh)
 
 
 def stuck_attributes(points: SurfacePoints) -> dict[str, tuple[str, np.ndarray]]:

@@ -68,6 +68,8 @@ def test_how_many_there_will_be_is_told_before_they_are_there(scatter):
     assert question(scatter, 2_000_000) == "2,000,000 objects will take about 3 s and 2.4 GB of memory"
     scatter.max_steps = 100
     assert "about 3 min" in question(scatter, 2_000_000)
+    scatter.target.data = bpy.data.meshes.new("Empty")
+    assert bodies_ahead(scatter) == 0
     sizes = [{"name": "s", "asked": 20_000, "placed": 20_000}]
     report = {"steps": 10, "seconds": 4.0, "classes": [{"name": "c", "sizes": sizes}]}
     scatter.remember(scatter.target, report)
