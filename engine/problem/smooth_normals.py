@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from .unit_vectors import unit_vectors
+
 __all__ = ["corner_normals", "creased_sides"]
 
 # Where no triangle around a vertex looks farther from their mean than this, the surface is smooth there.
@@ -28,14 +30,13 @@ def corner_normals(corner: np.ndarray, normal: np.ndarray, welded: np.ndarray) -
         normal: Of the triangles, of length 1, shape ``[t, 3]``.
         welded: Numbers of their vertices, which are one where they lie in one place, shape ``[t, 3]``.
     """
-    ahead = np.roll(corner, -1, axis=1) - corner
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-300)
+    ahead = unit_vectors(np.roll(corner, -1, axis=1) - corner)
     cosine = -(ahead * np.roll(ahead, 1, axis=1)).sum(axis=2)
     own = np.repeat(normal, 3, axis=0)
     weighed = own * np.arccos(np.clip(cosine, -1.0, 1.0)).reshape(-1, 1)
     vertex = welded.ravel()
     count = int(vertex.max()) + 1
-    mean = _unit(np.stack([np.bincount(vertex, weighed[:, axis], count) for axis in range(3)], axis=1))
+    mean = unit_vectors(np.stack([np.bincount(vertex, weighed[:, axis], count) for axis in range(3)], axis=1))
     result = mean[vertex]
     sharp = np.zeros(count, bool)
     sharp[vertex[(result * own).sum(axis=1) < SMOOTH_COSINE]] = True
@@ -74,9 +75,5 @@ def _within_creases(vertex: np.ndarray, own: np.ndarray, weighed: np.ndarray) ->
     for number in np.unique(around[around <= MOST_AROUND]).tolist():
         corner = order[first[around == number][:, None] + np.arange(number)]
         alike = np.einsum("vid,vjd->vij", own[corner], own[corner]) > CREASE_COSINE
-        result[corner] = _unit(np.einsum("vij,vjd->vid", alike, weighed[corner]))
+        result[corner] = unit_vectors(np.einsum("vij,vjd->vid", alike, weighed[corner]))
     return result
-
-
-def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-300)

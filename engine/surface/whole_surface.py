@@ -13,6 +13,7 @@ import numpy as np
 
 from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
+from ..problem.unit_vectors import unit_vectors
 from .surface_points import SurfacePoints
 from .triangle_mesh import TriangleMesh
 
@@ -152,8 +153,7 @@ class WholeSurface:
         """Return shading normals of the outer side, shape ``[n, 3]``, float32, of length 1."""
         mesh = self.mesh
         corner = mesh.position[mesh.triangle[triangle]]
-        flat = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+        flat = unit_vectors(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
         smooth = np.einsum("nk,nkd->nd", weight, mesh.corner_normal[mesh.corner[triangle]]) @ mesh.normal_matrix.T
         # That of a mirrored object, or of the other side of a face, looks the other way.
         smooth *= np.where((smooth * flat).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)

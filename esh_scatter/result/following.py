@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
+from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.surface_points import SurfacePoints
 from ...engine.surface.triangle_mesh import TriangleMesh
 from .node_group import ALIGN, EDGE, FACE_NORMAL, GROUND_POINT, Followed
@@ -39,11 +40,7 @@ def follow_attributes(points: SurfacePoints, align: np.ndarray) -> dict[str, tup
     normal = np.cross(edge, c - a)
     return {
         GROUND_POINT: ("FLOAT_VECTOR", points.position),
-        EDGE: ("FLOAT_VECTOR", _of_length_1(edge)),
-        FACE_NORMAL: ("FLOAT_VECTOR", _of_length_1(normal)),
+        EDGE: ("FLOAT_VECTOR", unit_vectors(edge)),
+        FACE_NORMAL: ("FLOAT_VECTOR", unit_vectors(normal)),
         ALIGN: ("FLOAT", align),
     }
-
-
-def _of_length_1(vector: np.ndarray) -> np.ndarray:
-    return vector / np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), 1e-300)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from ...engine.problem.unit_vectors import unit_vectors
+from ...engine.surface.instances import rotate
 from .display import get_inputs, our_modifier
 from .kept_ground import read_attribute
 from .node_group import (
@@ -96,9 +98,8 @@ def _follow(
 
 def _frames(main: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return rotations ``[n, 3, 3]`` whose third axis is ``main``, and whose first one is as near to ``second`` as can be."""
-    z = main / np.maximum(np.linalg.norm(main, axis=1, keepdims=True), 1e-300)
-    x = second - (second * z).sum(axis=1, keepdims=True) * z
-    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300)
+    z = unit_vectors(main)
+    x = unit_vectors(second - (second * z).sum(axis=1, keepdims=True) * z)
     return np.stack([x, np.cross(z, x), z], axis=2)
 
 
@@ -116,11 +117,6 @@ def _part_of(rotation: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def _matrices(quaternion: np.ndarray) -> np.ndarray:
-    """Return rotations ``[n, 3, 3]`` of quaternions (w, x, y, z), ``[n, 4]``."""
-    w, x, y, z = quaternion.T
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+    """Return rotations ``[n, 3, 3]`` of unit quaternions (w, x, y, z), ``[n, 4]``: where they turn the axes, in columns."""
+    axes = (np.broadcast_to(axis, (len(quaternion), 3)) for axis in np.eye(3))
+    return np.stack([rotate(quaternion, axis) for axis in axes], axis=2)

@@ -13,7 +13,9 @@ from ...engine.errors import ProblemError
 from ...engine.problem.convex_polygon import convex_hull, width_of
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.settings import Settings, described, setting
+from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.problem.validation import show
+from ...engine.surface.instances import body_rotations, rotate
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
 from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
@@ -194,13 +196,10 @@ def _read_result(item: bpy.types.Object) -> _Stood:
 
 def _raised(axes: np.ndarray) -> np.ndarray:
     """Return axes ``[n, 3, 3]`` turned the shortest way until the third one is vertical: outlines are of what stands upright."""
-    up = axes[:, :, 2] / np.maximum(np.linalg.norm(axes[:, :, 2], axis=1, keepdims=True), 1e-300)
-    up = np.where(up[:, 2:] < 0.0, -up, up)
-    x, y, z = up.T
-    # About the horizontal axis (y, -x, 0).
-    share = 1.0 / (1.0 + z)
-    rows = ((1.0 - share * x * x, -share * x * y, -x), (-share * x * y, 1.0 - share * y * y, -y), (x, y, z))
-    return np.stack([np.stack(row, axis=1) for row in rows], axis=1) @ axes
+    up = unit_vectors(axes[:, :, 2])
+    leaning = body_rotations(np.where(up[:, 2:] < 0.0, -up, up), 1.0, np.zeros(len(up)))
+    back = leaning * [1.0, -1.0, -1.0, -1.0]
+    return np.stack([rotate(back, axes[:, :, k]) for k in range(3)], axis=2)
 
 
 def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> list[Obstacle]:
