@@ -6,19 +6,19 @@ import csv
 import io
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 import numpy as np
 
 from ..errors import InputFileError
 from ..problem.validation import show
 from .cell_text import name_in_cell
-from .placement_columns import COLUMNS
+from .placement_columns import COLUMNS, Column
 
 if TYPE_CHECKING:
     from ..problem.placement import Placement
 
-__all__ = ["read_csv", "write_csv"]
+__all__ = ["Table", "read_csv", "write_csv"]
 
 
 def write_csv(file: BinaryIO, placement: Placement) -> None:
@@ -32,12 +32,24 @@ def write_csv(file: BinaryIO, placement: Placement) -> None:
     text.detach()
 
 
-def read_csv(path: Path, numbers: Collection[str]) -> dict[str, np.ndarray]:
-    """Read columns of a table, by name.
+class Table(NamedTuple):
+    """What was read of a table.
+
+    Attributes:
+        columns: Values by name, shape ``[n]`` each: float64, int64 where they are whole numbers, or names.
+        line: Of every row, in the file, shape ``[n]``.
+    """
+
+    columns: dict[str, np.ndarray]
+    line: np.ndarray
+
+
+def read_csv(path: Path, numbers: Collection[str]) -> Table:
+    """Read columns of a table.
 
     Args:
         path: The file.
-        numbers: Columns that hold numbers: float64, but ``id`` int64. An empty cell is what :data:`.placement_columns.COLUMNS` says.
+        numbers: Columns that hold numbers. An empty cell is what :data:`.placement_columns.COLUMNS` says.
 
     Returns:
         Those of them that are there, ``x`` and ``y`` in any case; and columns of names, of which ``COLUMNS`` knows.
@@ -51,47 +63,68 @@ def read_csv(path: Path, numbers: Collection[str]) -> dict[str, np.ndarray]:
             names = [name.strip() for name in next(rows, [])]
             # A line may go on in the next one, and an empty one says nothing.
             lines = [(rows.line_num, row) for row in rows if row]
+    except UnicodeDecodeError:
+        raise InputFileError(f"{path} must be text in UTF-8; save it as UTF-8 in the program that it is from") from None
     except (OSError, ValueError, csv.Error) as error:
         raise InputFileError(f"{path} cannot be read as a table: {' '.join(str(error).split())[:200]}") from None
+    known = {column.name: column for column in COLUMNS}
+    read = [name for name in names if name in numbers or (name in known and known[name].text)]
     for needed in ("x", "y"):
         if needed not in names:
             raise InputFileError(f"{path} must have a column `{needed}`; its columns are {show(', '.join(names))}")
+    for name in read:
+        if read.count(name) > 1:
+            raise InputFileError(f"{path} must have one column `{name}`; it has {read.count(name)}")
     for number, line in lines:
         if len(line) != len(names):
             raise InputFileError(f"{path} must have {len(names)} cells in every line; line {number} has {len(line)}")
-    cells = dict(
-        zip(names, zip(*(line for _, line in lines), strict=True) if lines else [()] * len(names), strict=True)
-    )
-    empty = {column.name: column.otherwise for column in COLUMNS}
-    found: dict[str, np.ndarray] = {}
-    for column in COLUMNS:
-        if column.text and column.name in cells:
-            found[column.name] = np.array(list(map(name_in_cell, cells[column.name])), dtype=np.str_)
-    for name in (name for name in names if name in numbers):
-        where = f"{path} must hold numbers in its column `{name}`"
-        at = [number for number, _ in lines]
-        found[name] = _numbers(cells[name], empty.get(name, np.nan), where, at, whole=name == "id")
-    return found
+    at = [number for number, _ in lines]
+    columns: dict[str, np.ndarray] = {}
+    for name in read:
+        place = names.index(name)
+        cells = [line[place] for _, line in lines]
+        column = known.get(name)
+        if column is not None and column.text:
+            columns[name] = np.array(list(map(name_in_cell, cells)), dtype=np.str_)
+        elif column is not None and column.bits:
+            columns[name] = _whole_numbers(cells, column, str(path), at)
+        else:
+            otherwise = np.nan if column is None else column.otherwise
+            columns[name] = _numbers(cells, otherwise, f"{path} must hold numbers in its column `{name}`", at)
+    return Table(columns, np.array(at, np.int64))
 
 
-def _numbers(cells: Sequence[str], otherwise: float, where: str, lines: Sequence[int], *, whole: bool) -> np.ndarray:
-    """Numbers in cells; whole ones as int64, which floats would not count exactly."""
+def _numbers(cells: Sequence[str], otherwise: float, where: str, lines: Sequence[int]) -> np.ndarray:
     values: list[float] = []
     for cell, line in zip(cells, lines, strict=True):
         try:
-            values.append((_whole(cell) if whole else float(cell)) if cell.strip() else otherwise)
+            values.append(float(cell) if cell.strip() else otherwise)
         except ValueError:
             raise InputFileError(f"{where}; line {line} has {show(cell)}") from None
-    # A number beyond int64 is a float here, which only an id that is wrong can be.
-    fits = whole and all(float(value).is_integer() and abs(value) < 2**63 for value in values)
-    return np.array(values, np.int64 if fits else np.float64)
+    return np.array(values, np.float64)
 
 
-def _whole(cell: str) -> int | float:
-    """A whole number that fits into an id, or whatever number it is."""
-    value = float(cell)
+def _whole_numbers(cells: Sequence[str], column: Column, path: str, lines: Sequence[int]) -> np.ndarray:
+    """Numbers in cells, int64, which floats would not count exactly."""
+    values: list[int] = []
+    for cell, line in zip(cells, lines, strict=True):
+        value = _whole(cell) if cell.strip() else int(column.otherwise)
+        fits = value is not None and -(2 ** (column.bits - 1)) <= value < 2 ** (column.bits - 1)
+        if value is None or not fits:
+            what = "whole numbers" if value is None else f"whole numbers of at most {column.bits} bits"
+            raise InputFileError(f"{path} must hold {what} in its column `{column.name}`; line {line} has {show(cell)}")
+        values.append(value)
+    return np.array(values, np.int64)
+
+
+def _whole(cell: str) -> int | None:
+    """The whole number that a cell holds, also as 7.0 or 7e3; None for what is none."""
     try:
-        number = int(cell)
+        return int(cell)
     except ValueError:
-        return value
-    return number if abs(number) < 2**63 else value
+        pass
+    try:
+        value = float(cell)
+    except ValueError:
+        return None
+    return int(value) if value.is_integer() else None

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputFileError, ProblemError
-from ..problem.fixed_bodies import FixedBodies
-from ..problem.validation import as_path, show
+from ..problem.fixed_bodies import FixedBodies, Origin
+from ..problem.settings import settle
+from ..problem.validation import as_path
+from .array_files import read_arrays
 from .body_formats import FORMATS
 from .csv_files import read_csv
 from .placement_files import one_of
@@ -18,8 +20,15 @@ from .placement_files import one_of
 __all__ = ["read_fixed_bodies"]
 
 ACCEPTED = "fixed bodies are a .npz or .csv file, or one of the other formats that placements are written in"
-# Columns of tables that are looked at, beside names.
-NUMBERS = ("x", "y", "angle", "length", "area", "id", "class_index", "size_index", "variant", "scale")
+# What is read of every body, beside its position and names.
+NUMBERS = ("angle", "length", "area", "id", "class_index", "size_index", "variant", "scale")
+
+
+class _Read(NamedTuple):
+    """Values of bodies by name, and the line of each in its file; None where that has no lines."""
+
+    columns: dict[str, np.ndarray]
+    line: np.ndarray | None = None
 
 
 def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: str | None = None) -> FixedBodies:
@@ -29,8 +38,8 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         path: A ``.csv`` with a line of column names: ``x`` and ``y`` [m] are needed; ``class_name`` or ``class_index``, ``size_name``
             or ``size_index``, ``angle`` [rad], ``length`` [m], ``area`` [m²], ``id``, ``variant`` and ``scale`` are read, others are
             not looked at. Or a ``.npz`` with ``position`` [m], shape ``[n, 2]``, and the same names. Both are what
-            :func:`~esh.write_placement` writes. Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from
-            above.
+            :func:`~esh.write_placement` writes. An empty cell, and NaN in ``length``, ``area`` and ``scale``, say nothing of a body.
+            Or a file of another program, see :func:`~esh.load_placement`; bodies are seen from above.
         body_class: The class of all of them, whatever the file says.
         size: Their size, whatever the file says.
 
@@ -45,8 +54,8 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
     if not path.is_file():
         raise InputFileError(f"{path} {'is not a file' if path.exists() else 'does not exist'}; {ACCEPTED}")
     try:
-        columns = reader(path)
-        return FixedBodies(
+        columns, line = reader(path)
+        bodies = FixedBodies(
             columns["position"],
             _label(columns, "class", body_class),
             _label(columns, "size", size),
@@ -57,11 +66,14 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
             columns.get("variant", 0),
             columns.get("scale"),
         )
+        given = {name for name, label in (("body_class", body_class), ("size", size)) if label is not None}
+        settle(bodies, origin=Origin(str(path), line, given))
+        return bodies
     except ProblemError as error:
         raise InputFileError(f"{path}: {error}") from None
     except InputFileError:
         raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError) as error:
         raise InputFileError(f"{path} cannot be read ({' '.join(str(error).split())}); {ACCEPTED}") from None
 
 
@@ -75,39 +87,30 @@ def _label(columns: dict[str, np.ndarray], what: str, chosen: str | None) -> str
     return 0
 
 
-def _read_bodies(path: Path) -> dict[str, np.ndarray]:
+def _read_bodies(path: Path) -> _Read:
     bodies = FORMATS[path.suffix.lower()].read(path)
     columns = {key: getattr(bodies, key) for key in ("angle", "length", "area", "id", "class_index", "size_index")}
     if bodies.named:
         pairs = zip(bodies.class_index.tolist(), bodies.size_index.tolist(), strict=True)
         columns["size_name"] = np.array([bodies.size_name[c][s] for c, s in pairs], dtype=np.str_)
         columns["class_name"] = np.array([bodies.class_name[c] for c in bodies.class_index.tolist()], dtype=np.str_)
-    return columns | {"position": bodies.position[:, :2]}
+    return _Read(columns | {"position": bodies.position[:, :2]})
 
 
-def _read_csv(path: Path) -> dict[str, np.ndarray]:
-    columns = read_csv(path, NUMBERS)
-    columns["position"] = np.stack([columns["x"], columns["y"]], axis=1)
-    for name in ("class_index", "size_index"):
-        if name in columns:
-            columns[name] = columns[name].astype(np.int64)
-    return columns
+def _read_csv(path: Path) -> _Read:
+    table = read_csv(path, ("x", "y", *NUMBERS))
+    position = np.stack([table.columns["x"], table.columns["y"]], axis=1)
+    return _Read(table.columns | {"position": position}, table.line)
 
 
-def _read_npz(path: Path) -> dict[str, np.ndarray]:
-    loaded = np.load(path, allow_pickle=False)
-    if isinstance(loaded, np.ndarray):
-        raise InputFileError(f"{path} must hold several named arrays, as np.savez writes them; it holds a single one")
-    with loaded as stored:
-        if "position" not in stored.files:
-            raise InputFileError(f"{path} must hold an array `position`; it holds {show(', '.join(stored.files))}")
-        wanted = ("position", "angle", "length", "area", "id", "class_index", "size_index", "class_name", "size_name")
-        columns = {name: stored[name] for name in wanted if name in stored.files}
+def _read_npz(path: Path) -> _Read:
+    columns = read_arrays(path, ("position", "class_name", "size_name", *NUMBERS))
     names = columns.get("class_name")
     # Placements list the names that their indices count.
     if names is not None and "class_index" in columns:
         index = columns.pop("class_index")
-        if index.size and not 0 <= index.min() <= index.max() < len(names):
-            raise InputFileError(f"{path} must have a name for every `class_index`; it has {len(names)} names")
+        known = np.arange(len(names) if names.ndim == 1 else 0)
+        if not np.isin(index, known).all():
+            raise InputFileError(f"{path} must have a name for every `class_index`; it has {len(known)} names")
         columns["class_name"] = names[index.astype(np.int64)]
-    return columns
+    return _Read(columns)

@@ -43,6 +43,7 @@ class Column:
         when: In which placements it is.
         text: Whether it holds names, not numbers.
         otherwise: What an empty cell means where the table is read.
+        bits: Of how many the whole numbers are that it holds, with their sign; 0 for other numbers.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Column:
     when: When
     text: bool = False
     otherwise: float = float("nan")
+    bits: int = 0
 
 
 def is_marked(placement: Placement) -> bool:
@@ -94,8 +96,16 @@ COLUMNS: tuple[Column, ...] = (
     Column("x", "m", "position, to the right; 0 is the left edge of the domain", _entry("position", 0), ALWAYS),
     Column("y", "m", "position, up; 0 is the lower edge of the domain", _entry("position", 1), ALWAYS),
     Column("z", "m", "position, the third coordinate", _entry("position", 2), ON_SURFACE),
-    Column("class_index", "", "number of the class, from 0", _entry("class_index"), ALWAYS, otherwise=0.0),
-    Column("size_index", "", "number of the size in its class, from 0", _entry("size_index"), ALWAYS, otherwise=0.0),
+    Column("class_index", "", "number of the class, from 0", _entry("class_index"), ALWAYS, otherwise=0.0, bits=32),
+    Column(
+        "size_index",
+        "",
+        "number of the size in its class, from 0",
+        _entry("size_index"),
+        ALWAYS,
+        otherwise=0.0,
+        bits=32,
+    ),
     Column(
         "angle",
         "rad",
@@ -109,9 +119,17 @@ COLUMNS: tuple[Column, ...] = (
     Column("size_name", "", "name of the size", _cells(size_names), ALWAYS, text=True),
     Column("width", "m", "of the capsule around the axis; 0 for dots", _entry("width"), ALWAYS),
     Column("area", "m²", "ground that the body takes", _entry("area"), ALWAYS),
-    Column("variant", "", "which of the outlines of its size the body has, from 0", _entry("variant"), ALWAYS),
+    Column(
+        "variant",
+        "",
+        "which of the outlines of its size the body has, from 0",
+        _entry("variant"),
+        ALWAYS,
+        otherwise=0.0,
+        bits=32,
+    ),
     Column("scale", "", "factor on that outline", _entry("scale"), ALWAYS),
-    Column("id", "", "identity", _entry("id"), MARKED, otherwise=-1.0),
+    Column("id", "", "identity", _entry("id"), MARKED, otherwise=-1.0, bits=64),
     Column("fixed", "", "1 if the body was fixed, else 0", lambda p: p.fixed.astype(int).tolist(), MARKED),
     *(
         Column(f"normal_{axis}", "", f"outward normal of the surface, along {axis}", _entry("normal", k), ON_SURFACE)

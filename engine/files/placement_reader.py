@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from ..errors import InputFileError
 from ..problem.validation import as_path
+from .array_files import read_arrays
 from .bodies import READ_COLUMNS, Bodies, bodies_from_columns
 from .body_formats import FORMATS
 from .csv_files import read_csv
@@ -50,11 +50,7 @@ def load_placement(path: str | Path) -> Bodies:
 
 
 def _read_npz(path: Path) -> Bodies:
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {key: stored[key] for key in stored.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
-        raise InputFileError(f"{path} cannot be read as NumPy arrays: {' '.join(str(error).split())[:200]}") from None
+    arrays = read_arrays(path)
     position = arrays.pop("position", None)
     if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):
         raise InputFileError(f"{path} must hold an array `position` of shape [n, 2]")
@@ -69,7 +65,7 @@ def _read_npz(path: Path) -> Bodies:
 
 
 def _read_csv(path: Path) -> Bodies:
-    columns = read_csv(path, READ_COLUMNS)
+    columns = read_csv(path, READ_COLUMNS).columns
     names = columns.pop("class_name", None)
     size_names = columns.pop("size_name", None)
     labels: list[str] = []

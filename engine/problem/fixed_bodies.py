@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from .validation import FOREIGN_ERRORS, show
 if TYPE_CHECKING:
     from .placement import Placement
 
-__all__ = ["FixedBodies", "FixedBody", "FixedTable", "fixed_table"]
+__all__ = ["FixedBodies", "FixedBody", "FixedTable", "Origin", "fixed_table"]
 
 # A class or a size: by its name, or by its index.
 Label = str | int
@@ -36,6 +36,27 @@ _NOT_SAID = {
     "mesh": 0,
     "triangle": -1,
 }
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The file that bodies were read from.
+
+    Attributes:
+        path: What sentences call it.
+        line: Of every body, in the file, shape ``[m]``; None where it has no lines.
+        otherwise: Settings that are not from the file.
+    """
+
+    path: str
+    line: np.ndarray | None = None
+    otherwise: Collection[str] = ()
+
+    def told(self, body: int, name: str) -> str:
+        """Return where a setting of a body is from, as a sentence about it begins; empty where it is not from here."""
+        if name in self.otherwise:
+            return ""
+        return f"{self.path}, " + (f"body {body + 1}: " if self.line is None else f"line {self.line[body]}: ")
 
 
 def _check_positions(value: object, key: str) -> np.ndarray:
@@ -91,18 +112,20 @@ def _check_lengths(value: object, key: str) -> np.ndarray:
 def _check_whole(value: object, key: str) -> np.ndarray:
     """Return whole numbers, int64; -1 stands for one that is not said."""
     numbers = _check_numbers(value, key)
-    if not ((numbers >= -1) & (numbers == np.floor(numbers)) & (numbers < 2**31)).all():
+    wrong = numbers[~((numbers >= -1) & (numbers == np.floor(numbers)) & (numbers < 2**31))]
+    if wrong.size:
         raise ProblemError(
-            f"{key} must be whole numbers of 0 or more, below 2**31, or -1 for free ones; got {show(value)}"
+            f"{key} must be whole numbers of 0 or more, below 2**31, or -1 for free ones; got {show(wrong[0])}"
         )
     return numbers.astype(np.int64)
 
 
 def _check_variant(value: object, key: str) -> np.ndarray:
     numbers = _check_numbers(value, key)
-    if not ((numbers >= 0.0) & (numbers % 1.0 == 0.0)).all():
-        raise ProblemError(f"{key} must be whole numbers of 0 or more; got {show(value)}")
-    return np.minimum(numbers, 2.0**31 - 1.0).astype(np.int32)
+    wrong = numbers[~((numbers >= 0.0) & (numbers % 1.0 == 0.0) & (numbers < 2**31))]
+    if wrong.size:
+        raise ProblemError(f"{key} must be whole numbers of 0 or more, below 2**31; got {show(wrong[0])}")
+    return numbers.astype(np.int32)
 
 
 def _check_weights(value: object, key: str) -> np.ndarray:
@@ -205,6 +228,8 @@ class FixedBodies(Settings):
         default=None,
         metadata=setting("Weights of this triangle's corners", more="Shape ``[m, 3]``", check=_check_weights),
     )
+    # What sentences about them begin with; only readers of files know it.
+    origin: ClassVar[Origin | None] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -363,37 +388,30 @@ def fixed_table(given: object, classes: Sequence[PreparedClass], domain: Domain 
             np.zeros((0, 3)),
         )
     position, places = _positions(parts, domain)
-    outside = np.zeros(0, np.int64)
-    if isinstance(domain, Domain):
-        outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
-    if len(outside):
-        at = position[outside[0]]
-        raise ProblemError(
-            f"`fixed.position` must lie inside the domain, {domain.size[0]:g} by {domain.size[1]:g} m; got {show(at.tolist())}"
-        )
     names = [c.name for c in classes]
-    class_index = np.concatenate(
-        [_indices(np.asarray(part.body_class, dtype=object), names, "`fixed.body_class`") for part in parts]
-    )
+    labels = np.concatenate([np.asarray(part.body_class, dtype=object) for part in parts])
+    class_index = _indices(parts, labels, np.arange(len(labels)), names, "body_class")
     labels = np.concatenate([np.asarray(part.size, dtype=object) for part in parts])
     size_index = np.zeros(len(position), np.int32)
     area = np.concatenate([np.asarray(part.area, dtype=np.float64) for part in parts])
     length = np.concatenate([np.asarray(part.length, dtype=np.float64) for part in parts])
     for c in np.unique(class_index).tolist():
-        own = class_index == c
+        own = np.flatnonzero(class_index == c)
         sizes = classes[c].sizes
-        size_index[own] = _indices(labels[own], [s.name for s in sizes], f'`fixed.size` of class "{names[c]}"')
+        size_index[own] = _indices(parts, labels, own, [s.name for s in sizes], "size", f'of class "{names[c]}" ')
         area[own] = np.where(np.isnan(area[own]), np.array([s.mean_area for s in sizes])[size_index[own]], area[own])
         has_axis = np.array([s.kind.has_axis for s in sizes])[size_index[own]]
         length[own] = np.where(has_axis & (length[own] > 0.0), length[own], np.nan)
-    if (length > max(domain.size)).any():
-        raise ProblemError(
-            f"`fixed.length` must not be longer than the domain, {max(domain.size):g} m; got {show(float(np.nanmax(length)))}"
-        )
+    long = np.flatnonzero(length > max(domain.size))
+    if len(long):
+        said = f"must not be longer than the domain, {max(domain.size):g} m; got {show(length[long[0]])}"
+        raise _wrong(parts, long[0], "length", said)
     ids = np.concatenate([np.asarray(part.id) for part in parts])
     given_ids, times = np.unique(ids[ids >= 0], return_counts=True)
     if (times > 1).any():
-        raise ProblemError(f"`fixed.id` must differ from body to body; got {given_ids[times > 1][0]} twice")
+        twice = given_ids[times > 1][0]
+        again = np.flatnonzero(ids == twice)[1]
+        raise _wrong(parts, again, "id", f"must differ from body to body; got {twice} twice")
     angle = np.concatenate([np.asarray(part.angle) for part in parts])
     order = np.lexsort((size_index, class_index))
     variant = _outlines(parts, class_index, size_index, classes)
@@ -409,14 +427,27 @@ def _outlines(
     variant = np.concatenate([np.asarray(part.variant) for part in parts])
     for c, body_class in enumerate(classes):
         for s, size in enumerate(body_class.sizes):
-            number = len(size.footprint.outlines) if isinstance(size.footprint, Footprints) else None
-            own = variant[(class_index == c) & (size_index == s)]
-            if number is not None and (own >= number).any():
+            if not isinstance(size.footprint, Footprints):
+                continue
+            number = len(size.footprint.outlines)
+            unknown = np.flatnonzero((class_index == c) & (size_index == s) & (variant >= number))
+            if len(unknown):
                 accepted = "0, its only footprint" if number == 1 else f"a whole number from 0 to {number - 1}"
-                raise ProblemError(
-                    f'`fixed.variant` of size "{size.name}" of class "{body_class.name}" must be {accepted}; got {own.max()}'
+                said = (
+                    f'of size "{size.name}" of class "{body_class.name}" must be {accepted}; got {variant[unknown[0]]}'
                 )
+                raise _wrong(parts, unknown[0], "variant", said)
     return variant
+
+
+def _wrong(parts: Sequence[FixedBodies], body: int, name: str, said: str) -> ProblemError:
+    """Return what to raise for a setting of one of the bodies of all parts: with its file and line, where it has some."""
+    for part in parts:
+        if body < len(part):
+            where = "" if part.origin is None else part.origin.told(int(body), name)
+            return ProblemError(f"{where}`fixed.{name}` {said}")
+        body -= len(part)
+    raise AssertionError("no part has this body")
 
 
 def _positions(
@@ -435,6 +466,12 @@ def _positions(
     known = np.flatnonzero(triangle >= 0)
     if isinstance(domain, Surface) and len(known):
         position[known] = domain.locate(mesh[known], triangle[known], barycentric[known]).position
+    if isinstance(domain, Domain):
+        outside = np.flatnonzero(((position < 0.0) | (position > np.array(domain.size))).any(axis=1))
+        if len(outside):
+            extent = f"{domain.size[0]:g} by {domain.size[1]:g} m"
+            said = f"must lie inside the domain, {extent}; got {show(position[outside[0]])}"
+            raise _wrong(parts, outside[0], "position", said)
     return position, (mesh, triangle, barycentric)
 
 
@@ -497,15 +534,27 @@ def _labels(value: object, count: int, key: str) -> np.ndarray:
     return labels
 
 
-def _indices(labels: np.ndarray, names: list[str], key: str) -> np.ndarray:
-    """Indices of names; what is a number already is one."""
-    known: dict[object, int] = {name: index for index, name in enumerate(names)}
+def _indices(
+    parts: Sequence[FixedBodies], labels: np.ndarray, chosen: np.ndarray, names: list[str], name: str, of: str = ""
+) -> np.ndarray:
+    """Indices of the names that chosen ones of all bodies have; what is a number already is one.
+
+    Args:
+        parts: Where bodies are from.
+        labels: Names and indices of all bodies.
+        chosen: Numbers of bodies.
+        names: All that there are.
+        name: Of the setting.
+        of: Whose it is, behind that in a sentence, with a blank.
+    """
+    known: dict[object, int] = {one: index for index, one in enumerate(names)}
     known.update((index, index) for index in range(len(names)))
-    result = np.empty(len(labels), np.int32)
-    for place, label in enumerate(labels.tolist()):
+    result = np.empty(len(chosen), np.int32)
+    for place, label in enumerate(labels[chosen].tolist()):
         found = known.get(label) if isinstance(label, (str, int)) and not isinstance(label, bool) else None
         if found is None:
-            accepted = ", ".join(f'"{name}"' for name in names)
-            raise ProblemError(f"{key} must be one of {accepted}, or an index of them; got {show(label)}")
+            accepted = ", ".join(f'"{one}"' for one in names)
+            said = f"{of}must be one of {accepted}, or an index of them; got {show(label)}"
+            raise _wrong(parts, chosen[place], name, said)
         result[place] = found
     return result

@@ -421,10 +421,10 @@ def check_density(value: object, key: str, *, empty: bool = False) -> np.ndarray
 
 
 def as_reals(value: object) -> np.ndarray:
-    """Return a new float64 array of what is given; raises one of FOREIGN_ERRORS where it is something else, complex numbers too."""
+    """Return a new float64 array of what is given; raises one of FOREIGN_ERRORS for anything else, complex numbers and times too."""
     given = np.array(value)
-    if given.dtype.kind == "c":
-        raise TypeError("complex numbers")
+    if given.dtype.kind in "cmM":
+        raise TypeError("complex numbers, or times")
     return given.astype(np.float64)
 
 
@@ -464,6 +464,10 @@ def show(value: object) -> str:
     if isinstance(value, str):
         text = ascii(value) if not value.isprintable() else f'"{value}"'
         return text if len(text) <= 62 else f'{text[:58]}..."'
+    if isinstance(value, np.ndarray) and value.ndim:
+        # Of more than is shown there is enough to see that there is more.
+        value = value[(slice(7),) * value.ndim]
+        value = (value.astype(str) if value.dtype.kind in "mM" else value).tolist()
     try:
         text = " ".join(reprlib.repr(value).split())
     except FOREIGN_ERRORS:

@@ -261,6 +261,12 @@ def test_mistakes_are_named(tmp_path, text, message):
         ("x,y\n1,b\n", 'must hold numbers in its column `y`; line 2 has "b"'),
         ("x,y,area\n1,2,-3\n", "`fixed.area` must be above 0"),
         ("", "must have a column `x`"),
+        ("x,x,y\n1,2,3\n", "must have one column `x`; it has 2"),
+        ("x,y,class_index\n1,2,0\n1,2,0.5\n", 'must hold whole numbers in its column `class_index`; line 3 has "0.5"'),
+        ("x,y,size_index\n1,2,nan\n", 'must hold whole numbers in its column `size_index`; line 2 has "nan"'),
+        ("x,y,variant\n1,2,1e20\n", 'whole numbers of at most 32 bits in its column `variant`; line 2 has "1e20"'),
+        ("x,y,id\n1,2,-9223372036854775809\n", "whole numbers of at most 64 bits in its column `id`; line 2"),
+        ("x,y,id\n1,2,-1\n1,2,-5\n", "`fixed.id` must be whole numbers of 0 or more, .*; got -5$"),
     ],
 )
 def test_damaged_tables_are_named(tmp_path, content, message):
@@ -268,6 +274,57 @@ def test_damaged_tables_are_named(tmp_path, content, message):
     path.write_text(content, encoding="utf-8")
     with pytest.raises(InputFileError, match=message):
         read_fixed_bodies(path)
+
+
+def test_cells_of_columns_that_nobody_reads_may_hold_anything(tmp_path):
+    (tmp_path / "t.csv").write_text("note,x,note,y,variant,id,\na,1,b,2,,7.0,\nc,3,d,4,2,8e0,\n", encoding="utf-8")
+    bodies = read_fixed_bodies(tmp_path / "t.csv")
+    assert bodies.position.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert bodies.variant.tolist() == [0, 2] and bodies.id.tolist() == [7, 8]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_a_table_in_another_encoding_is_to_be_saved_as_utf_8(tmp_path, encoding):
+    path = tmp_path / "t.csv"
+    path.write_text("x,y,class_name\n1,2,d\u00f6rr\n", encoding=encoding)
+    for read in (read_fixed_bodies, load_placement):
+        with pytest.raises(InputFileError, match=r"t\.csv must be text in UTF-8; save it as UTF-8"):
+            read(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x,y\n1,1\n30,1\n", r"line 3: `fixed\.position` must lie inside the domain, .*; got \[30\.0, 1\.0\]"),
+        ("x,y,class_name\n1,1,oak\n", r'line 2: `fixed\.body_class` must be one of "pine", "rock", .*; got "oak"'),
+        ("x,y,size_name\n\n1,1,\n", r'line 3: `fixed\.size` of class "pine" must be one of .*; got ""'),
+        ("x,y,id\n1,1,3\n2,1,4\n2,2,3\n", r"line 4: `fixed\.id` must differ from body to body; got 3 twice"),
+    ],
+)
+def test_what_does_not_fit_the_problem_is_told_with_its_line(tmp_path, content, message):
+    (tmp_path / "t.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(InputFileError, match=rf"r\.toml: .*t\.csv, {message}"):
+        read_recipe(write(tmp_path, '[[fixed]]\nposition = [[2, 2]]\n[[fixed]]\nfile = "t.csv"\n'))
+
+
+def test_what_the_recipe_says_itself_has_no_line(tmp_path):
+    np.savez(tmp_path / "t.npz", position=[[1.0, 2.0], [5.0, 2.0]])
+    with pytest.raises(InputFileError, match=r"r\.toml: `fixed\.body_class` must be one of"):
+        read_recipe(write(tmp_path, '[[fixed]]\nfile = "t.npz"\nclass = "oak"\n'))
+    np.savez(tmp_path / "t.npz", position=[[1.0, 2.0], [50.0, 2.0]])
+    with pytest.raises(InputFileError, match=r"r\.toml: .*t\.npz, body 2: `fixed\.position` must lie inside"):
+        read_recipe(write(tmp_path, '[[fixed]]\nfile = "t.npz"\n'))
+
+
+def test_arrays_have_all_that_tables_have(tmp_path):
+    """NaN stands for what is not said, as an empty cell does."""
+    given = {"variant": [1, 0], "scale": [0.5, np.nan], "area": [np.nan, 2.0], "id": [7, -1]}
+    np.savez(tmp_path / "t.npz", position=[[1.0, 2.0], [3.0, 4.0]], **given)
+    (tmp_path / "t.csv").write_text("x,y,variant,scale,area,id\n1,2,1,0.5,,7\n3,4,0,,2,-1\n", encoding="utf-8")
+    for ending in (".npz", ".csv"):
+        bodies = read_fixed_bodies(tmp_path / f"t{ending}")
+        for name, values in given.items():
+            np.testing.assert_array_equal(getattr(bodies, name), values, ending)
 
 
 def test_damaged_archives_are_named(tmp_path):
@@ -281,6 +338,27 @@ def test_damaged_archives_are_named(tmp_path):
     np.savez(path, position=[[1.0, 2.0]], class_index=[3], class_name=["a"])
     with pytest.raises(EshError, match="must have a name for every `class_index`; it has 1 names"):
         read_fixed_bodies(path)
+    np.savez(path, position=[[1.0, 2.0]], class_index=[0.5], class_name=["a"])
+    with pytest.raises(EshError, match="must have a name for every `class_index`; it has 1 names"):
+        read_fixed_bodies(path)
+    np.savez(path, position=np.zeros((1, 2), "datetime64[s]"))
+    with pytest.raises(EshError, match=r"`fixed\.position` must be a list of positions, .*; got \[\['1970-01-01T"):
+        read_fixed_bodies(path)
+    np.savez(path, position=[[1.0, 2.0]], id=[-5])
+    with pytest.raises(EshError, match=r"`fixed\.id` must be whole numbers .*; got -5$"):
+        read_fixed_bodies(path)
+
+
+def test_what_only_is_called_an_archive_is_told(tmp_path):
+    path = tmp_path / "t.npz"
+    path.write_text("x,y\n1,2\n", encoding="utf-8")
+    for read in (read_fixed_bodies, load_placement):
+        with pytest.raises(InputFileError, match=r"must hold several named arrays, .*; it holds something else, or is"):
+            read(path)
+    np.savez(path, position=np.array([None, 1], dtype=object))
+    for read in (read_fixed_bodies, load_placement):
+        with pytest.raises(InputFileError, match=r"it holds objects of Python, which may be anything$"):
+            read(path)
 
 
 def test_files_of_fixed_bodies_that_hold_something_else_are_named(tmp_path):
