@@ -146,7 +146,8 @@ class ClassesFromAbove:
                 continue
             if left < 0.5 * min(size.mean_area for size in one.asked.sizes):
                 raise ProblemError(
-                    f'{self._target_name} has no room for class "{one.asked.name}" beside the counts of the others'
+                    f'{self._target_name} has no room for class "{one.asked.name}" beside the counts of the others; lower '
+                    "these, or give it a count of its own"
                 )
             yield k, left
 

@@ -371,7 +371,9 @@ def test_what_is_to_cover_the_ground_leaves_room_for_counts_beside_it():
 
     alone = placed(0)
     assert [alone - placed(stones) for stones in (20, 40)] == [20, 40]
-    with pytest.raises(EshError, match='"Ground" has no room for class "tree" beside the counts of the others'):
+    with pytest.raises(
+        EshError, match='"Ground" has no room for class "tree" beside the counts of the others; lower these'
+    ):
         placed(alone)
 
 
