@@ -25,7 +25,7 @@ from .direction import Direction
 from .final_placement import facing_turns, placement_of, position_in_meters
 from .forces import SMALLEST_DENSITY, Forces
 from .held_border import shares_of_forces
-from .initial_placement import first_pose
+from .initial_placement import Pyramids, first_pose
 from .line_rules import FIRST_LENGTH, LineRules
 from .model import Model
 from .state import State
@@ -104,6 +104,8 @@ class Descent:
             launcher, model.supports, model.size, to_support=back, step=step_along_lines(model)
         )
         self.state = self._first_state(pose)
+        # Of starts after the first one, which only few bodies have: those of many are large.
+        self._pyramids: Pyramids = {}
         n = model.body_count
         self.charge_position = launcher.empty(model.charge_count, wp.vec2)
         self.field_at_charge = launcher.zeros(model.charge_count, wp.vec2)
@@ -144,13 +146,13 @@ class Descent:
     def restart(self, start: int) -> None:
         """Go back to where bodies start, or to another one of the places where they might have."""
         self.rules.lines.length_factor.fill_(1.0)
-        self.state.assign(self._first_state(None, start))
+        self.state.assign(self._first_state(None, start, self._pyramids))
         self.place_charges()
 
-    def _first_state(self, given: np.ndarray | None, start: int = 0) -> State:
+    def _first_state(self, given: np.ndarray | None, start: int = 0, pyramids: Pyramids | None = None) -> State:
         model, launcher = self.model, self.launcher
         if given is None:
-            pose = first_pose(launcher, model, self.images, start)
+            pose = first_pose(launcher, model, self.images, start, pyramids)
             if self.rules.kind_count:
                 values = pose.numpy()
                 values[:, 2:] = self.rules.first_angle_and_length(values[:, :2])

@@ -23,7 +23,7 @@ from .attraction import vacancy
 from .model import Model
 from .spatial_order import order_of_groups
 
-__all__ = ["body_starts", "first_pose", "initial_placement"]
+__all__ = ["Pyramids", "body_starts", "first_pose", "initial_placement"]
 
 # Cells per body, and the finest curve (2^12 cells a side): cells smaller than a spacing are what makes the start even.
 CELLS_PER_BODY = 8
@@ -34,7 +34,13 @@ GOLDEN = 0.6180339887498949
 MANY_BODIES = 1 << 13
 
 
-def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0) -> wp.array:
+# Sums of a class's density by its number, or by the image that several have, and by the order of the curve.
+Pyramids = dict[tuple[int, int], wp.array]
+
+
+def first_pose(
+    launcher: Launcher, model: Model, images: Images, start: int = 0, pyramids: Pyramids | None = None
+) -> wp.array:
     """Put every group's bodies where its density asks for them, each group spread by itself.
 
     Args:
@@ -42,6 +48,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0)
         model: What is to be placed; its problem's seed decides on all that is random.
         images: The model's supports on the device.
         start: Number of the start: others than 0 are as random as that one.
+        pyramids: Of other starts of this model; gets what is worked out now. None keeps nothing.
 
     Returns:
         Poses (x, y, 0, 0), ``wp.vec4``, shape ``[body_count]``. Every body stands inside the domain, where its density is above zero.
@@ -51,7 +58,7 @@ def first_pose(launcher: Launcher, model: Model, images: Images, start: int = 0)
     count, of_bodies, seed = body_starts(model, launcher, start)
     domain = wp.vec2(*model.size)
     pose = launcher.empty(model.body_count, wp.vec4)
-    pyramids: dict[tuple[int, int], wp.array] = {}
+    pyramids = {} if pyramids is None else pyramids
     first = 0
     for k, body_class in enumerate(problem.classes):
         most = int(count[model.groups.class_index == k].max())

@@ -10,6 +10,7 @@ from esh.engine.problem.domain import Domain
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.solve import solve
+from esh.engine.solver import initial_placement
 from esh.engine.solver.attraction import group_targets
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.energy import Energy
@@ -162,3 +163,13 @@ def test_whoever_watches_can_stop_while_a_start_is_chosen(monkeypatch):
     placement = solve(problem_of([5, 7]), device="cpu", progress=stop_at_the_third)
     assert seen == [(0, True)] * 3
     assert not placement.report.converged and placement.report.steps == 1 and len(placement.position) == 12
+
+
+def test_starts_read_a_density_twice_however_many_they_are(monkeypatch):
+    """For each start anew, 50 bodies on an image of nine million pixels took a third longer."""
+    read = []
+    integrate = initial_placement.integrate_boxes
+    monkeypatch.setattr(initial_placement, "integrate_boxes", lambda *given: read.append(given) or integrate(*given))
+    with Solver(problem_of([20], density=np.eye(9)), device="cpu") as solver:
+        solver.choose_start(5)
+    assert len(read) == 2
