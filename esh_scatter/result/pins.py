@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.problem.fixed_bodies import FixedBodies
+from ...engine.problem.unit_vectors import unit_vectors
 from ..targets.target import members_of, world_matrix
 from .display import shown_objects
 from .kept_ground import (
@@ -26,6 +27,7 @@ from .kept_ground import (
     write_attribute,
 )
 from .node_group import INSTANCE_INDEX, SCALE
+from .standing_now import moved_with, raised, rotations
 
 # Warp is not imported before something is computed.
 if TYPE_CHECKING:
@@ -70,7 +72,9 @@ class Pins(NamedTuple):
         fit: What of that scale fits the object to its footprint, shape ``[n]``.
         source: ``session_uid`` of the object that stands there, shape ``[n]``; -1 where it is gone.
         identity: Numbers of the points, shape ``[n]``.
-        normal: Of the surface there, shape ``[n, 3]``.
+        normal: Of the surface there when they were placed, shape ``[n, 3]``.
+        turned: How objects there have been turned since, with the target that a result follows, shape ``[n, 3, 3]``.
+        turn: How far that is about their own axes [rad], shape ``[n]``.
     """
 
     position: np.ndarray
@@ -83,6 +87,8 @@ class Pins(NamedTuple):
     source: np.ndarray
     identity: np.ndarray
     normal: np.ndarray
+    turned: np.ndarray
+    turn: np.ndarray
 
     def fixed_in(self, chart: Chart, variant: np.ndarray, scale: np.ndarray) -> FixedBodies:
         """Return them as the solver takes them, brought into the rectangle of a chart.
@@ -97,7 +103,7 @@ class Pins(NamedTuple):
             np.clip(self.position[:, :2] - chart.origin, 0.0, size),
             self.class_index.astype(object),
             self.size_index.astype(object),
-            self.angle,
+            self.angle + self.turn,
             np.where(self.length > 0.0, self.length, np.nan),
             None,
             self.identity,
@@ -114,12 +120,13 @@ class Pins(NamedTuple):
             variant: Which of its size's objects each is, shape ``[n]``.
             scale: Of its class now, which its outline has, too, shape ``[n]``.
         """
-        triangle, weight = surface.nearest(self.position, self.normal)
+        normal = unit_vectors(np.einsum("nij,nj->ni", self.turned, self.normal))
+        triangle, weight = surface.nearest(self.position, normal)
         return FixedBodies(
             self.position,
             self.class_index.astype(object),
             self.size_index.astype(object),
-            self.angle,
+            self._angle_on(normal),
             np.where(self.length > 0.0, self.length, np.nan),
             area,
             self.identity,
@@ -129,6 +136,18 @@ class Pins(NamedTuple):
             triangle=triangle,
             barycentric=weight,
         )
+
+    def _angle_on(self, normal: np.ndarray) -> np.ndarray:
+        """Angles [rad] in the planes of the normals that the surface has now, ``[n, 3]``."""
+        from ...engine.solver.surface_line_rules import tangent_frame
+
+        first, second = tangent_frame(self.normal)
+        way = np.cos(self.angle)[:, None] * first + np.sin(self.angle)[:, None] * second
+        way = np.einsum("nij,nj->ni", self.turned, way)
+        first, second = tangent_frame(normal)
+        angle = np.arctan2((way * second).sum(axis=1), (way * first).sum(axis=1))
+        # What was not turned stays to the last digit.
+        return np.where((self.turned == np.eye(3)).all(axis=(1, 2)), self.angle, angle)
 
 
 def moved_by_hand(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -182,16 +201,16 @@ def read_pins(
     stays = stays[kept]
     if not len(stays):
         return None
-    world = np.array(result.matrix_world)
-    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[stays] @ world[:3, :3].T + world[
-        :3, 3
-    ]
+    place = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)).astype(np.float64)
+    now = moved_with(result, place, bpy.context)
+    before = rotations(result)[stays]
+    turn = _heading(now.turned[stays] @ before) - _heading(before)
 
     def of(name: str) -> np.ndarray:
         return read_attribute(mesh, name)[stays] if name in mesh.attributes else np.zeros(len(stays), np.float32)
 
     return Pins(
-        position.astype(np.float64),
+        now.position[stays],
         new_class[kept],
         new_size[kept],
         of(BODY_ANGLE).astype(np.float64),
@@ -201,7 +220,15 @@ def read_pins(
         sources_by_number(result)[of(INSTANCE_INDEX).astype(np.int64)],
         of("id").astype(np.int64),
         read_attribute(mesh, NORMAL)[stays].astype(np.float64),
+        now.turned[stays],
+        turn,
     )
+
+
+def _heading(rotation: np.ndarray) -> np.ndarray:
+    """How objects are turned about their own axes [rad], of rotations ``[n, 3, 3]``."""
+    upright = raised(rotation)
+    return np.arctan2(upright[:, 1, 0], upright[:, 0, 0])
 
 
 def checksum_of(result: bpy.types.Object) -> list[int]:
@@ -248,10 +275,10 @@ def can_be_edited(result: bpy.types.Object) -> bool:
 
 
 def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
-    """Return middles in the world, and radii of about what stands on points [m], shape ``[n, 4]``."""
-    mesh, world = result.data, np.array(result.matrix_world)
-    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[points]
-    position = position @ world[:3, :3].T + world[:3, 3]
+    """Return middles, seen from a result, and radii of about what stands on points [m], shape ``[n, 4]``."""
+    mesh = result.data
+    place = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)).astype(np.float64)
+    position = moved_with(result, place, bpy.context).position[points]
     half = [_half_width(item) for item in shown_objects(result)]
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])

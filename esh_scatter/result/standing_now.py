@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...engine.problem.unit_vectors import unit_vectors
-from ...engine.surface.instances import rotate
+from ...engine.surface.instances import body_rotations, rotate
 from .display import get_inputs, our_modifier
 from .kept_ground import read_attribute
 from .node_group import (
@@ -26,7 +26,10 @@ from .node_group import (
     followed_targets,
 )
 
-__all__ = ["StandingNow", "standing_now"]
+__all__ = ["MovedWith", "StandingNow", "moved_with", "raised", "rotations", "standing_now"]
+
+# Parts of a rotation by less than this are what rounding makes [rad].
+LEAST_TURN = 1e-5
 
 
 class StandingNow(NamedTuple):
@@ -36,20 +39,49 @@ class StandingNow(NamedTuple):
     axes: np.ndarray
 
 
+class MovedWith(NamedTuple):
+    """Places with what they follow: where they are now [m], ``[n, 3]``, and how objects there were turned since, ``[n, 3, 3]``."""
+
+    position: np.ndarray
+    turned: np.ndarray
+
+
 def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> StandingNow:
     """Return where all objects of a result stand, however many of them the viewport shows."""
     mesh = result.data
     position, scale = (read_attribute(mesh, name).astype(np.float64) for name in ("position", SCALE))
-    rotation = _matrices(read_attribute(mesh, ROTATION).astype(np.float64))
+    rotation = rotations(result)
+    now = moved_with(result, position, context)
+    world = np.array(result.matrix_world, np.float64)
+    position = now.position @ world[:3, :3].T + world[:3, 3]
+    return StandingNow(position, world[:3, :3] @ now.turned @ rotation * scale[:, None, :])
+
+
+def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.types.Context) -> MovedWith:
+    """Return where places beside the points of a result [m], ``[n, 3]``, are now with its target, if it follows that; seen from it."""
+    mesh = result.data
+    turned = np.broadcast_to(np.eye(3), (len(position), 3, 3))
     modifier = our_modifier(result)
     if modifier is not None and get_inputs(modifier).get("Follow Target", True) and WEIGHTS in mesh.attributes:
         targets = followed_targets(modifier.node_group)
         vertices = [found for one in targets if len(found := _vertices_now(one.target, context)) == one.vertices]
         # A target that has lost or got vertices is not followed, and then none is.
         if targets and len(vertices) == len(targets):
-            position, rotation = _follow(mesh, position, rotation, vertices)
-    world = np.array(result.matrix_world, np.float64)
-    return StandingNow(position @ world[:3, :3].T + world[:3, 3], world[:3, :3] @ rotation * scale[:, None, :])
+            position, turned = _follow(mesh, position, vertices)
+    return MovedWith(position, turned)
+
+
+def rotations(result: bpy.types.Object) -> np.ndarray:
+    """Return the rotations of the objects of a result as they were placed, seen from it, ``[n, 3, 3]``."""
+    return _matrices(read_attribute(result.data, ROTATION).astype(np.float64))
+
+
+def raised(axes: np.ndarray) -> np.ndarray:
+    """Return axes ``[n, 3, 3]`` turned the shortest way until the third one is vertical: outlines are of what stands upright."""
+    up = unit_vectors(axes[:, :, 2])
+    leaning = body_rotations(np.where(up[:, 2:] < 0.0, -up, up), 1.0, np.zeros(len(up)))
+    back = leaning * [1.0, -1.0, -1.0, -1.0]
+    return np.stack([rotate(back, axes[:, :, k]) for k in range(3)], axis=2)
 
 
 def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -> np.ndarray:
@@ -69,10 +101,8 @@ def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -
     return found.astype(np.float64) @ world[:3, :3].T + world[:3, 3]
 
 
-def _follow(
-    mesh: bpy.types.Mesh, position: np.ndarray, rotation: np.ndarray, vertices: list[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Move points with their triangles, as the node group's part does that is called "Follow"."""
+def _follow(mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Move places with their triangles, and tell how objects turn with them, as the node group's part does that is called "Follow"."""
     weights = read_attribute(mesh, WEIGHTS).astype(np.float64)
     before, edge_before, normal_before = (
         read_attribute(mesh, name).astype(np.float64) for name in (GROUND_POINT, EDGE, FACE_NORMAL)
@@ -92,8 +122,10 @@ def _follow(
     upright = _frames(up, edge) @ _frames(up, edge_before).transpose(0, 2, 1)
     leaning = _part_of(upright.transpose(0, 2, 1) @ turned, read_attribute(mesh, ALIGN).astype(np.float64))
     place = ground + np.einsum("nij,nj->ni", turned, position - before)
-    keep = tied[:, None]
-    return np.where(keep, place, position), np.where(keep[:, None], upright @ leaning @ rotation, rotation)
+    along = upright @ leaning
+    # What has not moved stays to the last digit.
+    keep = tied & (moved | (np.abs(turned - np.eye(3)).max(axis=(1, 2)) > LEAST_TURN))
+    return np.where(keep[:, None], place, position), np.where(keep[:, None, None], along, np.eye(3))
 
 
 def _frames(main: np.ndarray, second: np.ndarray) -> np.ndarray:

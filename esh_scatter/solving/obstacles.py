@@ -13,16 +13,14 @@ from ...engine.errors import ProblemError
 from ...engine.problem.convex_polygon import convex_hull, width_of
 from ...engine.problem.obstacles import Obstacle
 from ...engine.problem.settings import Settings, described, setting
-from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.problem.validation import show
-from ...engine.surface.instances import body_rotations, rotate
 from ...engine.surface.triangle_mesh import TriangleMesh
 from ..densities.density_source import Known
 from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
 from ..result.display import shown_objects
 from ..result.kept_ground import read_attribute
 from ..result.node_group import INSTANCE_INDEX
-from ..result.standing_now import standing_now
+from ..result.standing_now import raised, standing_now
 from ..targets.target import is_result
 
 # Warp is not imported before something is computed.
@@ -191,15 +189,7 @@ def _read_result(item: bpy.types.Object) -> _Stood:
             meshes.append(None if source is None else read_source(source, bpy.context, KEY))
         except ProblemError:
             meshes.append(None)
-    return _Stood(stands.position[:, :2], _raised(stands.axes)[:, :2, :2], variant, tuple(meshes))
-
-
-def _raised(axes: np.ndarray) -> np.ndarray:
-    """Return axes ``[n, 3, 3]`` turned the shortest way until the third one is vertical: outlines are of what stands upright."""
-    up = unit_vectors(axes[:, :, 2])
-    leaning = body_rotations(np.where(up[:, 2:] < 0.0, -up, up), 1.0, np.zeros(len(up)))
-    back = leaning * [1.0, -1.0, -1.0, -1.0]
-    return np.stack([rotate(back, axes[:, :, k]) for k in range(3)], axis=2)
+    return _Stood(stands.position[:, :2], raised(stands.axes)[:, :2, :2], variant, tuple(meshes))
 
 
 def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> list[Obstacle]:

@@ -90,3 +90,30 @@ def _flat(ground):
     position = np.array([vertex.co for vertex in ground.data.vertices], np.float32)
     position[:, 2] = 0.0
     return position.ravel()
+
+
+@pytest.mark.parametrize("surface", ["above", "whole"])
+@pytest.mark.parametrize(
+    "change", ["nothing", "the target is moved", "the target is turned", "the target is bent", "the result is turned"]
+)
+def test_what_is_pinned_stays_where_it_is_shown(ground, plank, change, surface):
+    standing = Standing(align_to_normal=1.0)
+    classes = [ScatterClass("planks", [ScatterSize("s", 40, plank, line=False)], standing=standing)]
+    first = scatter(ground, classes, surface=surface, **OPTIONS).object
+    first.data.attributes.new("pinned", "BOOLEAN", "POINT").data.foreach_set("value", np.arange(40) % 2 == 0)
+    CHANGES[change](ground, first)
+    bpy.context.view_layer.update()
+
+    def pinned(result):
+        stands = standing_now(result, bpy.context)
+        ids, pins = (np.array([v.value for v in result.data.attributes[name].data]) for name in ("id", "pinned"))
+        order = np.flatnonzero(pins)[np.argsort(ids[pins], kind="stable")]
+        return ids[order], stands.position[order], stands.axes[order]
+
+    before = pinned(first)
+    after = pinned(scatter(ground, classes, surface=surface, **OPTIONS).object)
+    assert before[0].tolist() == after[0].tolist() and len(before[0]) == 20
+    assert np.allclose(before[1], after[1], atol=2e-4)
+    # Seen from above, normals are those of a smooth ground, and instances follow its flat triangles.
+    smooth = surface == "above" and change in ("the target is turned", "the target is bent")
+    assert np.allclose(before[2], after[2], atol=0.1 if smooth else 2e-3)
