@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..space.kernels_meeting import Meeting, keep_apart
+
 wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.constant(wp.float64(0.0))
@@ -15,7 +17,7 @@ HALF = wp.constant(wp.float64(0.5))
 class Shapes:
     """What lies where: position, first corner (one more at the end), radius around the core, reach, smallest width, 1 if it is fixed.
 
-    And the class of each, and for every two of so many ``classes`` whether they keep apart, row by row; all do where there are none.
+    And which of them keep apart.
 
     Corners are seen from the position, each with the outward normal of the edge that begins there.
     """
@@ -28,9 +30,7 @@ class Shapes:
     width: wp.array(dtype=wp.float64)
     fixed: wp.array(dtype=wp.int32)
     pieces: wp.array(dtype=wp.int32)
-    of_class: wp.array(dtype=wp.int32)
-    apart: wp.array(dtype=wp.int32)
-    classes: wp.int32
+    meeting: Meeting
 
 
 @wp.func
@@ -38,7 +38,7 @@ def may_overlap(i: int, j: int, shapes: Shapes):
     """Whether the classes of two bodies are said to be free to overlap, or both bodies are fixed."""
     if shapes.fixed[i] * shapes.fixed[j] != 0:
         return True
-    return shapes.classes > 0 and shapes.apart[shapes.of_class[i] * shapes.classes + shapes.of_class[j]] == 0
+    return not keep_apart(i, j, shapes.meeting)
 
 
 @wp.struct
@@ -204,86 +204,12 @@ def find_cells(
     lattice: Lattice,
     # outputs
     cell: wp.array(dtype=wp.int32),
-):
-    """In which cell of its level every body lies."""
-    i = first + wp.tid()
-    cell[i] = cell_of(position[i], level[i], lattice)
-
-
-@wp.kernel
-def number_in_cells(
-    first: int,
-    position: wp.array(dtype=wp.vec2d),
-    level: wp.array(dtype=wp.int32),
-    lattice: Lattice,
-    # outputs
-    cell: wp.array(dtype=wp.int32),
     member: wp.array(dtype=wp.int32),
 ):
     """In which cell of its level every body lies, and the body, both to be sorted."""
     i = first + wp.tid()
     cell[i] = cell_of(position[i], level[i], lattice)
     member[i] = i
-
-
-@wp.kernel
-def find_starts(
-    first: int,
-    cell: wp.array(dtype=wp.int32),
-    count: int,
-    # outputs
-    start: wp.array(dtype=wp.int32),
-):
-    """Place of the first body of every cell among ``count`` sorted ones, by halving; behind the last cell, their number."""
-    c = first + wp.tid()
-    low = int(0)
-    high = int(count)
-    while low < high:
-        middle = (low + high) / 2
-        if cell[middle] < c:
-            low = middle + 1
-        else:
-            high = middle
-    start[c] = low
-
-
-@wp.kernel
-def sort_into_cells(
-    first: int,
-    cell: wp.array(dtype=wp.int32),
-    cell_count: int,
-    parts: int,
-    # outputs
-    start: wp.array(dtype=wp.int32),
-    member: wp.array(dtype=wp.int32),
-):
-    """List the bodies of every cell, in their order; an element does that for its part of the cells, and looks at all bodies."""
-    part = wp.int64(first + wp.tid())
-    low = int(part * wp.int64(cell_count) / wp.int64(parts))
-    high = int((part + wp.int64(1)) * wp.int64(cell_count) / wp.int64(parts))
-    n = cell.shape[0]
-    if low == 0:
-        start[0] = 0
-    # Behind every cell: at first how many it has, then where its next one goes, at last where the next cell begins.
-    for c in range(low, high):
-        start[c + 1] = 0
-    place = int(0)
-    for i in range(n):
-        c = cell[i]
-        if c < low:
-            place += 1
-        elif c < high:
-            start[c + 1] = start[c + 1] + 1
-    for c in range(low, high):
-        count = start[c + 1]
-        start[c + 1] = place
-        place += count
-    for i in range(n):
-        c = cell[i]
-        if c >= low and c < high:
-            at = start[c + 1]
-            member[at] = i
-            start[c + 1] = at + 1
 
 
 @wp.func

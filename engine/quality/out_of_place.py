@@ -16,6 +16,7 @@ from ..problem.footprint import Footprint
 from ..problem.of_bodies import one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
+from ..space.meeting import meeting_of
 from . import kernels_out_of_place, kernels_overlaps
 from .laid_out import bent_lines, laid_out
 from .overlaps import TOLERANCE, find_overlaps
@@ -91,7 +92,7 @@ def _shapes_of(placement: Placement, footprints: BodyFootprints, launcher: Launc
         launcher,
     )
     shapes.fixed = launcher.alike(placement.fixed.astype(np.int32), wp.int32)
-    shapes.of_class = shapes.apart = launcher.zeros(1, wp.int32)
+    shapes.meeting = meeting_of(launcher, None, None)
     return shapes
 
 

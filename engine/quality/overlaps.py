@@ -15,6 +15,8 @@ from ..problem.of_bodies import of_all, one_by_one
 from ..problem.placement import Placement
 from ..problem.placement_footprints import footprints_of_placement
 from ..problem.surface import Surface
+from ..space.cell_sort import CellSort
+from ..space.meeting import meeting_of
 from ..space.space import Space
 from . import kernels_overlaps, kernels_sheets
 from .laid_out import bent_lines, laid_out
@@ -164,7 +166,7 @@ def find_overlaps(
     shapes = laid_out(footprints, place, angle, length, width, factor, slope, bent, launcher)
     stays = of_all(np.int32(0), n) if fixed is None or not fixed.any() else fixed.astype(np.int32)
     shapes.fixed = launcher.alike(stays, wp.int32)
-    _note_classes(shapes, apart, class_index, launcher)
+    shapes.meeting = meeting_of(launcher, class_index, apart)
     largest, lattice = _lattice(shapes, domain, launcher)
     space = Space.of(domain)
     found, deepest, partner = (launcher.empty(n, kind) for kind in (wp.int32, wp.float64, wp.int32))
@@ -243,7 +245,7 @@ def find_overlaps_on_surface(placement: Placement, launcher: Launcher) -> Overla
         spare_corners=n * most_corners,
     )
     shapes.fixed = wp.array(placement.fixed.astype(np.int32), dtype=wp.int32, device=device)
-    _note_classes(shapes, placement.problem.balance.classes_apart, placement.class_index, launcher)
+    shapes.meeting = meeting_of(launcher, placement.class_index, placement.problem.balance.classes_apart)
     reach = shapes.reach.numpy()
     unit = float(reach.max())
     place = placement.position - 0.5 * (placement.position.min(axis=0) + placement.position.max(axis=0))
@@ -312,17 +314,6 @@ def _laid_flat(bends: np.ndarray, position: np.ndarray, normal: np.ndarray, alon
     return flat * (length / np.where(found > 0.0, found, 1.0))[:, :, None]
 
 
-def _note_classes(
-    shapes: kernels_overlaps.Shapes, apart: np.ndarray | None, class_index: np.ndarray | None, launcher: Launcher
-) -> None:
-    """Say which classes keep apart."""
-    shapes.classes = 0 if apart is None else len(apart)
-    whose = np.zeros(1, np.int32) if apart is None or class_index is None else class_index.astype(np.int32)
-    shapes.of_class = launcher.array(whose, wp.int32)
-    table = np.zeros(1, np.int32) if apart is None else apart.astype(np.int32).ravel()
-    shapes.apart = launcher.array(table, wp.int32)
-
-
 def _lattice(
     shapes: kernels_overlaps.Shapes, domain: Domain, launcher: Launcher
 ) -> tuple[float, kernels_overlaps.Lattice]:
@@ -344,22 +335,7 @@ def _lattice(
         setattr(lattice, name, wp.array(values.astype(np.int32), dtype=wp.int32, device=device))
     lattice.size = wp.vec2d(*domain.size)
     lattice.periodic = int(domain.periodic)
-    cell, cell_count = launcher.empty(n, wp.int32), int(first[-1])
-    lattice.start, lattice.member = launcher.empty(cell_count + 1, wp.int32), launcher.empty(n, wp.int32)
-    if device.is_cuda:
-        # Warp's radix sort, which keeps the order of those of one cell, wants room for a copy.
-        cell, lattice.member = launcher.empty(2 * n, wp.int32), launcher.empty(2 * n, wp.int32)
-        launcher.launch(kernels_overlaps.number_in_cells, n, [shapes.position, level, lattice], [cell, lattice.member])
-        wp.utils.radix_sort_pairs(cell, lattice.member, n)
-        launcher.launch(kernels_overlaps.find_starts, cell_count + 1, [cell, n], [lattice.start])
-        return largest, lattice
-    launcher.launch(kernels_overlaps.find_cells, n, [shapes.position, level, lattice], [cell])
-    parts = min(cell_count, launcher.thread_count)
-    launcher.launch(
-        kernels_overlaps.sort_into_cells,
-        parts,
-        [cell, cell_count, parts],
-        [lattice.start, lattice.member],
-        grain=1,
-    )
+    cells_of_all = CellSort(launcher, n, int(first[-1]))
+    cells_of_all.sort(kernels_overlaps.find_cells, [shapes.position, level, lattice])
+    lattice.start, lattice.member = cells_of_all.cell_start, cells_of_all.order
     return largest, lattice

@@ -72,7 +72,7 @@ class Neighborhood:
         footprints.level = launcher.array(level, wp.int32)
         footprints.radius = launcher.array(radius, float)
         footprints.mass = launcher.array(mass / mass[np.isfinite(mass)].mean(), float)
-        footprints.meeting = meeting or meeting_of(launcher, np.zeros(0), None)
+        footprints.meeting = meeting or meeting_of(launcher, None, None)
         self.footprints = footprints
         self.body_count = n
         self._cells = CellSort(launcher, n, int(first[-1]))
