@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .random_numbers import random_shares
 from .settings import Choice, Settings, described, setting
 from .validation import LARGEST_LENGTH
 
@@ -66,7 +67,7 @@ class LookAt(Settings):
 
 
 def aside(look: LookAt, identity: np.ndarray, seed: int) -> np.ndarray:
-    """Return how far bodies look past the point [rad], shape ``[n]``; more bodies leave the earlier ones as they are.
+    """Return how far bodies look past the point [rad], shape ``[n]``; other bodies leave each of them as it is.
 
     Args:
         look: Where they look.
@@ -75,8 +76,7 @@ def aside(look: LookAt, identity: np.ndarray, seed: int) -> np.ndarray:
     """
     if look.spread == 0.0:
         return np.zeros(len(identity))
-    random = np.random.default_rng([seed, 9]).random(int(identity.max(initial=-1)) + 1)[identity]
-    return look.spread * (2.0 * random - 1.0)
+    return look.spread * (2.0 * random_shares(identity, [seed, 9]) - 1.0)
 
 
 def facing(look: LookAt, position: np.ndarray, identity: np.ndarray, seed: int) -> np.ndarray:

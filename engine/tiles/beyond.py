@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..device.launcher import Launcher
+from ..problem.random_numbers import random_shares
 from ..space.density import sample_density
 from ..space.support import depth_in_support, vectors_to_support
 from .bodies import PartBodies
@@ -20,7 +21,6 @@ from .demand import Demand
 from .density_windows import Axis
 from .layout import Box
 from .plan import Plan
-from .random_numbers import random_shares
 from .window_problem import MARGIN, density_of_class, pixels_of
 
 __all__ = ["Beyond", "beyond_of", "kept_within"]

@@ -13,9 +13,9 @@ from ..problem.footprints import DrawnFootprints
 from ..problem.interaction import group_bodies
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
+from ..problem.random_numbers import random_shares
 from ..problem.size import Size, with_count
 from .outlines import outline_areas, outlines_of_size
-from .random_numbers import random_shares
 
 __all__ = ["TileGroups", "group_tiles", "in_turns"]
 

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from ..problem.footprints import DrawnFootprints, Footprints
+from ..problem.random_numbers import random_shares
 from ..problem.size import Size
-from .random_numbers import random_shares
 
 __all__ = ["outline_areas", "outlines_of_size"]
 

@@ -138,8 +138,6 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     if not isinstance(problem.domain, Domain):
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
     for c in problem.classes:
-        if c.look_at is not None:
-            raise ProblemError(f'`look_at` of class "{c.name}" must be left out for tiles')
         if c.clustering > 0.0:
             raise ProblemError(f'`clustering` of class "{c.name}" must be 0 for tiles; got {c.clustering:g}')
     return scene

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..files.extras import import_extra
 from .bodies import PartBodies
+from .looking import looking_turns
 
 if TYPE_CHECKING:
     from .plan import Plan
@@ -44,7 +45,7 @@ def _columns(plan: Plan, bodies: PartBodies) -> dict[str, np.ndarray]:
         "size_index": groups.size_index[group].astype(np.int32),
         "area": groups.areas(bodies.identity),
     }
-    if plan.longest > 0.0 or groups.outlined:
+    if plan.longest > 0.0 or groups.outlined or any(c.look_at is not None for c in plan.problem.classes):
         columns["angle"] = _angles(plan, bodies, group)
     if plan.longest > 0.0:
         columns |= {"length": bodies.length, "width": _widths(plan, bodies, group, columns["area"])}
@@ -62,7 +63,10 @@ def _angles(plan: Plan, bodies: PartBodies, group: np.ndarray) -> np.ndarray:
     outlined = np.array([size.footprint is not None for size in sizes])[group]
     line = np.array([size.line is not None for size in sizes])[group]
     axis = np.where(line, bodies.angle, 0.0)
-    return np.where(outlined, _within(axis + bodies.turn, 2.0 * math.pi), _within(axis, math.pi))
+    lying = np.where(outlined, _within(axis + bodies.turn, 2.0 * math.pi), _within(axis, math.pi))
+    looking = looking_turns(plan, bodies, lying)
+    # Outlines that were parted stay as they were turned then.
+    return np.where(outlined, lying, looking) if plan.problem.avoid_overlap else looking
 
 
 def _within(angle: np.ndarray, period: float) -> np.ndarray:

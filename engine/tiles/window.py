@@ -16,6 +16,7 @@ from ..problem.domain import Domain
 from ..problem.interaction import Groups
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
+from ..problem.random_numbers import random_shares
 from ..problem.size import with_count
 from ..solver.body_flags import BodyFlags
 from ..solver.descent import Descent
@@ -33,9 +34,9 @@ from .demand import Demand
 from .density_windows import into_pixels
 from .groups import in_turns
 from .layout import Box, within
+from .looking import looking_bodies, looking_turns
 from .part_times import PartTimes
 from .plan import Plan
-from .random_numbers import random_shares
 from .window_problem import MARGIN, between_pixels, model_of, pixels_of
 
 __all__ = ["onto_densities", "relax", "spread_rare", "start_bodies"]
@@ -52,6 +53,8 @@ LEAST_FADED = 1e-4
 STEPS_OF_RARE = 100
 # Rare dots stay where they were spread while no more than this share of a window's bodies are such; the others make room for them.
 MOST_HELD = 0.05
+# Outlines that look past the point of their class by more than this [rad], being parted, are turned and parted again, so often.
+LOOKS_AWAY, MOST_FACINGS = 0.035, 2
 # Positions are rounded to this share of a spacing, less than float32 holds of them in a window: files are smaller.
 ROUNDING = 2.0**-18
 
@@ -174,7 +177,8 @@ def _started(
         pose[:, 2:] = LineRules(model, launcher).first_angle_and_length(pose[:, :2], FIRST_LENGTH)
     everybody = np.ones(len(identity), bool)
     position = _settled(plan, box, model, pose[:, :2] * model.unit, everybody)
-    return replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
+    bodies = replace(bodies, position=position, angle=pose[:, 2], length=pose[:, 3] * model.unit)
+    return replace(bodies, turn=looking_turns(plan, bodies, bodies.turn))
 
 
 def _fixed_bodies(plan: Plan, identity: np.ndarray) -> PartBodies:
@@ -319,10 +323,12 @@ def _settle(
         state = descent.state
         with times.of("contact"):
             _call_back(descent, box, pose, free, margin)
+            looking = free & looking_bodies(plan, bodies.identity) & model.footprints.is_outline
+            _face(plan, box, bodies, descent, looking, 0.0)
             if part and descent.contact is not None:
                 # What looks like a free place beyond the pinned bodies along a cut is that of somebody whom this window does not hold.
                 held = box.inside(margin + 0.5 * plan.longest)
-                descent.contact.separate(state.pose, state.turn, state.bend, room=held)
+                _part(plan, box, bodies, descent, looking, held)
         with times.of("readback"):
             moved = _moved(bodies, free, model, state)
             position = _settled(plan, box, model, position_in_meters(model, state, launcher), free)
@@ -331,6 +337,37 @@ def _settle(
     finally:
         launcher.release(descent.step)
     return moved, length_factor
+
+
+def _part(
+    plan: Plan,
+    box: Box,
+    bodies: PartBodies,
+    descent: Descent,
+    looking: np.ndarray,
+    room: tuple[tuple[float, float], tuple[float, float]],
+) -> None:
+    """Part the footprints of a window, of which those that are ``looking`` are turned meanwhile."""
+    contact, state = descent.contact, descent.state
+    assert contact is not None
+    contact.separate(state.pose, state.turn, state.bend, room=room)
+    for _ in range(MOST_FACINGS):
+        # Who was parted looks from elsewhere now.
+        if not _face(plan, box, bodies, descent, looking, LOOKS_AWAY):
+            break
+        contact.separate(state.pose, state.turn, state.bend, again=True, room=room)
+
+
+def _face(plan: Plan, box: Box, bodies: PartBodies, descent: Descent, looking: np.ndarray, past: float) -> bool:
+    """Turn outlines of a window that look past the point of their class by more than this [rad]; tell whether there were any."""
+    if not looking.any():
+        return False
+    turn = descent.state.turn.numpy().copy()
+    wanted = looking_turns(plan, bodies.at(descent.positions() + box.low), turn)
+    away = looking & (np.abs(angle_within(wanted - turn, 2.0 * math.pi)) > past)
+    turn[away] = wanted[away]
+    descent.state.turn.assign(turn)
+    return bool(away.any())
 
 
 def _is_free(plan: Plan, room: _Room, bodies: PartBodies) -> np.ndarray:

@@ -9,6 +9,8 @@ from pathlib import Path
 import esh
 import numpy as np
 import pytest
+from esh.engine.device.launcher import launcher_of_process
+from esh.engine.quality.overlaps import overlaps_of
 from esh.engine.tiles.bodies import PartBodies, read_bodies
 from esh.engine.tiles.coarse import SCALE, CoarseGrid, cell_sums, displacement, solve_flow
 from esh.engine.tiles.groups import group_tiles
@@ -311,3 +313,52 @@ def test_the_warp_takes_back_a_wave_of_bodies(tmp_path, wavelength):
     assert fit == pytest.approx(kept, rel=0.05)
     left = moved[inside] + kept * wave[inside, None] * [1.0, 0.0]
     assert math.sqrt((left**2).mean()) < 0.1 * kept * 0.2
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_bodies_look_at_a_point_in_the_domain(tmp_path, boundary):
+    look = esh.LookAt((50.0, 40.0, 0.0), 0.4, "y")
+    classes = [
+        esh.BodyClass("guest", [esh.Size("one", area=0.2, count=3000)], look_at=look),
+        esh.BodyClass("stone", [esh.Size("one", area=0.2, count=600)]),
+    ]
+    problem = esh.Problem(esh.Domain((60.0, 60.0), boundary), classes, seed=4)
+    bodies = solved(problem, tmp_path / "out", steps=(4, 2, 2))
+    own = bodies["class_index"] == 0
+    assert not bodies["angle"][~own].any()
+    way = np.array([50.0, 40.0]) - bodies["position"][own]
+    past = bodies["angle"][own] + 0.5 * math.pi - np.arctan2(way[:, 1], way[:, 0])
+    past = (past + math.pi) % (2.0 * math.pi) - math.pi
+    assert -0.4 <= past.min() < -0.39 and 0.39 < past.max() <= 0.4
+    # Each looks past it by as much as in one solve.
+    whole = esh.solve(problem, device="cpu", max_steps=2)
+    way = np.array([50.0, 40.0]) - whole.position[whole.class_index == 0]
+    alike = whole.angle[whole.class_index == 0] + 0.5 * math.pi - np.arctan2(way[:, 1], way[:, 0])
+    assert np.allclose((alike + math.pi) % (2.0 * math.pi) - math.pi, past)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_outlines_that_look_are_parted_as_they_are_turned(tmp_path, apart):
+    chair = esh.Footprints(esh.Footprint.rectangle(0.5, 0.3))
+    size = esh.Size("one", area=0.15, count=20_000, footprint=chair)
+    look = esh.LookAt((40.0, 140.0, 0.0), front="y")
+    fixed = [esh.FixedBody((30.0, 30.0), "chair", "one", angle=1.25)]
+    problem = esh.Problem(
+        esh.Domain((80.0, 80.0)),
+        [esh.BodyClass("chair", [size], look_at=look)],
+        seed=4,
+        avoid_overlap=apart,
+        fixed=fixed,
+        include_fixed=True,
+    )
+    bodies = solved(problem, tmp_path / "out", tile=40.0, steps=(12, 8, 8))
+    assert bodies["angle"][-1] == 1.25
+    way = np.array([40.0, 140.0]) - bodies["position"][:-1]
+    past = bodies["angle"][:-1] + 0.5 * math.pi - np.arctan2(way[:, 1], way[:, 0])
+    past = np.abs((past + math.pi) % (2.0 * math.pi) - math.pi)
+    if not apart:
+        assert past.max() < 1e-9
+        return
+    assert past.max() < 0.05 and np.median(past) < 0.01
+    keys = ("position", "class_index", "size_index", "angle", "length", "width")
+    assert overlaps_of(esh.Placement(problem, *(bodies[key] for key in keys)), launcher_of_process("cpu")).count == 0

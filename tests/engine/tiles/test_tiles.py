@@ -321,7 +321,6 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
     ("change", "message"),
     [
         (('name = "beech"', 'name = "beech"\nclustering = 0.5'), "`clustering`"),
-        (('name = "beech"', 'name = "beech"\nlook_at = { point = [1.0, 2.0, 0.0] }'), "`look_at`"),
     ],
 )
 def test_what_tiles_do_not_know_is_refused(recipe, tmp_path, change, message):
