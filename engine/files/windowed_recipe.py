@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputFileError
+from ..errors import InputFileError, ProblemError
+from ..problem.body_class import PlacingSettings
 from ..problem.problem import Problem
 from .recipe import ParsedRecipe, parse_recipe, read_recipe, recipe_densities
 from .window_images import GEOTIFF, WINDOWED, Georeference, WindowImage, open_window_image, read_world_file
@@ -22,13 +24,15 @@ class WindowedRecipe:
     """What a recipe describes.
 
     Attributes:
-        problem: Its problem; classes whose densities are read by window have a uniform one in it.
+        problem: Its problem; classes whose densities are read by window have a uniform one in it, and none has clumps.
         windowed: Densities that are read by window, by the index of their class.
+        clumps: Strength and diameter [m] of clumps, by the index of their class; a diameter of 0 is to be chosen.
         georeference: Where the domain lies, where a density's file says it, and the rows and columns of that.
     """
 
     problem: Problem
     windowed: dict[int, WindowImage]
+    clumps: dict[int, tuple[float, float]]
     georeference: tuple[Georeference, tuple[int, int]] | None
 
 
@@ -38,6 +42,8 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
     Densities that are ``.npy`` or GeoTIFF files are opened and not read, unless the class needs to know all of one: for sharpening,
     a covered share, a count of ``"cover"`` or lines along its edges.
 
+    Clumps are left to whoever reads densities by window: they are too many for one image.
+
     Raises:
         InputFileError: As there, or a GeoTIFF of such a class.
     """
@@ -46,6 +52,7 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
     tables = tables if isinstance(tables, list) else []
     changed: list[Any] = []
     windowed: dict[int, WindowImage] = {}
+    tables, clumps = _without_clumps(tables)
     for number, table in enumerate(tables):
         name = table.get("density") if isinstance(table, dict) else None
         ending = Path(name).suffix.lower() if isinstance(name, str) else ""
@@ -67,7 +74,22 @@ def read_windowed_recipe(path: str | Path | ParsedRecipe, *, seed: int | None = 
         changed.append({key: value for key, value in table.items() if key != "invert"} | {"density": 1.0})
     entries = parsed.entries | ({"class": changed} if tables else {})
     problem = read_recipe(replace(parsed, entries=entries), seed=seed)
-    return WindowedRecipe(problem, windowed, _georeference(parsed, problem, windowed))
+    return WindowedRecipe(problem, windowed, clumps, _georeference(parsed, problem, windowed))
+
+
+def _without_clumps(tables: list[Any]) -> tuple[list[Any], dict[int, tuple[float, float]]]:
+    """Tables of classes without their clumps, and these; what has no meaning is left for the reader to name."""
+    keys = ("clustering", "clump_size")
+    changed, clumps = [], {}
+    for number, table in enumerate(tables):
+        if isinstance(table, dict) and "clustering" in table:
+            with contextlib.suppress(ProblemError):
+                asked = PlacingSettings(**{key: table[key] for key in keys if key in table})
+                if asked.clustering > 0.0:
+                    clumps[number] = asked.clustering, asked.clump_size
+                table = {key: value for key, value in table.items() if key not in keys}
+        changed.append(table)
+    return changed, clumps
 
 
 def _tables(value: Any) -> list[dict[str, Any]]:

@@ -18,7 +18,18 @@ from .machine_memory import format_bytes, machine_memory
 from .prepared_class import PreparedClass
 from .wave_filter import filter_waves
 
-__all__ = ["BYTES_PER_PIXEL_OF_CLUMPS", "with_clumps"]
+__all__ = [
+    "BYTES_PER_PIXEL_OF_CLUMPS",
+    "PIXELS_PER_CLUMP",
+    "WAVELENGTH",
+    "as_dense_at_large",
+    "clump_factor",
+    "clump_size_of",
+    "crowding_of",
+    "pushed_out_at",
+    "share_at_large",
+    "with_clumps",
+]
 
 # Diameter of a clump where none is given, in mean spacings of the class; two clumps are twice as far apart, so that there are some
 # twenty bodies for each.
@@ -56,6 +67,8 @@ REACH_OF_BLUR = 4.5
 LEAST_AT_LARGE, MOST_AT_ONCE = 1e-4, 1.5
 PIXELS_IN_ALL = 24 * 2**20
 LONG_SIDE = 1024
+# Mean square of the factor on a density, less 1, at these strengths.
+STRENGTHS, CROWDING = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.08, 0.32, 0.70, 1.15)
 # At the peak, measured: the grid of waves, what is filtered, and its transforms [bytes].
 BYTES_PER_PIXEL_OF_CLUMPS = 64
 
@@ -75,15 +88,45 @@ def with_clumps(body_class: PreparedClass, index: int, domain: Domain, seed: int
     """
     if body_class.clustering == 0.0:
         return body_class
-    size = body_class.clump_size or SPACINGS * math.sqrt(domain.area / max(body_class.body_count, 1))
+    size = clump_size_of(body_class.clump_size, domain, body_class.body_count)
     image = body_class.density_image
     shape = _shape(image, size, domain, body_class.name)
     factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image.astype(np.float64), factors[0], axis=0), factors[1], axis=1)
-    factor = _factor(shape, size, domain, CONTRAST * body_class.clustering, np.random.default_rng([seed, 8, index]))
-    pushed_out = float(np.interp(regularity, REGULARITIES, PUSHED_OUT)) / max(body_class.body_count, 1)
-    clumped = _as_dense_at_large(fine, fine * factor, size, domain, pushed_out)
+    factor = _factor(shape, size, domain, body_class.clustering, np.random.default_rng([seed, 8, index]))
+    pixel = (domain.size[1] / shape[0], domain.size[0] / shape[1])
+    pushed_out = pushed_out_at(regularity) / max(body_class.body_count, 1) * float(fine.sum()) * pixel[0] * pixel[1]
+    times = min(TIMES_AT_LARGE, max(FEWEST_TIMES, PIXELS_IN_ALL // fine.size))
+    weight = share_at_large(fine, pixel, size)
+    clumped = as_dense_at_large(fine, fine * factor, size, pixel, domain.periodic, weight, pushed_out, times)
     return replace(body_class, density_image=clumped.astype(np.float32))
+
+
+def clump_size_of(asked: float, domain: Domain, body_count: int) -> float:
+    """Diameter of the clumps of a class [m], which is chosen where none is ``asked`` for."""
+    return asked or SPACINGS * math.sqrt(domain.area / max(body_count, 1))
+
+
+def pushed_out_at(regularity: float) -> float:
+    """By how much bodies push each other out of clumps, see :data:`PUSHED_OUT`."""
+    return float(np.interp(regularity, REGULARITIES, PUSHED_OUT))
+
+
+def crowding_of(clustering: float) -> float:
+    """By how much more others an average body of an even class with such clumps sees around it, of its class: as a share."""
+    return float(np.interp(clustering, STRENGTHS, CROWDING))
+
+
+def share_at_large(asked: np.ndarray, pixel: Sequence[float], size: float) -> float:
+    """How much of it is done that a density with clumps is as dense at large as it was: from 0 to 1, by the room it has for clumps.
+
+    Args:
+        asked: The density without clumps, shape ``[height, width]``.
+        pixel: Height and width of its pixels [m].
+        size: Diameter of a clump [m].
+    """
+    room = pixel[0] * pixel[1] * asked.sum() ** 2 / (asked**2).sum() / (WAVELENGTH * size) ** 2
+    return float(min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0))
 
 
 def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[int, int]:
@@ -106,35 +149,60 @@ def _shape(image: np.ndarray, size: float, domain: Domain, name: str) -> tuple[i
 
 
 def _factor(
-    shape: tuple[int, int], size: float, domain: Domain, contrast: float, random: np.random.Generator
+    shape: tuple[int, int], size: float, domain: Domain, clustering: float, random: np.random.Generator
 ) -> np.ndarray:
     """What a density is multiplied by at an image's pixels: clumps, and nothing of longer waves."""
     count = [_length_of_transform(math.ceil(PIXELS_PER_CLUMP * length / size)) for length in domain.size[::-1]]
-    step_y, step_x = (length / many for length, many in zip(domain.size[::-1], count, strict=True))
-    if domain.periodic:
-        wave = np.hypot(np.fft.fftfreq(count[0], step_y)[:, None], np.fft.rfftfreq(count[1], step_x)[None, :])
+    pixel = [length / many for length, many in zip(domain.size[::-1], count, strict=True)]
+    factor = clump_factor(random.standard_normal(count), pixel, size, domain.periodic, clustering, measured=True)
+    return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+
+
+def clump_factor(
+    noise: np.ndarray, pixel: Sequence[float], size: float, wraps: bool, clustering: float, *, measured: bool
+) -> np.ndarray:
+    """Return what a density is multiplied by so that it has clumps, shape ``[height, width]``.
+
+    Args:
+        noise: Random numbers of which none depends on another, of mean 0 and standard deviation 1, of that shape.
+        pixel: Height and width of pixels [m].
+        size: Diameter of a clump [m].
+        wraps: Whether opposite edges are joined.
+        clustering: How strong clumps are.
+        measured: Whether the strength of these waves, and the mean of what comes of them, are measured; otherwise they are what
+            they are on average, so that parts of a larger field agree.
+    """
+    rows, columns = noise.shape
+    if wraps:
+        wave = np.hypot(np.fft.fftfreq(rows, pixel[0])[:, None], np.fft.rfftfreq(columns, pixel[1])[None, :])
     else:
         # What does not wrap goes on as in mirrors, and is made of cosines: clumps at an edge are whole ones.
         along_y, along_x = (
-            0.5 * np.arange(many) / (many * step) for many, step in zip(count, (step_y, step_x), strict=True)
+            0.5 * np.arange(many) / (many * step) for many, step in zip(noise.shape, pixel, strict=True)
         )
         wave = np.hypot(along_y[:, None], along_x[None, :])
     wave *= WAVELENGTH * size
-    factor = np.exp(contrast * _noise(count, wave, domain.periodic, random))
-    factor /= factor.mean()
+    factor = np.exp(CONTRAST * clustering * _waves(noise, wave, wraps, measured))
+    factor /= factor.mean() if measured else _mean_factor(CONTRAST * clustering)
     low, high = LOWEST_WAVES
     # In place, as all of this: grids may have millions of pixels.
     kept = np.clip((wave - low) / (high - low), 0.0, 1.0, out=wave)
     kept *= kept * (3.0 - 2.0 * kept)
     for _ in range(min(TIMES, max(FEWEST_TIMES, PIXELS_IN_ALL // factor.size))):
         # What is cut off below has long waves again, though fewer.
-        factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, domain.periodic)
-    factor = np.maximum(factor, 0.5 * LEAST_FACTOR)
-    return _stretched(_stretched(factor, shape[0], domain.periodic).T, shape[1], domain.periodic).T
+        factor = 1.0 + filter_waves(np.maximum(factor, LEAST_FACTOR) - 1.0, kept, wraps)
+    return np.maximum(factor, 0.5 * LEAST_FACTOR)
 
 
-def _as_dense_at_large(
-    asked: np.ndarray, clumped: np.ndarray, size: float, domain: Domain, pushed_out: float
+def as_dense_at_large(
+    asked: np.ndarray,
+    clumped: np.ndarray,
+    size: float,
+    pixel: Sequence[float],
+    wraps: bool,
+    weight: float,
+    pushed_out: float,
+    times: int,
 ) -> np.ndarray:
     """A density with clumps, made so that its bodies will be as dense as the one that was asked for, blurred over several clumps.
 
@@ -144,18 +212,18 @@ def _as_dense_at_large(
         asked: The density without clumps, shape ``[height, width]``.
         clumped: That with them.
         size: Diameter of a clump [m].
-        domain: Where.
-        pushed_out: By how much bodies push each other out of clumps: see :data:`PUSHED_OUT`, over the number of bodies.
+        pixel: Height and width of pixels [m].
+        wraps: Whether opposite edges are joined.
+        weight: How much of it is done, see :func:`share_at_large`.
+        pushed_out: By how much bodies push each other out of clumps: see :data:`PUSHED_OUT`, of the density that one body has.
+        times: How often it is multiplied by what it lacks.
     """
-    pixel = [length / many for length, many in zip(domain.size[::-1], asked.shape, strict=True)]
-    room = pixel[0] * pixel[1] * asked.sum() ** 2 / (asked**2).sum() / (WAVELENGTH * size) ** 2
-    weight = min(max((room - LITTLE_ROOM) / (MUCH_ROOM - LITTLE_ROOM), 0.0), 1.0)
-    if weight == 0.0:
+    if weight == 0.0 or not asked.any():
         return clumped
     reach = AT_LARGE * WAVELENGTH * size
     # What does not wrap ends at its edges: nothing is beyond.
     padded = [
-        many if domain.periodic else _fast_length(many + math.ceil(REACH_OF_BLUR * reach / step))
+        many if wraps else _fast_length(many + math.ceil(REACH_OF_BLUR * reach / step))
         for many, step in zip(asked.shape, pixel, strict=True)
     ]
     along_y = np.fft.fftfreq(padded[0], pixel[0])[:, None]
@@ -164,9 +232,8 @@ def _as_dense_at_large(
     gaussian = np.exp(-exponent)
     series = sum(exponent**term / math.factorial(term) for term in range(TERMS))
     clumped = clumped * (asked.sum() / clumped.sum())
-    times = min(TIMES_AT_LARGE, max(FEWEST_TIMES, PIXELS_IN_ALL // clumped.size))
     first = round(FIRST_SHARE * times)
-    wanted = asked + pushed_out * asked.sum() * pixel[0] * pixel[1] * _spreading(asked, clumped, pixel, domain.periodic)
+    wanted = asked + pushed_out * _spreading(asked, clumped, pixel, wraps)
     _match(clumped, wanted, gaussian * series, padded, weight, first)
     _match(clumped, wanted, gaussian, padded, weight, times - first)
     return clumped
@@ -211,14 +278,23 @@ def _match(
         np.clip(last, 1.0 / MOST_AT_ONCE, MOST_AT_ONCE, out=last)
 
 
-def _noise(count: list[int], wave: np.ndarray, wraps: bool, random: np.random.Generator) -> np.ndarray:
-    """Noise of waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
+def _waves(noise: np.ndarray, wave: np.ndarray, wraps: bool, measured: bool) -> np.ndarray:
+    """Of noise the waves as long as clumps are apart, of standard deviation 1 but for its peaks."""
     band = np.exp(-0.5 * ((wave - 1.0) / BAND) ** 2)
     band[0, 0] = 0.0
-    noise = filter_waves(random.standard_normal(count), band, wraps)
+    waves = filter_waves(noise, band, wraps)
+    deviation = float(waves.std()) if measured else math.sqrt(float((band**2).mean()))
     # Where the domain is smaller than a clump there is next to nothing.
-    noise /= max(float(noise.std()), 1e-9)
-    return np.clip(noise, -HIGHEST, HIGHEST)
+    waves /= max(deviation, 1e-9)
+    return np.clip(waves, -HIGHEST, HIGHEST)
+
+
+def _mean_factor(contrast: float) -> float:
+    """Mean of what a density is multiplied by, where waves are normally distributed but for their peaks."""
+    step = 1e-3
+    wave = np.arange(-8.0, 8.0, step)
+    weight = np.exp(-0.5 * wave**2) * (step / math.sqrt(2.0 * math.pi))
+    return float((weight * np.exp(contrast * np.clip(wave, -HIGHEST, HIGHEST))).sum())
 
 
 def _length_of_transform(least: int) -> int:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["ArraySource", "Axis", "Source", "WrappedSource", "into_pixels", "sample_source", "units_along"]
+__all__ = ["ArraySource", "Axis", "Source", "WrappedSource", "into_pixels", "sample_source", "units_along", "wrapped"]
 
 # Cuts between tiles lie between pixels of the finest density, which is divided until a tile has so many.
 FEWEST_UNITS = 16
@@ -60,14 +60,14 @@ class WrappedSource:
         """Values of rows and columns, float32, wherever they are."""
         rows, columns = self.source.shape
         strips = [
-            np.concatenate([self.source.read(a, b, c, d) for c, d in _wrapped(left, right, columns)], axis=1)
-            for a, b in _wrapped(top, bottom, rows)
+            np.concatenate([self.source.read(a, b, c, d) for c, d in wrapped(left, right, columns)], axis=1)
+            for a, b in wrapped(top, bottom, rows)
         ]
         return np.concatenate(strips, axis=0)
 
 
-def _wrapped(begin: int, end: int, count: int) -> list[tuple[int, int]]:
-    """The parts of a repeated axis of ``count`` pixels that make up ``begin`` to ``end - 1``."""
+def wrapped(begin: int, end: int, count: int) -> list[tuple[int, int]]:
+    """Return the parts of a repeated axis of ``count`` pixels that make up ``begin`` to ``end - 1``."""
     result = []
     while begin < end:
         first = begin % count

@@ -12,12 +12,14 @@ import numpy as np
 from ..errors import ProblemError
 from ..files.window_images import Georeference
 from ..files.windowed_recipe import WindowedRecipe, read_windowed_recipe
+from ..problem.clumps import clump_size_of, crowding_of, pushed_out_at, share_at_large
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
 from ..problem.line import Line
 from ..problem.prepared_class import PreparedClass
 from ..problem.problem import Problem
 from ..space.density import box_integrals
+from .clump_blocks import ClumpedSource, Clumps
 from .coarse import CoarseGrid
 from .density_windows import ArraySource, Source, WrappedSource, units_along
 from .groups import TileGroups, group_tiles
@@ -41,6 +43,8 @@ CELL = 2.0
 MOST_CELLS = 24_000_000
 # Groups of fewer bodies to a tile are spread over the whole domain before all others start, if they are no more than so many.
 RARE_PER_TILE, MOST_RARE = 100, 50_000
+# The folder of clumps.
+CLUMP_BLOCKS = "clump-blocks"
 # Pixels along either side that densities are looked at with before anything is known.
 SURVEY = 512
 
@@ -99,6 +103,7 @@ class Plan:
     Attributes:
         problem: What is to be placed; not with the densities that are read by window.
         sources: Density of every class.
+        clumped: The same of those that have clumps, and nothing beyond the edges of the domain.
         groups: The groups of all bodies.
         layout: The tiles.
         grid: The coarse grid.
@@ -114,6 +119,7 @@ class Plan:
 
     problem: Problem
     sources: tuple[Source, ...]
+    clumped: dict[int, ClumpedSource]
     groups: TileGroups
     layout: Layout
     grid: CoarseGrid
@@ -137,9 +143,6 @@ def read_tiled_recipe(recipe: str | Path, seed: int | None = None) -> WindowedRe
     problem = scene.problem
     if not isinstance(problem.domain, Domain):
         raise ProblemError("`domain` must be a rectangle for tiles; it is a surface")
-    for c in problem.classes:
-        if c.clustering > 0.0:
-            raise ProblemError(f'`clustering` of class "{c.name}" must be 0 for tiles; got {c.clustering:g}')
     return scene
 
 
@@ -154,9 +157,9 @@ def choose_tiles(scene: WindowedRecipe, length: float | None, on_gpu: bool) -> t
     Raises:
         ProblemError: A length that is no number above 0, or too short.
     """
-    problem, sources = scene.problem, _sources(scene)
+    problem = scene.problem
     size = problem.rectangle.size
-    fine = _typical_spacing(problem, sources)
+    fine = _typical_spacing(scene, [_survey(scene, c)[0] for c in range(len(problem.classes))])
     if length is None:
         kind = "cuda" if on_gpu else "cpu"
         groups = group_tiles(problem)
@@ -195,12 +198,18 @@ def passes_of(problem: Problem, layers: int, tiles: tuple[int, int], steps: tupl
 def make_plan(run: TileRun) -> Plan:
     """Return the plan of a run; a process makes it once."""
     scene = read_tiled_recipe(run.recipe, run.seed)
-    problem, sources = scene.problem, _sources(scene)
+    problem = scene.problem
+    surveys = [_survey(scene, c) for c in range(len(problem.classes))]
+    sources = _sources(scene)
+    clumped = {c: ClumpedSource(sources[c], _clumps(run, scene, c, *surveys[c])) for c in scene.clumps}
+    sources = tuple(clumped.get(c, source) for c, source in enumerate(sources))
+    if problem.rectangle.periodic:
+        sources = tuple(WrappedSource(source) for source in sources)
     groups = group_tiles(problem)
     size = problem.rectangle.size
     units = tuple(units_along([s.shape[1 - axis] for s in sources], run.tiles[axis]) for axis in (0, 1))
     spacing = math.sqrt(problem.rectangle.area / groups.body_count)
-    fine = _typical_spacing(problem, sources)
+    fine = _typical_spacing(scene, [shares for shares, _ in surveys])
     cell = max(CELL * spacing, math.sqrt(problem.rectangle.area * groups.number / MOST_CELLS))
     shape = tuple(max(4, round(length / cell)) for length in size[::-1])
     lines = {
@@ -212,6 +221,7 @@ def make_plan(run: TileRun) -> Plan:
     return Plan(
         problem,
         sources,
+        clumped,
         groups,
         Layout(size, run.tiles, (units[0], units[1]), problem.rectangle.periodic),
         CoarseGrid(size, (shape[0], shape[1]), problem.rectangle.periodic),
@@ -246,11 +256,30 @@ def uncut(body_class: PreparedClass) -> PreparedClass:
 
 
 def _sources(scene: WindowedRecipe) -> tuple[Source, ...]:
-    sources: list[Source] = [
+    """Densities of all classes, without clumps."""
+    return tuple(
         scene.windowed[c] if c in scene.windowed else ArraySource(uncut(k).density_image)
         for c, k in enumerate(scene.problem.classes)
-    ]
-    return tuple(WrappedSource(source) if scene.problem.rectangle.periodic else source for source in sources)
+    )
+
+
+def _clumps(run: TileRun, scene: WindowedRecipe, class_index: int, shares: np.ndarray, mean: float) -> Clumps:
+    """Clumps of a class, of which a coarse look at its density is known."""
+    problem, domain = scene.problem, scene.problem.rectangle
+    clustering, asked = scene.clumps[class_index]
+    count = problem.classes[class_index].body_count
+    size = clump_size_of(asked, domain, count)
+    pixel = [length / many for length, many in zip(domain.size[::-1], shares.shape, strict=True)]
+    return Clumps(
+        size,
+        clustering,
+        domain.size,
+        domain.periodic,
+        (problem.seed, 8, class_index),
+        share_at_large(shares, pixel, size),
+        pushed_out_at(problem.regularity) / count * mean * domain.area,
+        run.work / CLUMP_BLOCKS / f"{class_index:03d}",
+    )
 
 
 def _directions(problem: Problem, lines: dict[tuple[int, int], Line]) -> dict[tuple[int, int], np.ndarray]:
@@ -264,20 +293,28 @@ def _directions(problem: Problem, lines: dict[tuple[int, int], Line]) -> dict[tu
     return result
 
 
-def _typical_spacing(problem: Problem, sources: tuple[Source, ...]) -> float:
+def _typical_spacing(scene: WindowedRecipe, surveys: list[np.ndarray]) -> float:
     """Spacing [m] at the number density that the average body sees, on a coarse look at the densities."""
-    side = SURVEY // 2
-    shape = (side, side)
-    number = np.zeros(shape)
-    for body_class, source in zip(problem.classes, sources, strict=True):
-        rows, columns = source.shape
-        many = rows * columns > 4 * SURVEY**2
-        image = _thinned(source) if many else source.read(0, rows, 0, columns)
-        if not image.any():
-            raise ProblemError(f'`density` of class "{body_class.name}" must be above 0 somewhere; it is 0 everywhere')
-        number += body_class.body_count * box_integrals(image, shape)
+    problem = scene.problem
+    number = np.zeros_like(surveys[0])
+    crowded = 0.0
+    for c, (body_class, shares) in enumerate(zip(problem.classes, surveys, strict=True)):
+        own = body_class.body_count * shares
+        number += own
+        if c in scene.clumps:
+            crowded += crowding_of(scene.clumps[c][0]) * float((own**2).sum())
     cell = problem.rectangle.area / number.size
-    return math.sqrt(cell * number.sum() / (number**2).sum())
+    return math.sqrt(cell * number.sum() / ((number**2).sum() + crowded))
+
+
+def _survey(scene: WindowedRecipe, class_index: int) -> tuple[np.ndarray, float]:
+    """A coarse look at a density without clumps: shares of it in cells of the domain, and its mean."""
+    body_class, source = scene.problem.classes[class_index], _sources(scene)[class_index]
+    rows, columns = source.shape
+    image = _thinned(source) if rows * columns > 4 * SURVEY**2 else source.read(0, rows, 0, columns)
+    if not image.any():
+        raise ProblemError(f'`density` of class "{body_class.name}" must be above 0 somewhere; it is 0 everywhere')
+    return box_integrals(image, (SURVEY // 2, SURVEY // 2)), float(image.mean(dtype=np.float64))
 
 
 def _thinned(source: Source) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from .bodies import PartBodies, read_bodies, read_length_factor, write_part, written_atomically
+from .bodies import PartBodies, read_bodies, read_length_factor, write_atomically, write_part, written_atomically
+from .clump_blocks import write_block
 from .coarse import Patch, cell_sums, displacement
 from .demand import read_demand
 from .layout import Box
@@ -17,8 +19,22 @@ from .tile_files import TILE_WRITERS, tile_name
 from .window import onto_densities, relax, start_bodies
 from .window_problem import density_of_class
 
-__all__ = ["COUNTS", "DEMAND", "RARE", "TARGET", "PartDone", "flow_folder", "make_part", "part_path", "stage_names"]
+__all__ = [
+    "CLUMPS",
+    "COUNTS",
+    "DEMAND",
+    "RARE",
+    "TARGET",
+    "PartDone",
+    "clump_blocks",
+    "flow_folder",
+    "make_part",
+    "part_path",
+    "stage_names",
+]
 
+# The first stage, where there are clumps.
+CLUMPS = "clumps"
 # Files of the work folder.
 COUNTS = "counts.npy"
 TARGET = "target.npy"
@@ -28,9 +44,15 @@ RARE = "rare.npz"
 FARTHEST, FARTHEST_LATER = 0.9, 0.1
 
 
-def stage_names(passes: int) -> list[str]:
+def stage_names(plan: Plan) -> list[str]:
     """Names of the stages, in their order."""
-    return ["survey", "start", *(f"pass-{number}" for number in range(1, passes + 1))]
+    first = [CLUMPS] if plan.clumped else []
+    return [*first, "survey", "start", *(f"pass-{number}" for number in range(1, len(plan.passes) + 1))]
+
+
+def clump_blocks(plan: Plan) -> list[tuple[int, int]]:
+    """Return class and number of every block of clumps."""
+    return [(c, k) for c, density in plan.clumped.items() for k in range(math.prod(density.clumps.blocks))]
 
 
 def part_path(run: TileRun, stage: str, number: int) -> Path:
@@ -61,6 +83,10 @@ def make_part(run: TileRun, stage: str, number: int) -> PartDone:
     times = PartTimes()
     with times.of("plan"):
         plan = make_plan(run)
+    if stage == CLUMPS:
+        with times.of(CLUMPS):
+            _make_clumps(run, plan, number)
+        return PartDone(0, times.seconds)
     if stage == "survey":
         with times.of("survey"):
             _survey(run, plan, number)
@@ -68,6 +94,13 @@ def make_part(run: TileRun, stage: str, number: int) -> PartDone:
     if stage == "start":
         return PartDone(_start(run, plan, number, times), times.seconds)
     return PartDone(_pass(run, plan, int(stage.removeprefix("pass-")) - 1, number, times), times.seconds)
+
+
+def _make_clumps(run: TileRun, plan: Plan, number: int) -> None:
+    """Make a block of clumps, which everything after reads; the part only says that it is there."""
+    c, block = clump_blocks(plan)[number]
+    write_block(plan.clumped[c], block)
+    write_atomically(part_path(run, CLUMPS, number), b"")
 
 
 def _survey(run: TileRun, plan: Plan, number: int) -> None:
@@ -188,7 +221,7 @@ def _warped(run: TileRun, plan: Plan, stage: str, what: str, box: Box, bodies: P
         place = plan.layout.in_domain(bodies.position[own])
         moved[own] = displacement(folder, plan.grid, place, most * plan.spacing)
     # The last warp, a small fraction of a spacing, leaves all bodies in their tiles.
-    last = stage == stage_names(len(plan.passes))[-1]
+    last = stage == stage_names(plan)[-1]
     target = bodies.position + moved
     if last:
         target = box.confine(target)

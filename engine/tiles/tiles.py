@@ -1,8 +1,9 @@
 """solve_tiles(): a huge domain, tile by tile, into a folder that can be continued.
 
-A run goes through stages: a survey of the densities, the start of every tile, and passes over windows. Between them stands what only
-the whole domain knows: how many bodies every tile gets, and the flow of the coarse warp. Every part of a stage is a file, which is
-there as a whole or not at all; so a run that is killed goes on where it was, and who makes a part does not matter.
+A run goes through stages: clumps, where a class has some, a survey of the densities, the start of every tile, and passes over windows.
+Between them stands what only the whole domain knows: how many bodies every tile gets, and the flow of the coarse warp. Every part of a
+stage is a file, which is there as a whole or not at all; so a run that is killed goes on where it was, and who makes a part does not
+matter.
 """
 
 from __future__ import annotations
@@ -35,7 +36,18 @@ from .demand import find_demand, integrals_of_tiles, read_demand, write_demand
 from .layout import hilbert_order
 from .part_times import PartTimes
 from .plan import Plan, TileRun, choose_tiles, make_plan, read_tiled_recipe
-from .stages import COUNTS, DEMAND, RARE, TARGET, flow_folder, make_part, part_path, stage_names
+from .stages import (
+    CLUMPS,
+    COUNTS,
+    DEMAND,
+    RARE,
+    TARGET,
+    clump_blocks,
+    flow_folder,
+    make_part,
+    part_path,
+    stage_names,
+)
 from .tile_files import TILE_WRITERS, check_tile_ending, tile_name
 from .window import spread_rare
 
@@ -161,7 +173,7 @@ class _Driver:
     ) -> None:
         self._run, self._plan = run, plan
         self._progress = progress
-        self._names = stage_names(len(plan.passes))
+        self._names = stage_names(plan)
         columns, rows = plan.layout.tiles
         self._tiles = columns * rows
         self._ray = ray
@@ -212,6 +224,8 @@ class _Driver:
         )
 
     def _parts(self, name: str) -> int:
+        if name == CLUMPS:
+            return len(clump_blocks(self._plan))
         if not name.startswith("pass-"):
             return self._tiles
         columns, rows = self._plan.layout.shape(self._plan.passes[int(name.removeprefix("pass-")) - 1].shift)

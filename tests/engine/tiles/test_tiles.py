@@ -317,18 +317,6 @@ def test_geoparquet_says_where_the_world_is(recipe, tmp_path):
     assert back.class_name == ("pine", "beech")
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (('name = "beech"', 'name = "beech"\nclustering = 0.5'), "`clustering`"),
-    ],
-)
-def test_what_tiles_do_not_know_is_refused(recipe, tmp_path, change, message):
-    recipe.write_text(RECIPE.replace(*change))
-    with pytest.raises(EshError, match=message):
-        solved(recipe, tmp_path / "out")
-
-
 def test_values_without_meaning_are_refused(recipe, tmp_path):
     for options, message in (
         ({"tile": 1.0}, "`tile` must be at least"),
