@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
+from esh.engine.solve import moved
 
 pytestmark = pytest.mark.cuda
 
@@ -88,3 +89,27 @@ def test_edits_go_on_from_where_bodies_are():
         placed = solver.placement()
     assert len(placed.position) == 2500
     assert (placed.position[:, 0] < 25.0).mean() == pytest.approx(2.0 / 3.0, abs=0.01)
+
+
+@pytest.mark.parametrize("boundary", ["open", "periodic"])
+def test_outlines_beside_obstacles_are_parted_and_counted(boundary):
+    rng = np.random.default_rng(1)
+    corners = [rng.uniform(0.0, 12.0, 2) + rng.uniform(-1.0, 1.0, (3, 2)) for _ in range(12)]
+    image = np.zeros((60, 60), bool)
+    image[20:24, 30:50] = True
+    obstacles = [
+        *(esh.Obstacle(polygon=c) for c in corners),
+        esh.Obstacle(disc=(3.0, 3.0, 0.1)),
+        esh.Obstacle(image=image),
+    ]
+    classes = [
+        esh.BodyClass(name, [esh.Size("s", None, 40, footprint=Footprints(one))])
+        for name, one in (("box", BOX), ("plank", PLANK))
+    ]
+    problem = esh.Problem(esh.Domain((12.0, 12.0), boundary), classes, avoid_overlap=True, obstacles=obstacles, seed=1)
+    gpu = check(problem)
+    assert gpu.report.clean
+    strewn = rng.uniform(0.0, 12.0, gpu.position.shape)
+    one, other = (moved(gpu, strewn, device).report for device in ("cuda:0", "cpu"))
+    assert one.in_obstacles == other.in_obstacles > 0
+    assert one.deepest_in_obstacle == pytest.approx(other.deepest_in_obstacle, rel=1e-6)
