@@ -185,7 +185,8 @@ def separation_along_faces(
 ):
     """How far B, at offset ``d``, lies beyond the face of A that it lies farthest beyond; that face, and B's corner nearest to it.
 
-    The corner is walked round with the face. Faces after one that it lies ``enough`` beyond are not looked at.
+    The corner is walked round with the face, but between the two sides of a segment: from one of B's edges that lies along it no corner
+    is nearer at once. Faces after one that it lies ``enough`` beyond are not looked at.
     """
     best = float(-1.0e30)
     face = int(0)
@@ -196,7 +197,7 @@ def separation_along_faces(
     while e < a_count:
         v = corner[a + e]
         n = wp.vec2(v[2], v[3])
-        if e == 0:
+        if e == 0 or a_count == 2:
             lowest, k = support(corner, b, b_count, n)
         else:
             w = corner[b + k]
