@@ -9,6 +9,7 @@ from ...engine.errors import ProblemError
 from ...engine.problem.validation import show
 from ...engine.surface.mesh_outline import Outline, outline_from_above
 from ...engine.surface.triangle_mesh import TriangleMesh
+from ..targets.evaluated_mesh import evaluated_mesh
 from ..targets.target import check_exists, members_of, read_triangles, world_matrix
 from .shown_geometry import is_shown_as_it_is, realized, repeats_by
 
@@ -88,17 +89,10 @@ def _read_as_one(collection: bpy.types.Collection, context: bpy.types.Context, k
 
 def _read(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Context, key: str) -> TriangleMesh:
     name = f'object "{item.name}"'
-    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
-    try:
-        mesh = evaluated.to_mesh()
-    except RuntimeError:
-        mesh = None
-    try:
+    with evaluated_mesh(item, context) as mesh:
         if mesh is None or not len(mesh.polygons):
             raise ProblemError(f"{key} must be given in m²: {name} has no faces to measure it from")
         return read_triangles(mesh, matrix, name)
-    finally:
-        evaluated.to_mesh_clear()
 
 
 def outline_of(mesh: TriangleMesh, key: str) -> Outline:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.errors import ProblemError
 from ...engine.problem.validation import show
+from ..targets.evaluated_mesh import evaluated_mesh, vertices_in_world
 from ..targets.target import check_exists, is_result, read_triangles, world_matrix
 from .density_source import Known, checksum
 
@@ -104,31 +105,18 @@ def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Co
             yield from _shapes_of(member, matrix @ offset @ world_matrix(member, context), context)
         return
     if is_result(item):
-        yield _points(_positions(item.data, matrix))
+        yield _points(vertices_in_world(item.data, matrix))
         return
-    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
-    try:
-        mesh = evaluated.to_mesh()
-    except RuntimeError:  # lights, cameras, empties
-        mesh = None
-    try:
+    with evaluated_mesh(item, context) as mesh:
         if mesh is None or not len(mesh.vertices):
             yield _points(matrix[None, :3, 3])
         elif len(mesh.polygons):
             read = read_triangles(mesh, matrix, item.name)
             yield _Shape(read.position[read.triangle][..., :2], np.empty((0, 2, 2)))
         elif len(mesh.edges):
-            yield _edges(mesh, _positions(mesh, matrix), item.type == "CURVE")
+            yield _edges(mesh, vertices_in_world(mesh, matrix), item.type == "CURVE")
         else:
-            yield _points(_positions(mesh, matrix))
-    finally:
-        evaluated.to_mesh_clear()
-
-
-def _positions(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
-    position = np.empty((len(mesh.vertices), 3), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
-    return position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+            yield _points(vertices_in_world(mesh, matrix))
 
 
 def _points(position: np.ndarray) -> _Shape:

@@ -9,6 +9,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...engine.errors import ProblemError
+from ..targets.evaluated_mesh import vertices_in_world
 from ..targets.target import check_target
 
 __all__ = ["attach", "begin_to_paint", "detach", "unsaved_images"]
@@ -78,10 +79,7 @@ def _paint_image(context: bpy.types.Context, target: bpy.types.Object, layer: An
 def _map_from_above(target: bpy.types.Object) -> str:
     """Return the UV map that lays an image over a mesh as it is seen from above in the world; made where there is none."""
     mesh = target.data
-    position = np.empty((len(mesh.vertices), 3), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
-    matrix = np.array(target.matrix_world)
-    world = (position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])[:, :2]
+    world = vertices_in_world(mesh, np.array(target.matrix_world))[:, :2]
     low, high = world.min(axis=0), world.max(axis=0)
     if not (high > low).all():
         raise ProblemError(f'target "{target.name}" must have an extent in x and y to be painted from above')

@@ -10,6 +10,7 @@ import numpy as np
 from ...engine.problem.look_at import LookAt
 from ...engine.problem.scatter_settings import Standing
 from ..classes.standing import Ground, stand, turns_towards
+from ..targets.evaluated_mesh import in_world
 from .display import shown_objects
 from .node_group import (
     ALIGN,
@@ -34,6 +35,8 @@ __all__ = [
     "SEED",
     "TO_ORIGIN",
     "add_attribute",
+    "bodies_in_world",
+    "body_places",
     "can_stand_anew",
     "ground_attributes",
     "hide_points",
@@ -151,13 +154,11 @@ def _look_anew(result: bpy.types.Object, own: np.ndarray, standing: Standing, lo
     if look_at is None:
         heading[own[looks[own]]] = 0.0
     else:
-        world = np.array(result.matrix_world)
-        position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN))[own]
         heading[own] = turns_towards(
             look_at,
             standing.align_to_normal,
             read_attribute(mesh, NORMAL)[own],
-            position @ world[:3, :3].T + world[:3, 3],
+            bodies_in_world(result)[own],
             read_attribute(mesh, "id")[own],
             int(mesh[SEED]),
         )
@@ -231,13 +232,22 @@ class KeptPlaces(NamedTuple):
     target: np.ndarray
 
 
+def body_places(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return where the bodies are that points stand for, as :func:`bodies_in_world`, but seen from the result."""
+    return (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)).astype(np.float64)
+
+
+def bodies_in_world(result: bpy.types.Object) -> np.ndarray:
+    """Return where the bodies are that the objects of a result stand for, shape ``[n, 3]``, also of points that were moved by hand."""
+    return in_world(body_places(result.data), np.array(result.matrix_world))
+
+
 def kept_places(result: bpy.types.Object) -> KeptPlaces | None:
     """Return where the bodies of a result are, also of points that were moved by hand; None where too little is known of them."""
     if not can_stand_anew(result):
         return None
     mesh = result.data
-    world = np.array(result.matrix_world)
-    position = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)) @ world[:3, :3].T + world[:3, 3]
+    position = bodies_in_world(result)
     count = len(position)
     known = all(name in mesh.attributes for name in (*CORNERS, WEIGHTS))
     return KeptPlaces(

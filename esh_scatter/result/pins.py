@@ -22,6 +22,7 @@ from .kept_ground import (
     PINNED,
     PLACED_AT,
     TO_ORIGIN,
+    body_places,
     read_attribute,
     sources_by_number,
     write_attribute,
@@ -201,8 +202,7 @@ def read_pins(
     stays = stays[kept]
     if not len(stays):
         return None
-    place = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)).astype(np.float64)
-    now = moved_with(result, place, bpy.context)
+    now = moved_with(result, body_places(mesh), bpy.context)
     before = rotations(result)[stays]
     turn = _heading(now.turned[stays] @ before) - _heading(before)
 
@@ -277,8 +277,7 @@ def can_be_edited(result: bpy.types.Object) -> bool:
 def balls_of(result: bpy.types.Object, points: np.ndarray) -> np.ndarray:
     """Return middles, seen from a result, and radii of about what stands on points [m], shape ``[n, 4]``."""
     mesh = result.data
-    place = (read_attribute(mesh, "position") - read_attribute(mesh, TO_ORIGIN)).astype(np.float64)
-    position = moved_with(result, place, bpy.context).position[points]
+    position = moved_with(result, body_places(mesh), bpy.context).position[points]
     half = [_half_width(item) for item in shown_objects(result)]
     index = read_attribute(mesh, INSTANCE_INDEX)[points]
     radius = np.array([half[number] if number < len(half) else 0.0 for number in index.tolist()])

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...engine.problem.unit_vectors import unit_vectors
 from ...engine.surface.instances import body_rotations, rotate
+from ..targets.evaluated_mesh import evaluated_mesh, in_world, vertices_in_world
 from .display import get_inputs, our_modifier
 from .kept_ground import read_attribute
 from .node_group import (
@@ -53,8 +54,7 @@ def standing_now(result: bpy.types.Object, context: bpy.types.Context) -> Standi
     rotation = rotations(result)
     now = moved_with(result, position, context)
     world = np.array(result.matrix_world, np.float64)
-    position = now.position @ world[:3, :3].T + world[:3, 3]
-    return StandingNow(position, world[:3, :3] @ now.turned @ rotation * scale[:, None, :])
+    return StandingNow(in_world(now.position, world), world[:3, :3] @ now.turned @ rotation * scale[:, None, :])
 
 
 def moved_with(result: bpy.types.Object, position: np.ndarray, context: bpy.types.Context) -> MovedWith:
@@ -91,14 +91,10 @@ def _vertices_now(target: bpy.types.Object | None, context: bpy.types.Context) -
     evaluated = target.evaluated_get(context.evaluated_depsgraph_get())
     if not evaluated.is_evaluated:
         return np.empty((0, 3))
-    mesh = evaluated.to_mesh()
-    try:
-        found = np.empty((len(mesh.vertices), 3), np.float32)
-        mesh.vertices.foreach_get("co", found.ravel())
-    finally:
-        evaluated.to_mesh_clear()
-    world = np.array(evaluated.matrix_world, np.float64)
-    return found.astype(np.float64) @ world[:3, :3].T + world[:3, 3]
+    with evaluated_mesh(target, context) as mesh:
+        if mesh is None or not len(mesh.vertices):
+            return np.empty((0, 3))
+        return vertices_in_world(mesh, np.array(evaluated.matrix_world, np.float64))
 
 
 def _follow(mesh: bpy.types.Mesh, position: np.ndarray, vertices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
+from .evaluated_mesh import evaluated_mesh
 from .target import world_matrix
 
 __all__ = [
@@ -212,14 +213,8 @@ def _evaluated_bytes(item: bpy.types.Object) -> bytes:
     evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
     if evaluated.type == "MESH" and isinstance(evaluated.data, bpy.types.Mesh):
         return _mesh_bytes(evaluated.data)
-    try:
-        mesh = evaluated.to_mesh()
-    except RuntimeError:
-        return b""
-    try:
+    with evaluated_mesh(item, bpy.context) as mesh:
         return _mesh_bytes(mesh) if mesh is not None else b""
-    finally:
-        evaluated.to_mesh_clear()
 
 
 def _object_number(item: bpy.types.Object) -> int:

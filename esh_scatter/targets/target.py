@@ -9,6 +9,7 @@ from mathutils import Matrix
 from ...engine.errors import ProblemError
 from ...engine.problem.validation import show
 from ...engine.surface.triangle_mesh import TriangleMesh
+from .evaluated_mesh import vertices_in_world
 from .vertex_groups import read_vertex_groups
 
 __all__ = [
@@ -134,9 +135,7 @@ def _shows_instances(item: bpy.types.Object, context: bpy.types.Context) -> bool
 
 def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> TriangleMesh:
     """Read positions and triangles of ``mesh``, transformed by ``matrix`` ``[4, 4]``."""
-    # Read as attributes, which are copied as a whole; vertices and loops are asked one after the other.
-    position = np.empty((len(mesh.vertices), 3), np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    # As an attribute, which is copied as a whole; loops are asked one after the other.
     vertex = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertex)
     mesh.calc_loop_triangles()
@@ -144,10 +143,9 @@ def read_triangles(mesh: bpy.types.Mesh, matrix: np.ndarray, name: str) -> Trian
     corner, face = np.empty((count, 3), np.int32), np.empty(count, np.int32)
     mesh.loop_triangles.foreach_get("loops", corner.ravel())
     mesh.loop_triangle_polygons.foreach_get("value", face)
-    position = position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return TriangleMesh(
         name,
-        position,
+        vertices_in_world(mesh, matrix),
         vertex[corner],
         corner,
         face,

@@ -1,0 +1,38 @@
+"""Meshes as Blender evaluates them, and where their vertices are in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+__all__ = ["evaluated_mesh", "in_world", "vertices_in_world"]
+
+
+@contextmanager
+def evaluated_mesh(item: bpy.types.Object, context: bpy.types.Context) -> Iterator[bpy.types.Mesh | None]:
+    """Give the mesh of an object with its modifiers, for as long as it is looked at; None of what has none, as lights and cameras."""
+    evaluated = item.evaluated_get(context.evaluated_depsgraph_get())
+    try:
+        mesh = evaluated.to_mesh()
+    except RuntimeError:
+        mesh = None
+    try:
+        yield mesh
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def vertices_in_world(mesh: bpy.types.Mesh, matrix: np.ndarray) -> np.ndarray:
+    """Return where the vertices of a mesh that has some are, shape ``[n, 3]``; see :func:`in_world`."""
+    # Read as an attribute, which is copied as a whole; vertices are asked one after the other.
+    position = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", position.ravel())
+    return in_world(position, matrix)
+
+
+def in_world(position: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return positions ``[n, 3]`` as the matrix of an object ``[4, 4]`` puts them into the world, float64, whatever they were."""
+    return position.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
