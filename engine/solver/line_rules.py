@@ -6,6 +6,7 @@ Section 6 of the paper (Schmaltz, Gwosdek and Weickert 2012).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
@@ -13,17 +14,41 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.direction_field import direction_field
 from ..problem.domain import Domain
+from ..problem.line import Line
 from ..space.density import sample_density
 from . import kernels_descent
 from .body_flags import BodyFlags
 from .model import LineKind, Model
 
-__all__ = ["FIRST_LENGTH", "LineRules", "length_blocks"]
+__all__ = ["FIRST_LENGTH", "LineRules", "length_blocks", "numbers_for_kernels", "pressed_of", "weights_of"]
 
 # Lines start at this share of their preferred length: short enough not to cross, and grow while they spread.
 FIRST_LENGTH = 0.1
 # Side of the blocks in which lines get the lengths of an image, in spacings of lines: a block has some dozens of them.
 BLOCK = 6.0
+
+
+def numbers_for_kernels(launcher: Launcher, values: Sequence[float] | np.ndarray) -> wp.array:
+    """Return numbers on the device, ``float``; a single 0 where there are none."""
+    return wp.array(np.array(values if len(values) else [0.0], np.float32), dtype=float, device=launcher.device)
+
+
+def weights_of(rules: Sequence[Line], launcher: Launcher) -> kernels_descent.Lines:
+    """Return how far kinds of lines follow forces and what is preferred, and how straight they are; nothing else is set."""
+    lines = kernels_descent.Lines()
+    lines.turn_by_force, lines.turn_by_preference, lines.stretch_by_force, lines.stretch_by_preference = (
+        numbers_for_kernels(launcher, [getattr(line, weights)[k] for line in rules])
+        for weights in ("turn_weights", "stretch_weights")
+        for k in (0, 1)
+    )
+    straightness = [-1.0 if line.straightness is None else line.straightness for line in rules]
+    lines.straightness = numbers_for_kernels(launcher, straightness)
+    return lines
+
+
+def pressed_of(rules: Sequence[Line], launcher: Launcher) -> wp.array:
+    """Return 1 for kinds whose length the forces change: a line of others reaches its length by itself."""
+    return numbers_for_kernels(launcher, [float(line.stretch_weights[0] > 0.0) for line in rules])
 
 
 class LineRules:
@@ -51,18 +76,10 @@ class LineRules:
         self._directions = [_directions_of(kind, problem.rectangle, made) for kind in model.kinds]
         self._lengths = [np.atleast_2d(np.asarray(line.length, dtype=np.float32)) for line in rules]
 
-        def numbers_of(values: list[float]) -> wp.array:
-            return wp.array(np.array(values or [0.0], dtype=np.float32), dtype=float, device=device)
-
-        lines = kernels_descent.Lines()
-        lines.turn_by_force = numbers_of([line.turn_weights[0] for line in rules])
-        lines.turn_by_preference = numbers_of([line.turn_weights[1] for line in rules])
-        lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
-        lines.stretch_by_preference = numbers_of([line.stretch_weights[1] for line in rules])
-        lines.straightness = numbers_of([-1.0 if line.straightness is None else line.straightness for line in rules])
+        lines = weights_of(rules, launcher)
         blocks = length_blocks(model)
         self.block_count = sum(rows * columns for rows, columns in blocks)
-        lines.length_factor = numbers_of([1.0] * (len(rules) + self.block_count))
+        lines.length_factor = numbers_for_kernels(launcher, [1.0] * (len(rules) + self.block_count))
         starts = np.cumsum([len(rules)] + [rows * columns for rows, columns in blocks])[: len(rules)]
         lines.block_start, lines.block_rows, lines.block_columns = (
             launcher.array(np.array(values, np.int32).reshape(-1), wp.int32)
@@ -78,9 +95,8 @@ class LineRules:
         if rules:
             moving = model.body.kind[(model.body.flags & BodyFlags.PINNED) == 0]
             count = np.bincount(moving + 1, minlength=self.kind_count + 1)[1:]
-        self.line_count = numbers_of(count.astype(float).tolist())
-        # A line whose length the forces do not change reaches it by itself.
-        self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
+        self.line_count = numbers_for_kernels(launcher, count)
+        self.pressed = pressed_of(rules, launcher)
 
     def first_angle_and_length(self, position: np.ndarray, share: float = FIRST_LENGTH) -> np.ndarray:
         """Angle [rad] and length of every body at the start, shape ``[body_count, 2]``, for positions in the solver's unit.

@@ -10,8 +10,7 @@ import warp as wp
 from ..device.launcher import Launcher
 from ..problem.surface_directions import SLOPE, direction_at, down_the_slope
 from ..surface.facets import Facets
-from . import kernels_descent
-from .line_rules import FIRST_LENGTH
+from .line_rules import FIRST_LENGTH, numbers_for_kernels, pressed_of, weights_of
 from .model import LineKind, Model
 from .surface_places import cells_of
 
@@ -46,18 +45,10 @@ class SurfaceLineRules:
         self._model, self._facets = model, facets
         self._direction = [_on_tiles(kind, facets) for kind in model.kinds]
 
-        def numbers_of(values: list[float]) -> wp.array:
-            return wp.array(np.array(values or [0.0], dtype=np.float32), dtype=float, device=device)
-
         whole = np.arange(max(self.kind_count, 1), dtype=np.int32)
-        lines = kernels_descent.Lines()
-        lines.turn_by_force = numbers_of([line.turn_weights[0] for line in rules])
-        lines.turn_by_preference = numbers_of([line.turn_weights[1] for line in rules])
-        lines.stretch_by_force = numbers_of([line.stretch_weights[0] for line in rules])
-        lines.stretch_by_preference = numbers_of([line.stretch_weights[1] for line in rules])
-        lines.straightness = numbers_of([-1.0 if line.straightness is None else line.straightness for line in rules])
-        lines.length_factor = numbers_of([1.0] * len(rules))
-        lines.length = numbers_of([line.longest / model.unit for line in rules])
+        lines = weights_of(rules, launcher)
+        lines.length_factor = numbers_for_kernels(launcher, [1.0] * len(rules))
+        lines.length = numbers_for_kernels(launcher, [line.longest / model.unit for line in rules])
         lines.length_start = wp.array(whole, dtype=wp.int32, device=device)
         lines.length_height = wp.array(np.ones_like(whole), dtype=wp.int32, device=device)
         lines.length_width = wp.array(np.ones_like(whole), dtype=wp.int32, device=device)
@@ -65,8 +56,8 @@ class SurfaceLineRules:
         stacked = np.concatenate(self._direction) if rules else np.zeros((1, 3))
         self.preferred = wp.array(stacked.astype(np.float32), dtype=wp.vec3, device=device)
         count = np.bincount(model.body.kind + 1, minlength=self.kind_count + 1)[1:]
-        self.line_count = numbers_of(count.astype(float).tolist())
-        self.pressed = numbers_of([float(line.stretch_weights[0] > 0.0) for line in rules])
+        self.line_count = numbers_for_kernels(launcher, count)
+        self.pressed = pressed_of(rules, launcher)
 
     def first_axes(self, facet: np.ndarray, tile: np.ndarray) -> np.ndarray:
         """Half the axis of every body at the start, in units, shape ``[n, 3]``: short, along the preferred direction or any."""
