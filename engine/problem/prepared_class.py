@@ -282,6 +282,15 @@ def cut_out_on_surface(body_class: PreparedClass, surface: Surface, obstacles: S
     return replace(body_class, asked=asked, sizes=count_sizes(asked, mean * surface.area))
 
 
+def _to_cover(body_class: PreparedClass, domain: Domain | Surface) -> tuple[BodyClass, float, float, float]:
+    """Of a class that is to cover its ground: what was asked, the area of its bodies and of that ground [m²], and what share fits."""
+    asked = body_class.asked
+    assert asked is not None
+    wanted = sum((size.count or 0) * size.mean_area for size in body_class.sizes)
+    here = body_class.density_image if isinstance(domain, Domain) else body_class.density_on(domain.sample())
+    return asked, wanted, float(np.mean(here > 0.0)) * domain.area, packable_share(asked.sizes, asked.room, asked.gap)
+
+
 def beside_fixed(body_class: PreparedClass, domain: Domain | Surface, taken: float) -> PreparedClass:
     """Return a class with a count of ``"cover"`` that covers what fixed bodies leave of its ground, without overlap.
 
@@ -293,12 +302,7 @@ def beside_fixed(body_class: PreparedClass, domain: Domain | Surface, taken: flo
     Raises:
         ProblemError: Less than half a body is left.
     """
-    asked = body_class.asked
-    assert asked is not None
-    wanted = sum((size.count or 0) * size.mean_area for size in body_class.sizes)
-    here = body_class.density_image if isinstance(domain, Domain) else body_class.density_on(domain.sample())
-    ground = float(np.mean(here > 0.0)) * domain.area
-    fits = packable_share(asked.sizes, asked.room, asked.gap)
+    asked, wanted, ground, fits = _to_cover(body_class, domain)
     most = body_class.share * ground * max(fits - LOST_BESIDE_FIXED * taken / ground, LEAST_BESIDE_FIXED * fits)
     left = min(wanted, most) - taken
     if left < 0.5 * min(size.mean_area for size in body_class.sizes):
@@ -320,12 +324,8 @@ def beside_counted(body_class: PreparedClass, domain: Domain | Surface, taken: f
     Raises:
         ProblemError: Less than half a body is left.
     """
-    asked = body_class.asked
-    assert asked is not None
-    wanted = sum((size.count or 0) * size.mean_area for size in body_class.sizes)
-    here = body_class.density_image if isinstance(domain, Domain) else body_class.density_on(domain.sample())
-    fits = packable_share(asked.sizes, asked.room, asked.gap)
-    left = body_class.share * float(np.mean(here > 0.0)) * domain.area * fits - taken
+    asked, wanted, ground, fits = _to_cover(body_class, domain)
+    left = body_class.share * ground * fits - taken
     if left >= wanted:
         return body_class
     if left < 0.5 * min(size.mean_area for size in body_class.sizes):

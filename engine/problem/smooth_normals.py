@@ -46,6 +46,12 @@ def corner_normals(corner: np.ndarray, normal: np.ndarray, welded: np.ndarray) -
     return result.reshape(-1, 3, 3)
 
 
+def sides_of(welded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sides of triangles, opposite of each corner: the vertex at their start, at their end, and a number for both; shape ``[3 t]``."""
+    start, end = (np.roll(welded, -step, axis=1).ravel() for step in (1, 2))
+    return start, end, np.minimum(start, end) * (int(welded.max()) + 1) + np.maximum(start, end)
+
+
 def creased_sides(corner_normal: np.ndarray, welded: np.ndarray) -> np.ndarray:
     """Return which sides, opposite of each corner, have a crease or the surface's end beside them, shape ``[t, 3]``.
 
@@ -53,8 +59,7 @@ def creased_sides(corner_normal: np.ndarray, welded: np.ndarray) -> np.ndarray:
         corner_normal: What :func:`corner_normals` returns, shape ``[t, 3, 3]``.
         welded: Numbers of the vertices, as there, shape ``[t, 3]``.
     """
-    start, end = (np.roll(welded, -step, axis=1).ravel() for step in (1, 2))
-    key = np.minimum(start, end) * (int(welded.max()) + 1) + np.maximum(start, end)
+    start, end, key = sides_of(welded)
     _, which, count = np.unique(key, return_inverse=True, return_counts=True)
     # Where all triangles of a side agree on both of its ends, the mean of what they look to there is of length 1.
     at_ends = [np.roll(corner_normal, -step, axis=1).reshape(-1, 3) for step in (1, 2)]

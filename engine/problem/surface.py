@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import ProblemError
 from . import validation
 from .settings import settle
-from .smooth_normals import corner_normals, creased_sides
+from .smooth_normals import corner_normals, creased_sides, sides_of
 from .validation import show
 
 __all__ = ["PointsOnSurface", "Surface", "SurfaceMesh"]
@@ -341,9 +341,7 @@ def _welded(position: np.ndarray, triangle: np.ndarray, extent: float) -> np.nda
 
 def _edges(welded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles on both sides of the edges of exactly two, and whether these run along it in one direction (which they must not)."""
-    start, end = welded[:, [1, 2, 0]].ravel(), welded[:, [2, 0, 1]].ravel()
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    key = low * (int(welded.max()) + 1) + high
+    start, end, key = sides_of(welded)
     order = np.argsort(key, kind="stable")
     sorted_key = key[order]
     same = np.concatenate([[False], sorted_key[1:] == sorted_key[:-1], [False]])
@@ -354,9 +352,7 @@ def _edges(welded: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _open_sides(welded: np.ndarray) -> np.ndarray:
     """Which sides, opposite of each corner, belong to one triangle only, shape ``[t, 3]``."""
-    start, end = welded[:, [1, 2, 0]].ravel(), welded[:, [2, 0, 1]].ravel()
-    key = np.minimum(start, end) * (int(welded.max()) + 1) + np.maximum(start, end)
-    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    _, which, count = np.unique(sides_of(welded)[2], return_inverse=True, return_counts=True)
     return (count == 1)[which.ravel()].reshape(-1, 3)
 
 

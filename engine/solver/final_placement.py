@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import warp as wp
 
 from ..device.launcher import Launcher
-from ..problem.look_at import facing
+from ..problem.look_at import LookAt, facing
 from ..problem.placement import Placement
 from ..space.density import move_into_support
 from . import kernels_end
@@ -16,7 +17,15 @@ from .body_flags import BodyFlags
 from .model import Model
 from .state import State
 
-__all__ = ["angle_within", "facing_turns", "looks_at_point", "placement_of", "position_in_meters", "somebody_looks"]
+__all__ = [
+    "angle_within",
+    "facing_turns",
+    "looking_bodies",
+    "looks_at_point",
+    "placement_of",
+    "position_in_meters",
+    "somebody_looks",
+]
 
 
 def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
@@ -74,15 +83,18 @@ def placement_of(model: Model, state: State, launcher: Launcher) -> Placement:
 def facing_turns(model: Model, position: np.ndarray) -> np.ndarray:
     """Turns with which bodies look where their class does [rad], shape ``[n]``; 0 of those that look nowhere."""
     turn = np.zeros(model.body_count)
+    for look, own in looking_bodies(model):
+        facing_there = facing(look, position[own], model.body.identity[own], model.problem.seed)
+        turn[own] = angle_within(facing_there, 2.0 * math.pi)
+    return turn
+
+
+def looking_bodies(model: Model) -> Iterator[tuple[LookAt, np.ndarray]]:
+    """Yield what bodies look at and which bodies these are, class after class."""
     looking = looks_at_point(model)
     for number, c in enumerate(model.problem.classes):
-        if c.look_at is None:
-            continue
-        own = np.flatnonzero(looking & (model.body.class_index == number))
-        turn[own] = angle_within(
-            facing(c.look_at, position[own], model.body.identity[own], model.problem.seed), 2.0 * math.pi
-        )
-    return turn
+        if c.look_at is not None:
+            yield c.look_at, np.flatnonzero(looking & (model.body.class_index == number))
 
 
 def somebody_looks(model: Model) -> bool:

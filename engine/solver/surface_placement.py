@@ -9,7 +9,7 @@ from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface
 from ..surface.facets import Facets
 from .body_flags import BodyFlags
-from .final_placement import angle_within, bends_of, looks_at_point
+from .final_placement import angle_within, bends_of, looking_bodies, looks_at_point
 from .model import Model
 from .surface_line_rules import tangent_frame
 from .surface_state import SurfaceState
@@ -30,14 +30,10 @@ def points_of(facets: Facets, state: SurfaceState) -> PointsOnSurface:
 def facing_headings(model: Model, points: PointsOnSurface) -> np.ndarray:
     """Angles [rad] with which bodies look where their class does, from the directions nearest to x; 0 of those that look nowhere."""
     angle = np.zeros(model.body_count)
-    looking = looks_at_point(model)
-    for number, c in enumerate(model.problem.classes):
-        if c.look_at is None:
-            continue
-        own = np.flatnonzero(looking & (model.body.class_index == number))
+    for look, own in looking_bodies(model):
         first, second = tangent_frame(points.normal[own])
         turn = facing_on_surface(
-            c.look_at, points.position[own], first, second, model.body.identity[own], model.problem.seed
+            look, points.position[own], first, second, model.body.identity[own], model.problem.seed
         )
         angle[own] = angle_within(turn, 2.0 * np.pi)
     return angle

@@ -15,6 +15,7 @@ from ..problem.surface import PointsOnSurface
 from ..problem.validation import show
 from ..surface import kernels_facets
 from ..surface.facets import Facets
+from ..surface.triangle_mesh import corner_weights
 from .attraction import water_level
 from .model import Model
 
@@ -109,13 +110,7 @@ def spots_of_places(launcher: Launcher, facets: Facets, places: PlacesOnSurface,
                 f"{key} must lie on the surface; {show(places.position[found[missed[0]]].tolist())} is more than "
                 f"{NEAR * facets.unit:.3g} m away from it"
             )
-        corner = facets.corner[facet[found]]
-        u, v, p = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], place - corner[:, 0]
-        uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), (v * v).sum(axis=1)
-        pu, pv = (p * u).sum(axis=1), (p * v).sum(axis=1)
-        scale = 1.0 / np.maximum(uu * vv - uv**2, 1e-30)
-        second, third = (vv * pu - uv * pv) * scale, (uu * pv - uv * pu) * scale
-        weight[found] = _inside(np.stack([1.0 - second - third, second, third], axis=1))
+        weight[found] = _inside(corner_weights(facets.corner[facet[found]], place))
     return facet, weight
 
 

@@ -15,7 +15,7 @@ from ..problem.placement import Placement
 from ..problem.surface import PointsOnSurface, Surface, SurfaceMesh
 from ..problem.unit_vectors import unit_vectors
 from .surface_points import SurfacePoints
-from .triangle_mesh import TriangleMesh
+from .triangle_mesh import TriangleMesh, corner_weights
 
 __all__ = ["WholeSurface"]
 
@@ -167,12 +167,7 @@ class WholeSurface:
 
 def _nearest_in(corner: np.ndarray, point: np.ndarray) -> np.ndarray:
     """Weights of the corners of triangles ``[n, 3, 3]`` for the points in them that are nearest to one, shape ``[n, 3]``."""
-    one, two, way = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], point - corner[:, 0]
-    a, b, c = (one * one).sum(axis=1), (one * two).sum(axis=1), (two * two).sum(axis=1)
-    d, e = (way * one).sum(axis=1), (way * two).sum(axis=1)
-    scale = 1.0 / np.maximum(a * c - b * b, 1e-300)
-    second, third = (c * d - b * e) * scale, (a * e - b * d) * scale
-    found = np.stack([1.0 - second - third, second, third], axis=1)
+    found = corner_weights(corner, point)
     outside = np.flatnonzero((found < 0.0).any(axis=1))
     if len(outside):
         # Then it is on one of the sides.
