@@ -11,6 +11,7 @@ from ...engine.errors import ProblemError
 from ...engine.problem.color_separation import MODELS, Ink, separate
 from ...engine.surface.chart import Chart
 from ..densities.image_pixels import image_pixels
+from .stand_ins import colored_material
 
 __all__ = ["add_ink_classes"]
 
@@ -99,12 +100,5 @@ def _disc(name: str, ink: Ink, area: float) -> bpy.types.Object:
     radius = math.sqrt(area / (0.5 * CORNERS * math.sin(2.0 * math.pi / CORNERS)))
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata([(radius * math.cos(a), radius * math.sin(a), 0.0) for a in angle], [], [range(CORNERS)])
-    material = bpy.data.materials.new(name)
-    material.diffuse_color = (*ink.rgb, 1.0)
-    if material.node_tree is None:
-        # From Blender 5.0 on, every material has nodes.
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (*ink.rgb, 1.0)
-    mesh.materials.append(material)
+    mesh.materials.append(colored_material(name, ink.rgb))
     return bpy.data.objects.new(name, mesh)

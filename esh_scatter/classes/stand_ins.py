@@ -9,7 +9,7 @@ from itertools import pairwise
 import bpy
 import numpy as np
 
-__all__ = ["stand_in"]
+__all__ = ["colored_material", "stand_in"]
 
 # Sides of what is round.
 SIDES = 16
@@ -44,7 +44,7 @@ def stand_in(
     position = np.array(vertices) * np.array([length, width, height]) * factor
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(position.tolist(), [], faces)
-    mesh.materials.append(_material(name, color))
+    mesh.materials.append(colored_material(name, color, 0.8))
     if shape in ("ball", "dome"):
         mesh.shade_smooth()
     return bpy.data.objects.new(name, mesh)
@@ -73,7 +73,8 @@ def _box() -> tuple[list[tuple[float, float, float]], list[list[int]]]:
     return vertices, [[3, 2, 1, 0], [4, 5, 6, 7], *([k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k] for k in range(4))]
 
 
-def _material(name: str, color: Sequence[float]) -> bpy.types.Material:
+def colored_material(name: str, color: Sequence[float], roughness: float | None = None) -> bpy.types.Material:
+    """Return a new material of a color, also as the viewport shows it; of Blender's roughness, unless another one is given."""
     material = bpy.data.materials.new(name)
     material.diffuse_color = (*color, 1.0)
     if material.node_tree is None:
@@ -81,5 +82,6 @@ def _material(name: str, color: Sequence[float]) -> bpy.types.Material:
         material.use_nodes = True
     shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = (*color, 1.0)
-    shader.inputs["Roughness"].default_value = 0.8
+    if roughness is not None:
+        shader.inputs["Roughness"].default_value = roughness
     return material
