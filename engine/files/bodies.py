@@ -33,6 +33,8 @@ AssetFiles = Mapping[str, str | Path | Sequence[str | Path]]
 
 # Corners of the outline that stands in for a round body.
 CORNERS = 16
+# Bodies are counted from their middle where any is farther than this [m] from 0, if that is nearer by this factor.
+FAR, NEARER = 1024.0, 0.25
 # Classes take these colors in turn (Okabe and Ito's, which color-blind people can tell apart).
 PALETTE = (
     *((0.0, 0.62, 0.45), (0.9, 0.62, 0.0), (0.34, 0.71, 0.91), (0.84, 0.37, 0.0)),
@@ -118,6 +120,18 @@ class Bodies:
         """Turn about z [rad], counter-clockwise from x, shape ``[n]``, float64."""
         w, x, y, z = self.rotation.astype(np.float64).T
         return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Where formats whose positions are 32-bit floats count from [m], shape ``[3]``: whole meters, 0 unless all lie far from it.
+
+        World coordinates are millions of meters, of which such floats hold half of one.
+        """
+        middle = np.zeros(3)
+        if len(self.position):
+            middle = np.rint(0.5 * (self.position.min(axis=0) + self.position.max(axis=0)))
+        reach, extent = (float(np.abs(p).max(initial=0.0)) for p in (self.position, self.position - middle))
+        return middle if reach > FAR and extent < NEARER * reach else np.zeros(3)
 
     def columns(self) -> dict[str, np.ndarray]:
         """Return everything that there is one value of for each body, as tables hold it; shapes ``[n]``."""

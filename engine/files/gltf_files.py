@@ -103,9 +103,9 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
     Raises:
         EshError: An asset that is no .glb file, or ids that floats cannot hold.
     """
-    if bodies.id.size and bodies.id.max() >= MOST_IDS:
+    if bodies.id.size and np.abs(bodies.id).max() >= MOST_IDS:
         raise EshError(f"ids in a .glb file must be below {MOST_IDS:,}; write .usdc or .parquet instead")
-    glb = _Glb()
+    glb, origin = _Glb(), bodies.origin
     glb.content["scenes"][0]["extras"] = {"esh": json.loads(bodies.names())}
     for number, prototype in enumerate(bodies.prototypes):
         own = np.flatnonzero(bodies.prototype_index == number)
@@ -117,7 +117,9 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
         if not np.isfinite(bodies.area[own]).all():
             del numbers["_AREA"]
         for mesh, place in meshes:
-            position, rotation, scale = _turned_up(bodies, own)
+            position, rotation, scale = _turned_up(
+                bodies.position[own] - origin, bodies.rotation[own], bodies.scale[own]
+            )
             extras: dict[str, Any] = {"esh_prototype": number}
             if not np.allclose(place, np.eye(4)):
                 extras[PLACE] = place.ravel().tolist()
@@ -127,12 +129,14 @@ def write_glb(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
                 "ROTATION": glb.add_array(rotation, FLOAT),
                 "SCALE": glb.add_array(scale, FLOAT),
             }
-            node = {
+            node: dict[str, Any] = {
                 "name": prototype.name,
                 "mesh": mesh,
                 "extensions": {EXTENSION: {"attributes": attributes | numbers}},
                 "extras": extras,
             }
+            if origin.any():
+                node["translation"] = [origin[0], origin[2], -origin[1]]
             glb.content["scenes"][0]["nodes"].append(glb.add("nodes", node))
     glb.write(file)
 
@@ -154,9 +158,12 @@ def read_glb(path: Path) -> Bodies:
             arrays = {key: _array(content, binary, index) for key, index in attributes.items()}
             _undo_place(arrays, node.get("extras", {}).get(PLACE))
             parts.append(_columns(arrays, place, number))
-        extras = content["scenes"][content.get("scene", 0)].get("extras", {}).get("esh", {}) if parts else {}
+        extras = (content.get("scenes") or [{}])[content.get("scene", 0)].get("extras", {}).get("esh", {})
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise InputFileError(f"{path} cannot be read as a .glb file: {type(error).__name__}: {error}") from None
+    if not parts and extras:
+        # A file of ours that holds nobody.
+        return bodies_from_columns({"x": np.zeros(0), "y": np.zeros(0)}, extras, str(path))
     if not parts:
         raise InputFileError(f"{path} must hold instances ({EXTENSION}); it has none")
     shared = [key for key in parts[0] if all(key in part for part in parts)]
@@ -168,11 +175,13 @@ def read_glb(path: Path) -> Bodies:
     return bodies_from_columns(columns, names | (extras if isinstance(extras, dict) else {}), str(path))
 
 
-def _turned_up(bodies: Bodies, own: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _turned_up(
+    position: np.ndarray, rotation: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions, quaternions (x, y, z, w) and scales with y up: z becomes y, and y becomes -z."""
-    x, y, z = bodies.position[own].T
-    qw, qx, qy, qz = bodies.rotation[own].T
-    sx, sy, sz = bodies.scale[own].T
+    x, y, z = position.T
+    qw, qx, qy, qz = rotation.T
+    sx, sy, sz = scale.T
     return np.stack([x, z, -y], axis=1), np.stack([qx, qz, -qy, qw], axis=1), np.stack([sx, sz, sy], axis=1)
 
 
@@ -181,10 +190,11 @@ def _columns(arrays: dict[str, np.ndarray], place: np.ndarray, number: int) -> d
     position = arrays.get("TRANSLATION", np.zeros((count, 3))).astype(np.float64)
     rotation = arrays.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))).astype(np.float64)
     scale = arrays.get("SCALE", np.ones((count, 3))).astype(np.float64)
-    if not np.allclose(place, np.eye(4)):
-        shift, turn, factor = _decompose(place)
-        position = shift + rotate_by_xyzw(turn, factor * position)
+    if not np.allclose(place[:3, :3], np.eye(3)):
+        _, turn, factor = _decompose(place)
+        position = rotate_by_xyzw(turn, factor * position)
         rotation, scale = multiply_xyzw(turn[None, :], rotation), scale * factor
+    position = position + place[:3, 3]
     x, y, z = position.T
     columns = {"x": x, "y": -z, "z": y, "prototype_index": np.full(count, number)}
     qx, qy, qz, qw = rotation.T

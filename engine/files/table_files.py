@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import InputFileError
+from ..errors import EshError, InputFileError
 from .bodies import READ_COLUMNS, Bodies, bodies_from_columns, read_names
 from .extras import import_extra
 
@@ -16,12 +16,20 @@ __all__ = ["read_geojson", "read_parquet", "read_ply", "write_geojson", "write_p
 
 # What PLY calls NumPy's types. It has no 64-bit whole numbers.
 PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int"}
+# Whole numbers up to here are doubles.
+MOST_IDS = 2**53
 # Where names are kept: a comment's first word, a key of metadata, a member of an object.
 KEY = "esh"
 
 
 def write_ply(file: BinaryIO, bodies: Bodies, folder: Path) -> None:
-    """Write points with a property for every column, binary."""
+    """Write points with a property for every column, binary.
+
+    Raises:
+        EshError: Ids that doubles cannot hold.
+    """
+    if bodies.id.size and np.abs(bodies.id).max() > MOST_IDS:
+        raise EshError(f"ids in a .ply file must be at most {MOST_IDS:,}; write .usdc or .parquet instead")
     columns = {key: _ply_column(values) for key, values in bodies.columns().items()}
     dtype = np.dtype([(key, values.dtype.newbyteorder("<")) for key, values in columns.items()])
     vertices = np.empty(len(bodies.position), dtype)
@@ -52,6 +60,9 @@ def read_ply(path: Path) -> Bodies:
             words = line.decode("utf-8", "replace").strip().split(" ", 2)
             if words[:2] == ["comment", KEY]:
                 names = read_names(words[-1])
+            if words == ["element", "vertex", "0"] and names:
+                # A file of ours that holds nobody.
+                return bodies_from_columns({"x": np.zeros(0), "y": np.zeros(0)}, names, str(path))
             if words[0] == "end_header":
                 break
     try:

@@ -59,7 +59,10 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
         stage.GetPrimAtPath(path).SetMetadata("displayName", prototype.name)
         targets.append(path)
     instancer.CreatePrototypesRel().SetTargets(targets)
-    position = bodies.position.astype(np.float32)
+    origin = bodies.origin
+    position = (bodies.position - origin).astype(np.float32)
+    if origin.any():
+        instancer.AddTranslateOp().Set(gf.Vec3d(*origin.tolist()))
     # USD keeps the imaginary part first. Halves are what every program reads; floats, where it knows them, turn long objects
     # to the millimeter.
     rotation = np.ascontiguousarray(bodies.rotation[:, [1, 2, 3, 0]])
@@ -82,11 +85,7 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
         primvars.CreatePrimvar(key, kind, geom.Tokens.vertex).Set(array.FromNumpy(values))
     instancer.GetPrim().CreateAttribute(KEY, sdf.ValueTypeNames.String, True).Set(bodies.names())
     if len(position):
-        reach = max(float(np.hypot(np.abs(p.outline).max(), p.height)) for p in bodies.prototypes) * float(
-            bodies.scale.max()
-        )
-        corners = (position.min(axis=0) - reach, position.max(axis=0) + reach)
-        instancer.CreateExtentAttr([gf.Vec3f(*map(float, corner)) for corner in corners])
+        instancer.CreateExtentAttr([gf.Vec3f(*map(float, corner)) for corner in _extent(bodies, position)])
     # Where nothing follows references any more: they hold only from the folder of the file.
     del stage, world, instancer, primvars
     for path, asset in references.items():
@@ -96,6 +95,13 @@ def write_usd(file: BinaryIO, bodies: Bodies, folder: Path, ending: str = ".usdc
         exported = Path(beside) / f"bodies{ending}"
         _export(layer, exported)
         file.write(exported.read_bytes())
+
+
+def _extent(bodies: Bodies, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two corners of a box that holds all bodies, where they are at these positions."""
+    reach = max(float(np.hypot(np.abs(p.outline).max(), p.height)) for p in bodies.prototypes)
+    reach *= float(bodies.scale.max())
+    return position.min(axis=0) - reach, position.max(axis=0) + reach
 
 
 def _export(layer: Any, path: Path) -> None:
@@ -166,7 +172,7 @@ def _columns(instancer: Any, place: np.ndarray, first: int) -> dict[str, np.ndar
     scale = np.array(scales, np.float64) if scales is not None and len(scales) == count else np.ones((count, 3))
     # The instancer's own place: a rotation, a uniform scale and a shift.
     factor = float(np.cbrt(abs(np.linalg.det(place[:3, :3]))))
-    if not np.allclose(place, np.eye(4)):
+    if not np.allclose(place[:3, :3], np.eye(3)):
         rotation = multiply_xyzw(_quaternion_of(place[:3, :3].T / factor), rotation)
     rotation = rotation[:, [3, 0, 1, 2]]
     columns = {

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import trimesh
 from esh import BodyClass, Domain, EshError, InputFileError, Line, Placement, Problem, Report, Size
-from esh.engine.files.bodies import bodies_from_columns, bodies_of
+from esh.engine.files.bodies import Bodies, Prototype, bodies_from_columns, bodies_of
 from esh.engine.files.body_formats import FORMATS
 from esh.engine.files.cell_text import as_cell, name_in_cell
-from esh.engine.files.placement_files import WRITERS, write_placement
+from esh.engine.files.placement_files import WRITERS, write_bodies, write_placement
 from esh.engine.files.placement_reader import READABLE
 
 NEEDS = {".usd": "pxr", ".usdc": "pxr", ".usda": "pxr", ".parquet": "pyarrow"}
@@ -548,3 +548,61 @@ def test_bodies_of_a_surface_stand_on_it(ending, tmp_path):
     back = esh.load_placement(path)
     np.testing.assert_allclose(back.position, placement.position, atol=1e-6)
     np.testing.assert_allclose(np.abs((back.rotation * bodies.rotation).sum(axis=1)), 1.0, atol=1e-5)
+
+
+def some_bodies(position, **more):
+    """Bodies of one class at these places, turned anyhow."""
+    n = len(position)
+    random = np.random.default_rng(3)
+    turned = random.normal(size=(n, 4))
+    one = Prototype("a", np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), 1.0)
+    given = {
+        "position": np.asarray(position, np.float64),
+        "rotation": (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32),
+        "scale": random.uniform(0.5, 2.0, (n, 3)).astype(np.float32),
+        "prototype_index": np.zeros(n, np.int32),
+        "prototypes": (one,),
+        "id": np.arange(n),
+        "class_index": np.zeros(n, np.int32),
+        "size_index": np.zeros(n, np.int32),
+        "class_name": ("木",),
+        "size_name": (("größe 1",),),
+        "length": np.zeros(n),
+        "width": np.zeros(n),
+        "area": np.full(n, 0.1),
+        "fixed": np.zeros(n, bool),
+    }
+    return Bodies(**given | more)
+
+
+@pytest.mark.parametrize("ending", [available(ending) for ending in FORMATS])
+def test_coordinates_of_the_world_are_kept(tmp_path, ending):
+    """As 32-bit floats they were off by a quarter of a meter."""
+    place = np.random.default_rng(2).uniform(-500.0, 500.0, (40, 3)) + [450_000.0, -5_300_000.0, 1_234.5]
+    bodies = some_bodies(place)
+    write_bodies(tmp_path / f"far{ending}", bodies)
+    back = esh.load_placement(tmp_path / f"far{ending}")
+    assert np.abs(back.position - place).max() < 1e-4
+    assert np.abs(np.abs((back.rotation * bodies.rotation).sum(axis=1)) - 1.0).max() < 1e-6
+    assert np.allclose(back.scale, bodies.scale, rtol=1e-6)
+
+
+@pytest.mark.parametrize("ending", [available(ending) for ending in FORMATS])
+@pytest.mark.parametrize("count", [0, 1])
+def test_nobody_and_a_single_one_read_back(tmp_path, ending, count):
+    bodies = some_bodies(np.full((count, 3), -7.25))
+    write_bodies(tmp_path / f"few{ending}", bodies)
+    back = esh.load_placement(tmp_path / f"few{ending}")
+    assert back.position.tolist() == bodies.position.tolist() and back.id.tolist() == bodies.id.tolist()
+    assert back.class_name == ("木",) and back.size_name == (("größe 1",),)
+
+
+@pytest.mark.parametrize("ending", [available(ending) for ending in FORMATS])
+def test_large_ids_come_back_as_they_are_or_are_refused(tmp_path, ending):
+    bodies = some_bodies(np.zeros((3, 3)), id=np.array([7, 2**53 + 1, 2**62 + 1]))
+    if ending in (".glb", ".ply"):
+        with pytest.raises(EshError, match=f"ids in a {ending} file must be .* write .usdc or .parquet instead"):
+            write_bodies(tmp_path / f"ids{ending}", bodies)
+        return
+    write_bodies(tmp_path / f"ids{ending}", bodies)
+    assert sorted(esh.load_placement(tmp_path / f"ids{ending}").id.tolist()) == sorted(bodies.id.tolist())
