@@ -147,7 +147,7 @@ class Launcher:
         """
         if not _is_single(values):
             return self.array(values, dtype)
-        one = wp.array(values[:1].copy(), dtype=dtype, device=self.device)
+        one = wp.array(values[:1].copy(), dtype=dtype, device=self.device, copy=self.device.is_cuda)
         result = wp.array(ptr=one.ptr, shape=values.shape, strides=(0,), dtype=dtype, device=self.device)
         # The memory must not go before the view does.
         result.one = one

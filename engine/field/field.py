@@ -121,7 +121,7 @@ class Field:
         self.mesh = self.layout.for_kernels()
         self.node_count = self.layout.node_count
         self._convolution = convolution_of(launcher, self.layout, self.group_count)
-        self._interaction = wp.array(interaction.ravel(), dtype=float, device=device)
+        self._interaction = launcher.array(interaction.ravel().astype(np.float32), float)
         self._choose_cells()
         self._make_room(interaction)
         self._lay_images(images, interaction @ charge_of_image)

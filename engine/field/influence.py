@@ -92,11 +92,11 @@ def _waves_of(convolution: Convolution, layout: MeshLayout, scale: float) -> ker
 
 
 def _waves(convolution: Convolution, window_y: np.ndarray, window_x: np.ndarray) -> kernels_influence.Waves:
-    device = convolution.launcher.device
+    launcher = convolution.launcher
     waves = kernels_influence.Waves()
     waves.count_y, waves.count_x = convolution.influence_rows, convolution.padded[1] // 2 + 1
     waves.stride_y, waves.stride_x = convolution.influence_strides
     waves.period_y = convolution.padded[0]
-    waves.window_x = wp.array(window_x, dtype=wp.float64, device=device)
-    waves.window_y = wp.array(window_y, dtype=wp.float64, device=device)
+    waves.window_x = launcher.array(window_x.astype(np.float64), wp.float64)
+    waves.window_y = launcher.array(window_y.astype(np.float64), wp.float64)
     return waves

@@ -98,9 +98,8 @@ class TargetCorrection:
             charge=charge,
         )
         row, scale, distinct = _distinct_rows(np.concatenate(attraction, axis=1), [id(image) for image in images])
-        device = launcher.device
-        self.row = wp.array(row, dtype=wp.int32, device=device)
-        self.scale = wp.array(scale, dtype=float, device=device)
+        self.row = launcher.array(np.asarray(row, np.int32), wp.int32)
+        self.scale = launcher.array(np.asarray(scale, np.float32), float)
         of_row = len(self.blur.levels) * self.layout.node_count
         self.potential = launcher.zeros(len(distinct) * of_row, float)
         for place, weights in enumerate(distinct):

@@ -48,7 +48,7 @@ def laid_out(
     spare_corners: int = 0,
 ) -> kernels_overlaps.Shapes:
     """What lies where, but for what is fixed; without slopes all lies in horizontal planes; corners have some room behind them."""
-    device, n = launcher.device, len(position)
+    n = len(position)
 
     def numbers(values: np.ndarray) -> wp.array:
         # Dots have neither angle nor length; what is 0 of all is there once.
@@ -64,10 +64,10 @@ def laid_out(
     given.shape = launcher.alike(shape, wp.int32)
     given.factor, given.angle, given.length = numbers(footprints.factor), numbers(angle), numbers(length)
     given.width, given.smaller = numbers(width), numbers(smaller)
-    given.start = wp.array(start, dtype=wp.int32, device=device)
-    given.corner = wp.array(np.concatenate(cores), dtype=wp.vec2d, device=device)
+    given.start = launcher.array(start, wp.int32)
+    given.corner = launcher.array(np.concatenate(cores), wp.vec2d)
     middles = np.array([*(outline.middle for outline in outlines), np.zeros(2)])
-    given.middle = wp.array(middles, dtype=wp.vec2d, device=device)
+    given.middle = launcher.array(middles, wp.vec2d)
     given.shape_rounding = numbers(np.array([*(outline.rounding for outline in outlines), 0.0]))
     given.shape_reach = numbers(np.array([*(outline.circumradius for outline in outlines), 0.0]))
     given.shape_width = numbers(np.array([*(outline.width - 2.0 * outline.rounding for outline in outlines), 0.0]))

@@ -330,9 +330,9 @@ def _lattice(
     cells[most == 0.0] = 1
     first = np.concatenate([[0], np.cumsum(cells.prod(axis=1))])
     lattice = kernels_overlaps.Lattice()
-    lattice.reach = wp.array(most, dtype=wp.float64, device=device)
+    lattice.reach = launcher.array(most, wp.float64)
     for name, values in (("columns", cells[:, 0]), ("rows", cells[:, 1]), ("first_cell", first)):
-        setattr(lattice, name, wp.array(values.astype(np.int32), dtype=wp.int32, device=device))
+        setattr(lattice, name, launcher.array(values.astype(np.int32), wp.int32))
     lattice.size = wp.vec2d(*domain.size)
     lattice.periodic = int(domain.periodic)
     cells_of_all = CellSort(launcher, n, int(first[-1]))

@@ -68,7 +68,6 @@ class LineRules:
 
     def __init__(self, model: Model, launcher: Launcher) -> None:
         self._model = model
-        device = launcher.device
         problem = model.problem
         rules = [kind.line for kind in model.kinds]
         self.kind_count = len(rules)
@@ -85,9 +84,9 @@ class LineRules:
             launcher.array(np.array(values, np.int32).reshape(-1), wp.int32)
             for values in (starts, [rows for rows, _ in blocks], [columns for _, columns in blocks])
         )
-        lines.direction, *shape = _joined(self._directions, wp.vec2, device)
+        lines.direction, *shape = _joined(launcher, self._directions, wp.vec2)
         lines.direction_start, lines.direction_height, lines.direction_width = shape
-        lines.length, *shape = _joined([length / model.unit for length in self._lengths], float, device)
+        lines.length, *shape = _joined(launcher, [length / model.unit for length in self._lengths], float)
         lines.length_start, lines.length_height, lines.length_width = shape
         self.lines = lines
         # Those that are pinned keep their lengths.
@@ -188,7 +187,7 @@ def _directions_of(kind: LineKind, domain: Domain, made: dict[tuple[object, ...]
     return made[key]
 
 
-def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp.array, wp.array, wp.array, wp.array]:
+def _joined(launcher: Launcher, images: list[np.ndarray], kind: type) -> tuple[wp.array, wp.array, wp.array, wp.array]:
     """Images one after the other on the device, each once: pixels, where each starts, heights and widths."""
     channels = (2,) if kind is wp.vec2 else ()
     images = images or [np.zeros((1, 1, *channels), dtype=np.float32)]
@@ -197,5 +196,5 @@ def _joined(images: list[np.ndarray], kind: type, device: wp.Device) -> tuple[wp
     ends = np.cumsum([image.shape[0] * image.shape[1] for image in distinct])
     first = {id(image): end - image.shape[0] * image.shape[1] for image, end in zip(distinct, ends, strict=True)}
     numbers = ([first[id(image)] for image in images], *([image.shape[axis] for image in images] for axis in (0, 1)))
-    start, height, width = (wp.array(np.array(n, np.int32), dtype=wp.int32, device=device) for n in numbers)
-    return wp.array(pixels, dtype=kind, device=device), start, height, width
+    start, height, width = (launcher.array(np.array(n, np.int32), wp.int32) for n in numbers)
+    return launcher.array(pixels, kind), start, height, width

@@ -7,6 +7,7 @@ resolutions of image, mesh and spacing need not match.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,6 +25,8 @@ __all__ = [
 
 # Nodes beyond either end of a periodic mesh that splines within it reach.
 FOLD = 3
+# Bands of the last few meshes and images are kept: scenes of a batch are alike.
+MOST_KEPT = 16
 # Weights of the pixels that reach each cell or node along one axis: the first pixel (may lie outside), shape [cells], and
 # the weights of it and the following ones, shape [cells, reach].
 Band = tuple[np.ndarray, np.ndarray]
@@ -93,7 +96,7 @@ def spline_bands(
     """
     fold = FOLD if periodic else 0
     return [
-        _spline_band(np.arange(-fold, nodes + fold) - margin, length / pixels / step, pixels)
+        _spline_band(-fold - margin, nodes + fold - margin, length / pixels / step, pixels)
         for nodes, pixels, length, step in zip(shape, image_shape, size[::-1], spacing[::-1], strict=True)
     ]
 
@@ -159,6 +162,7 @@ def _fold(values: np.ndarray, fold: int) -> np.ndarray:
     return result
 
 
+@lru_cache(maxsize=MOST_KEPT)
 def _overlap_band(cells: int, pixels: int) -> Band:
     """Overlap of every cell with its pixels, both dividing the same interval."""
     cell = np.arange(cells)[:, None]
@@ -166,15 +170,24 @@ def _overlap_band(cells: int, pixels: int) -> Band:
     pixel = first[:, None] + np.arange(-(-pixels // cells) + 1)
     low = np.maximum(cell / cells, pixel / pixels)
     high = np.minimum((cell + 1) / cells, (pixel + 1) / pixels)
-    return first, np.where(pixel < pixels, np.maximum(high - low, 0.0) * pixels, 0.0)
+    return _for_reading(first, np.where(pixel < pixels, np.maximum(high - low, 0.0) * pixels, 0.0))
 
 
-def _spline_band(node: np.ndarray, width: float, pixels: int) -> Band:
-    """Mean of the cubic B-spline at each of ``node`` over its pixels, which are ``width`` wide and begin at 0."""
+@lru_cache(maxsize=MOST_KEPT)
+def _spline_band(begin: int, end: int, width: float, pixels: int) -> Band:
+    """Mean of the cubic B-spline at the nodes ``begin`` to ``end - 1`` over its pixels, which are ``width`` wide and begin at 0."""
+    node = np.arange(begin, end)
     first = np.floor((node - 2.0) / width).astype(np.int64)
     pixel = first[:, None] + np.arange(int(np.ceil(4.0 / width)) + 2)
     weights = _spline_integral((pixel + 1) * width - node[:, None]) - _spline_integral(pixel * width - node[:, None])
-    return first, np.where((pixel >= 0) & (pixel < pixels), weights / width, 0.0)
+    return _for_reading(first, np.where((pixel >= 0) & (pixel < pixels), weights / width, 0.0))
+
+
+def _for_reading(first: np.ndarray, weights: np.ndarray) -> Band:
+    """A band that may be kept: nobody can change it."""
+    first.setflags(write=False)
+    weights.setflags(write=False)
+    return first, weights
 
 
 def _spline_integral(x: np.ndarray) -> np.ndarray:

@@ -34,13 +34,12 @@ def images_for_kernels(
         to_support: Whether anybody wants to leave empty pixels.
         step: Distance of the points of a line that are looked at, in that unit; 0 for its charges only.
     """
-    device = launcher.device
     distinct = list({id(image): image for image in images}.values())
     index = np.array([[id(image) for image in distinct].index(id(image)) for image in images])
     first = np.concatenate([[0], np.cumsum([image.size for image in distinct])])
     result = kernels_images.Images()
     result.step = step
-    result.pixel = wp.array(np.concatenate([image.ravel() for image in distinct]), dtype=float, device=device)
+    result.pixel = launcher.array(np.concatenate([image.ravel() for image in distinct]), float)
     result.to_support = launcher.zeros(int(first[-1]) if to_support else 1, wp.vec2)
     # Densities differ more often than where they are above zero: behind one obstacle, all of them are so in the same pixels.
     known: dict[tuple[tuple[int, ...], bytes], int] = {}
@@ -54,9 +53,9 @@ def images_for_kernels(
             if at == start:
                 ways, at = vectors_to_support(launcher, image, size), 0
             wp.copy(result.to_support, ways, dest_offset=start, src_offset=at, count=image.size)
-    result.start = wp.array(first[:-1][index], dtype=wp.int32, device=device)
-    result.height = wp.array([image.shape[0] for image in images], dtype=wp.int32, device=device)
-    result.width = wp.array([image.shape[1] for image in images], dtype=wp.int32, device=device)
+    result.start = launcher.array(first[:-1][index].astype(np.int32), wp.int32)
+    result.height = launcher.array(np.array([image.shape[0] for image in images], np.int32), wp.int32)
+    result.width = launcher.array(np.array([image.shape[1] for image in images], np.int32), wp.int32)
     return result
 
 

@@ -59,9 +59,8 @@ def _apply_bands(
     launcher: Launcher, image: np.ndarray, bands: list[Band], fold: int, shape: tuple[int, int], result: wp.array
 ) -> None:
     """Weigh an image's rows and columns into ``result``, of ``shape``; its total is 1."""
-    device = launcher.device
     total = float(image.sum(dtype=np.float64))
-    source = wp.array((image[::-1] / total).astype(np.float32).ravel(), dtype=float, device=device)
+    source = launcher.array((image[::-1] / total).astype(np.float32).ravel(), float)
     order = order_of_axes(image.shape, shape)
     between = (shape[0], image.shape[1]) if order[0] == 0 else (image.shape[0], shape[1])
     halfway = launcher.empty(between[0] * between[1], float)
@@ -69,10 +68,10 @@ def _apply_bands(
     for along, (given, given_shape, made, made_shape) in zip(order, steps, strict=True):
         first, weight = bands[along]
         band = kernels_density.Band()
-        band.first = wp.array(first, dtype=wp.int32, device=device)
-        band.weight = wp.array(weight.ravel(), dtype=float, device=device)
+        band.first = launcher.array(first.astype(np.int32), wp.int32)
+        band.weight = launcher.array(weight.ravel().astype(np.float32), float)
         band.reach, band.fold = weight.shape[1], fold
-        at_once = 1 if device.is_cuda else made_shape[1]
+        at_once = 1 if launcher.device.is_cuda else made_shape[1]
         launcher.launch(
             kernels_density.apply_band,
             made_shape[0] * made_shape[1] // at_once,
@@ -84,13 +83,12 @@ def _apply_bands(
 
 def mix_images(launcher: Launcher, deposited: wp.array, weight: np.ndarray, node_count: int) -> wp.array:
     """Sums of deposited images with the weights of every row, shape ``[rows, images]``; flat, one row after the other."""
-    device = launcher.device
     rows, images = weight.shape
     result = launcher.empty(rows * node_count, float)
     launcher.launch(
         kernels_density.mix_images,
         rows * node_count,
-        [deposited, wp.array(weight.ravel(), dtype=float, device=device), images, node_count],
+        [deposited, launcher.array(weight.ravel().astype(np.float32), float), images, node_count],
         [result],
     )
     return result

@@ -7,6 +7,7 @@ kernel's own transform, the influence function, is real and even.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ __all__ = ["Convolution", "good_length"]
 SHORTEST = 64
 # A block of such rows is worth a CPU thread of its own.
 SHORT_ROW = 256
+# Twiddle factors of so many lengths are kept: scenes of a batch have the same.
+MOST_KEPT = 8
 
 
 def good_length(least: float, *, power_of_two: bool = False) -> int:
@@ -68,7 +71,7 @@ class Convolution:
         self.influence_rows, self.influence_strides = rows // 2 + 1, (self._stride, 1)
         self.influence_size = self.influence_rows * self._stride
         self._halves = self._half_rows(count * shape[0])
-        self._twiddles = {length: wp.array(_twiddle(length), dtype=float, device=device) for length in set(padded)}
+        self._twiddles = {length: launcher.array(_twiddle(length), float) for length in set(padded)}
         self._scratch = self.launcher.empty((launcher.thread_count, max(padded) * kernels_fft.LANES * 4), float)
 
     def apply(self, influence: wp.array, meshes: wp.array, result: wp.array | None = None) -> None:
@@ -197,6 +200,9 @@ def _whole_blocks(count: int, rows_per_lane: int = 1) -> int:
     return -(-count // (rows_per_lane * kernels_fft.LANES))
 
 
+@lru_cache(maxsize=MOST_KEPT)
 def _twiddle(length: int) -> np.ndarray:
     angle = -2.0 * np.pi * np.arange(length) / length
-    return np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
+    factors = np.concatenate([np.cos(angle), np.sin(angle)]).astype(np.float32)
+    factors.setflags(write=False)
+    return factors
