@@ -10,7 +10,7 @@ is the number of the instance, the number of its class and the depth. So masks h
     instances/000000.png   16 bits: number of the instance, from 1; 0 is ground
     classes/000000.png     8 bits: number of the class, from 1; 0 is ground
     depth/000000.npy       float32, distance along the camera's axis [m]; infinite where nothing is
-    scenes/000000.json     what is in it; a scene that has this file is not rendered again
+    scenes/000000.json     what is in it, and its camera; a scene that has this file is not rendered again
     coco.json              images, categories, and for each instance that is seen its box, area and mask
 """
 
@@ -208,6 +208,20 @@ def render_labels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.round(pixels[..., 0]).astype(np.uint16), np.round(pixels[..., 1]).astype(np.uint8), depth
 
 
+def camera_of(scene: bpy.types.Scene, size: tuple[int, int]) -> dict:
+    """Return a scene's camera as computer vision has it: x to the right, y down, z into the scene.
+
+    ``intrinsics`` are pixels, shape ``[3, 3]``: the middle of the upper left one is at (0.5, 0.5). ``from_world`` takes meters of the
+    scene to meters before the camera, shape ``[4, 4]``; the third of these is what the depth says.
+    """
+    camera = scene.camera
+    # The sensor is as wide as the longer side of the picture.
+    focal = camera.data.lens / camera.data.sensor_width * max(size)
+    turned = np.diag([1.0, -1.0, -1.0, 1.0]) @ np.linalg.inv(np.array(camera.matrix_world))
+    intrinsics = [[focal, 0.0, 0.5 * size[0]], [0.0, focal, 0.5 * size[1]], [0.0, 0.0, 1.0]]
+    return {"intrinsics": intrinsics, "from_world": turned.tolist()}
+
+
 def run_lengths(mask: np.ndarray) -> list[int]:
     """Return a mask as COCO's uncompressed run lengths: columns one after the other, beginning with what is not in it."""
     flat = mask.T.ravel()
@@ -247,6 +261,7 @@ def write_scene(number: int, output: Path, size: tuple[int, int], samples: int, 
     np.save(output / "depth" / f"{name}.npy", depth)
     about = {
         "image": {"id": number, "file_name": f"images/{name}.png", "width": size[0], "height": size[1]},
+        "camera": camera_of(bpy.context.scene, size),
         "annotations": annotations(instance, kind),
         "report": result.report.to_dict(),
     }

@@ -112,3 +112,18 @@ def test_scenes_that_are_there_are_not_made_again(dataset, folder, monkeypatch):
     monkeypatch.setattr(dataset, "write_scene", lambda *_, **__: pytest.fail("it is there"))
     assert dataset.main(["--scenes", "2", "--output", str(folder)]) == 0
     assert {path: path.stat().st_mtime_ns for path in folder.glob("images/*")} == times
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_depth_and_camera_say_where_everything_is(folder, number):
+    camera = json.loads((folder / "scenes" / f"{number:06d}.json").read_text())["camera"]
+    depth, instance = read(folder, "depth", number).astype(np.float64), read(folder, "instances", number)
+    row, column = np.nonzero(np.isfinite(depth))
+    pixel = np.stack([column + 0.5, row + 0.5, np.ones(len(row))])
+    seen = np.linalg.inv(camera["intrinsics"]) @ pixel * depth[row, column]
+    place = np.linalg.inv(camera["from_world"]) @ np.concatenate([seen, np.ones((1, len(row)))])
+    ground = instance[row, column] == 0
+    # The ground lies at 0, inside its edges; what stands on it is higher.
+    assert ground.sum() > 1000 and np.abs(place[2, ground]).max() < 1e-3
+    assert (np.abs(place[:2, ground]) <= [[4.5 + 1e-3], [3.5 + 1e-3]]).all()
+    assert place[2, ~ground].min() > -1e-3 and 0.05 < np.median(place[2, ~ground]) < 1.0
