@@ -21,7 +21,8 @@ from pathlib import Path
 
 import esh
 import numpy as np
-from esh.engine.tiles.plan import SHIFTS, SHIFTS_OF_CONTACT
+from esh.engine.tiles.clump_blocks import write_block
+from esh.engine.tiles.plan import SHIFTS, SHIFTS_OF_CONTACT, TileRun, make_plan
 from scipy import ndimage, spatial
 
 BLURS = (0.5, 1.0, 2.0, 4.0)
@@ -74,6 +75,9 @@ def problem_of(case: str, bodies: int) -> esh.Problem:
         return esh.Problem(
             domain, [esh.BodyClass("many", [esh.Size("one", area=1.0, count=bodies - 100)]), rare], seed=7
         )
+    if case == "clumps":
+        sizes = [esh.Size("one", area=0.3, count=bodies)]
+        return esh.Problem(domain, [esh.BodyClass("dot", sizes, clustering=0.7)], seed=7)
     if case == "range":
         size = esh.Size("all", area=(0.4, 1.6), count=bodies)
         return esh.Problem(domain, [esh.BodyClass("dot", [size])], seed=7)
@@ -92,13 +96,16 @@ def problem_of(case: str, bodies: int) -> esh.Problem:
     raise ValueError(case)
 
 
-CASES = ("uniform", "photograph", "gradient", "classes", "rare", "range", "lines", "contact")
+CASES = ("uniform", "photograph", "gradient", "classes", "rare", "range", "lines", "contact", "clumps")
 
 
 def in_tiles(
     problem: esh.Problem, tile: float | None, workers: int, steps: Sequence[int]
-) -> tuple[Solved, float, tuple[int, int]]:
-    """Solve in tiles; returns the bodies in the order of a global placement, the seconds, and columns and rows of tiles."""
+) -> tuple[Solved, float, tuple[int, int], esh.Problem]:
+    """Solve in tiles; returns the bodies in the order of a global placement, the seconds, columns and rows of tiles, and the problem.
+
+    Clumps of the problem that is returned are those that tiles have.
+    """
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         first, *others = steps
@@ -106,6 +113,8 @@ def in_tiles(
             problem, folder, tile=tile, workers=workers, device="cpu", ending=".npz", steps=(first, *others)
         )
         seconds = time.perf_counter() - start
+        if any(c.clustering for c in problem.classes):
+            problem = with_clumps_of_tiles(problem, Path(folder), state.tiles)
         parts = [np.load(path) for path in sorted(Path(folder).glob("tile-*.npz"))]
         joined = {
             key: np.concatenate([part[key] for part in parts])
@@ -114,7 +123,23 @@ def in_tiles(
     order = np.argsort(joined["id"])
     assert np.array_equal(joined["id"][order], np.arange(problem.body_count)), "every body, and each once"
     group = joined["class_index"] * 1000 + joined["size_index"]
-    return Solved(joined["position"][order], group[order], joined["area"][order]), seconds, state.tiles
+    return Solved(joined["position"][order], group[order], joined["area"][order]), seconds, state.tiles, problem
+
+
+def with_clumps_of_tiles(problem: esh.Problem, folder: Path, tiles: tuple[int, int]) -> esh.Problem:
+    """The problem with the densities that it had in tiles: clumps are elsewhere than in one solve."""
+    recipe = folder / "problem" / "problem.toml"
+    plan = make_plan(TileRun(str(recipe), str(folder), None, tiles, (1, 1, 1), "cpu", ".npz", ""))
+    classes = []
+    for index, body_class in enumerate(problem.classes):
+        density = body_class.density_image
+        if index in plan.clumped:
+            source = plan.clumped[index]
+            for number in range(math.prod(source.clumps.blocks)):
+                write_block(source, number)
+            density = source.read(0, source.shape[0], 0, source.shape[1])
+        classes.append(esh.BodyClass(body_class.name, body_class.sizes, density))
+    return esh.Problem(problem.domain, classes, seed=problem.seed)
 
 
 def at_once(problem: esh.Problem) -> tuple[Solved, float]:
@@ -214,7 +239,7 @@ def compare(
     case: str, bodies: int, tile: float | None, workers: int, steps: Sequence[int], say: Callable[[str], None]
 ) -> None:
     problem = problem_of(case, bodies)
-    tiled, seconds, tiles = in_tiles(problem, tile, workers, steps)
+    tiled, seconds, tiles, problem = in_tiles(problem, tile, workers, steps)
     whole, seconds_whole = at_once(problem)
     say(f"{case}: {bodies:,} bodies, {tiles[0]} x {tiles[1]} tiles, {seconds:.0f} s; at once {seconds_whole:.0f} s")
     everyone = np.ones(bodies, bool)
