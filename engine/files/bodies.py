@@ -156,6 +156,7 @@ READ_COLUMNS = (
     *("id", "x", "y", "z", "class_index", "size_index", "length", "width", "area", "angle", "prototype_index", "fixed"),
     *(f"rotation_{axis}" for axis in "wxyz"),
     *(f"scale_{axis}" for axis in "xyz"),
+    *(f"{name}_{axis}" for name in ("normal", "tangent") for axis in "xyz"),
 )
 
 
@@ -266,7 +267,7 @@ def bodies_from_columns(columns: Mapping[str, Any], names: Mapping[str, Any], so
 
     Args:
         columns: Name of a column -> its values, shapes ``[n]``; ``x`` and ``y`` are needed, see :meth:`Bodies.columns`;
-            ``angle`` [rad] counts where there is no ``rotation_w``.
+            where there is no ``rotation_w``, ``normal_x`` and ``tangent_x`` to ``_z`` count, or else ``angle`` [rad].
         names: See :meth:`Bodies.names`; indices take the place of names that are missing.
         source: What messages call the file.
 
@@ -332,14 +333,25 @@ def _column(columns: Mapping[str, Any], source: str, key: str, default: float, d
 
 def _rotation(columns: Mapping[str, Any], source: str) -> np.ndarray:
     """Quaternions of a table's bodies (w, x, y, z), of length 1, shape ``[n, 4]``; about z where there is only an angle."""
+    axes = [[f"{name}_{axis}" for axis in "xyz"] for name in ("tangent", "normal")]
+    if "rotation_w" not in columns and all(key in columns for keys in axes for key in keys):
+        x, z = (np.stack([_column(columns, source, key, 0.0) for key in keys], axis=1) for keys in axes)
+        z = _of_length_one(z, f"{source}: normals")
+        # Others' may be a little askew.
+        x = _of_length_one(x - (x * z).sum(axis=1, keepdims=True) * z, f"{source}: tangents, beside normals,")
+        return wxyz_of_axes(x, z)
     if "rotation_w" not in columns:
         half = 0.5 * _column(columns, source, "angle", 0.0)
         return np.stack([np.cos(half), np.zeros(len(half)), np.zeros(len(half)), np.sin(half)], axis=1)
     rotation = np.stack([_column(columns, source, f"rotation_{axis}", 0.0) for axis in "wxyz"], axis=1)
-    norm = np.linalg.norm(rotation, axis=1, keepdims=True)
+    return _of_length_one(rotation, f"{source}: rotations")
+
+
+def _of_length_one(vectors: np.ndarray, what: str) -> np.ndarray:
+    norm = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not (norm > 0.0).all():
-        raise InputFileError(f"{source}: rotations must be quaternions that are not 0")
-    return rotation / norm
+        raise InputFileError(f"{what} must not be 0")
+    return vectors / norm
 
 
 def _disc_of(label: str, areas: np.ndarray, number: int) -> Prototype:

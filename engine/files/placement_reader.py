@@ -55,6 +55,9 @@ def _read_npz(path: Path) -> Bodies:
     if position is None or position.ndim != 2 or position.shape[1] not in (2, 3):
         raise InputFileError(f"{path} must hold an array `position` of shape [n, 2]")
     columns = dict(zip("xyz", position.T, strict=False))
+    for name in ("normal", "tangent"):
+        if name in arrays and arrays[name].shape == (len(position), 3):
+            columns |= {f"{name}_{axis}": values for axis, values in zip("xyz", arrays[name].T, strict=True)}
     columns |= {key: arrays[key] for key in arrays if key not in ("class_name", "size_name", "bends")}
     names: dict[str, Any] = {"class": [str(name) for name in arrays.get("class_name", [])]}
     if all(key in arrays for key in ("class_index", "size_index", "size_name")):

@@ -520,7 +520,7 @@ def test_a_table_of_text_keeps_large_ids_and_tells_the_line_of_a_mistake(tmp_pat
             read(path)
 
 
-@pytest.mark.parametrize("ending", [".ply", ".parquet", ".geojson", ".usda", ".glb"])
+@pytest.mark.parametrize("ending", [available(ending) for ending in READABLE])
 def test_bodies_of_a_surface_stand_on_it(ending, tmp_path):
     ball = trimesh.creation.icosphere(2)
     line = esh.Line(length=0.2, direction="slope")
@@ -606,3 +606,21 @@ def test_large_ids_come_back_as_they_are_or_are_refused(tmp_path, ending):
         return
     write_bodies(tmp_path / f"ids{ending}", bodies)
     assert sorted(esh.load_placement(tmp_path / f"ids{ending}").id.tolist()) == sorted(bodies.id.tolist())
+
+
+def test_ways_to_stand_that_are_none_are_refused(tmp_path):
+    names = ["x", "y", *(f"{name}_{axis}" for name in ("normal", "tangent") for axis in "xyz")]
+    path = tmp_path / "a.csv"
+
+    def read(normal, tangent):
+        path.write_text(",".join(names) + "\n" + ",".join(map(str, (1.0, 2.0, *normal, *tangent))) + "\n")
+        return esh.load_placement(path)
+
+    # Neither of length 1 nor at right angles: x goes to y, and z stays.
+    np.testing.assert_allclose(read((0, 0, 3), (0, 2, 1)).rotation, [[0.5**0.5, 0.0, 0.0, 0.5**0.5]], atol=1e-6)
+    for normal, tangent, words in (
+        ((0, 0, 0), (0, 2, 1), "normals must not be 0"),
+        ((0, 0, 1), (0, 0, 2), "tangents, beside normals, must not be 0"),
+    ):
+        with pytest.raises(InputFileError, match=words):
+            read(normal, tangent)
