@@ -318,7 +318,7 @@ def _lattice(
     shapes: kernels_overlaps.Shapes, domain: Domain, launcher: Launcher
 ) -> tuple[float, kernels_overlaps.Lattice]:
     """The largest reach, and the cells that bodies lie in, by levels of size."""
-    device, n = launcher.device, len(shapes.reach)
+    n = len(shapes.reach)
     level = launcher.empty(n, wp.int32)
     largest = float(largest_by_kind(launcher, shapes.reach, launcher.alike(of_all(np.int32(0), n), wp.int32), 1)[0])
     launcher.launch(kernels_overlaps.find_levels, n, [shapes.reach, largest, MOST_LEVELS - 1], [level])

@@ -185,8 +185,8 @@ def separation_along_faces(
 ):
     """How far B, at offset ``d``, lies beyond the face of A that it lies farthest beyond; that face, and B's corner nearest to it.
 
-    The corner is walked round with the face, but between the two sides of a segment: from one of B's edges that lies along it no corner
-    is nearer at once. Faces after one that it lies ``enough`` beyond are not looked at.
+    The corner is walked round with the face, but between the two sides of a segment: from an edge of B that lies along it the next
+    corner is no nearer. Faces after one that it lies ``enough`` beyond are not looked at.
     """
     best = float(-1.0e30)
     face = int(0)
