@@ -161,6 +161,47 @@ def find_nearest(
     nearest[i] = best
 
 
+@wp.kernel
+def average_normals(
+    first: int,
+    corner: wp.array(dtype=wp.vec3),
+    corner_normal: wp.array(dtype=wp.vec3),
+    label: wp.array(dtype=wp.int32),
+    others: Points,
+    other_normal: wp.array(dtype=wp.vec3),
+    grid: PointGrid,
+    width: float,
+    reach: float,
+    # outputs
+    average: wp.array(dtype=wp.vec3),
+):
+    """Average, by a Gaussian, of what the surface looks to at points of the same part near every corner of facets.
+
+    ``other_normal`` is their normal times the area that they stand for; what looks away does not count. Cells are as large as
+    ``reach``.
+    """
+    i = first + wp.tid()
+    place = corner[i]
+    normal = corner_normal[i]
+    total = wp.vec3(0.0, 0.0, 0.0)
+    cell = cell_at(place, grid.inverse_size)
+    for number in range(27):
+        around = cell_around(cell, number)
+        slot = slot_of(around, grid.mask)
+        for s in range(grid.start[slot], grid.start[slot + 1]):
+            j = grid.order[s]
+            square = wp.length_sq(others.position[j] - place)
+            along = wp.dot(others.normal[j], normal)
+            if square < reach * reach and along > 0.0 and others.label[j] == label[i / 3]:
+                # Others may share the cell's slot.
+                if same_cell(cell_at(others.position[j], grid.inverse_size), around):
+                    total += along * wp.exp(-0.5 * square / (width * width)) * other_normal[j]
+    length = wp.length(total)
+    average[i] = normal
+    if length > 0.0 and wp.dot(total, normal) > 0.0:
+        average[i] = total / length
+
+
 @wp.func
 def sees(i: int, j: int, points: Points, others: Points, square_reach: float, least_cosine: float):
     return (

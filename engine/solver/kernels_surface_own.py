@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..surface.kernels_facets import Facets, tile_of
+from ..surface.kernels_facets import Facets, smooth_normal, tile_of
 from .kernels_on_surface import Charges
 
 wp.set_module_options({"enable_backward": False})
@@ -20,11 +20,11 @@ def take(
     # outputs
     own: Charges,
 ):
-    """Charges of some rows, with homes of their own, by tile."""
+    """Charges of some rows, with homes of their own, by tile, and as the facets' smooth normals look there."""
     k = first + wp.tid()
     j = row[k]
     own.points.position[k] = charges.points.position[j]
-    own.points.normal[k] = charges.points.normal[j]
+    own.points.normal[k] = smooth_normal(charges.facet[j], charges.weight[j], facets)
     own.facet[k] = charges.facet[j]
     own.weight[k] = charges.weight[j]
     own.home[k] = home[tile_of(charges.facet[j], charges.weight[j], facets)]

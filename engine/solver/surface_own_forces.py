@@ -2,7 +2,7 @@
 
 To the nodes of the common cascade a charge is not quite where it is, and so it is pushed by itself: by far less than by its neighbors,
 but what bodies of a rare group do to each other counts many times as much, so that each push by itself does, too, and their neighbors
-are far away.
+are far away. And they see the surface from as far away, see :mod:`~esh.engine.cascade.seen_from_afar`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import warp as wp
 
 from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
+from ..cascade.seen_from_afar import seen_from_afar
 from ..device.launcher import Launcher
 from ..surface import kernels_facets
 from ..surface.facets import Facets
@@ -57,13 +58,14 @@ class OwnForces:
         length: float,
         strength: float,
     ) -> None:
-        self._launcher, self._facets = launcher, on_device
+        self._launcher = launcher
+        self._facets = seen_from_afar(launcher, facets, on_device, length)
         row = np.flatnonzero(model.body.group[model.charge.body] == group)
         charge = model.charge.charge[row]
         self._cascade = Cascade(
             launcher,
             facets,
-            on_device,
+            self._facets,
             share=share[model.groups.class_index[group]][None],
             attraction=np.array([[strength * float(charge.sum())]]),
             interaction=np.array([[strength]]),

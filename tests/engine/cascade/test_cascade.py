@@ -5,6 +5,7 @@ import pytest
 import trimesh
 import warp as wp
 from esh.engine.cascade.points import chosen, empty_points, lists_of, nearest_of, thinned
+from esh.engine.cascade.seen_from_afar import seen_from_afar
 from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.balance import Balance
@@ -16,6 +17,7 @@ from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.solver.model import Model
 from esh.engine.solver.surface_descent import SurfaceDescent
 from esh.engine.surface import kernels_facets
+from esh.engine.surface.facets import Facets
 from scipy.spatial import cKDTree
 
 
@@ -209,3 +211,39 @@ def test_no_charge_is_lost_between_levels_beside_edges_of_several_parts(launcher
     assert node[:, 2].max() > 0.6
     home = np.unique(descent.cascade.home.numpy())
     assert node[home, 2].max() < 0.551
+
+
+def corner_normals_from_afar(launcher, vertices, faces, length, label=None):
+    """Corners of facets, their normals, and what they are from so far away, shapes ``[f, 3, 3]``."""
+    surface = Surface(SurfaceMesh(vertices, faces))
+    count = len(surface.triangle)
+    label = np.zeros(count, int) if label is None else label
+    facets = Facets(surface, 1.0, label, np.zeros((count, 3), bool))
+    seen = seen_from_afar(launcher, facets, facets.for_kernels(launcher.device), length)
+    return facets, seen.corner_normal.numpy().reshape(-1, 3, 3)
+
+
+def test_rough_ground_is_smooth_from_afar(launcher):
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    rng = np.random.default_rng(2)
+    rough = np.array(mesh.vertices) * (40.0 + rng.normal(size=(len(mesh.vertices), 1)))
+    facets, seen = corner_normals_from_afar(launcher, rough, np.array(mesh.faces), 16.0)
+    out = facets.corner / np.linalg.norm(facets.corner, axis=2, keepdims=True)
+    assert np.allclose(np.linalg.norm(seen, axis=2), 1.0, atol=1e-5)
+    before, after = ((normal * out).sum(axis=2) for normal in (facets.corner_normal, seen))
+    assert np.sqrt((1.0 - before**2).mean()) > 0.2
+    assert np.sqrt((1.0 - after**2).mean()) < 0.08
+
+
+def test_sides_of_a_thin_wall_and_touching_parts_do_not_blend_from_afar(launcher):
+    box = trimesh.creation.box(extents=(30.0, 30.0, 0.2))
+    facets, seen = corner_normals_from_afar(launcher, np.array(box.vertices), np.array(box.faces), 8.0)
+    flat = np.abs(facets.normal[:, 2]) > 0.9
+    assert np.allclose(seen[flat], facets.normal[flat][:, None], atol=1e-3)
+    # A step with a slope beside it: by themselves, both look where they do.
+    vertices = np.array([[0, 0, 0], [9, 0, 0], [9, 9, 0], [0, 9, 0], [-9, 9, 9], [-9, 0, 9]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
+    blended = corner_normals_from_afar(launcher, vertices, faces, 8.0)
+    apart = corner_normals_from_afar(launcher, vertices, faces, 8.0, np.array([0, 0, 1, 1]))
+    assert np.allclose(apart[1], apart[0].normal[:, None], atol=1e-4)
+    assert np.abs(blended[1] - blended[0].normal[:, None]).max() > 0.2

@@ -1,0 +1,79 @@
+"""A rough surface as bodies see it that stand far apart: where it looks to on average, as far as they can tell.
+
+How much two places see of each other depends on where the surface looks to at each. On a rock that is rough within the spacing of
+some bodies, that would be chance: of 40 bodies on one whose triangles lean by 30° on average, each saw its neighbors by 0.87 ± 0.1.
+Measured with 40 on that rock, alone, over six seeds: coverage errors at 0.5, 1 and 2 spacings fall from 0.0450, 0.0129 and 0.0032 to
+0.0342, 0.0061 and 0.0014, and the smallest spacing rises from 0.72 to 0.78.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
+from ..surface import kernels_facets
+from ..surface.facets import Facets
+from . import kernels_points
+from .points import chosen, empty_points, grid_of, nearest_of, thinned
+
+__all__ = ["seen_from_afar"]
+
+# Width of the Gaussian that normals are averaged by, over the spacing. Measured with 40 bodies on the rock: errors at 1 and 2 spacings
+# are .0060 and .0013 with 0.3, .0061 and .0014 with 0.6; of 40 among 4,400 others .0070 and .0013 with 0.5, .0099 and .0026 with 1.
+WIDTH = 0.5
+# Where it ends, and the distance of the points that stand for the surface, both over the width.
+REACH = 2.5
+STEP = 0.6
+# What is the same from near and from afar.
+SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile", "first_corner")
+
+
+def seen_from_afar(
+    launcher: Launcher, facets: Facets, on_device: kernels_facets.Facets, length: float
+) -> kernels_facets.Facets:
+    """Return the surface as kernels take it, whose smooth normals are averages over a spacing; parts and sides stay apart.
+
+    Args:
+        launcher: Where to run.
+        facets: The surface.
+        on_device: The same as kernels take it.
+        length: The spacing, in units.
+    """
+    width = WIDTH * length
+    tiles = empty_points(launcher, facets.tile_count)
+    launcher.launch(
+        kernels_facets.locate_tiles,
+        facets.tile_count,
+        [facets.count, on_device],
+        [tiles.position, tiles.normal, tiles.label],
+    )
+    few = chosen(launcher, tiles, thinned(launcher, tiles, STEP * width))
+    nearest = nearest_of(launcher, tiles, few, 2.0 * STEP * width, STEP * width).numpy()
+    area, normal = facets.tile_area, tiles.normal.numpy()
+    there = nearest >= 0
+    total = [
+        np.bincount(nearest[there], (area * normal[:, axis])[there], len(few.position)).astype(np.float32)
+        for axis in range(3)
+    ]
+    result = kernels_facets.Facets()
+    for name in SHARED:
+        setattr(result, name, getattr(on_device, name))
+    result.corner_normal = launcher.empty(3 * facets.count, wp.vec3)
+    launcher.launch(
+        kernels_points.average_normals,
+        3 * facets.count,
+        [
+            on_device.corner,
+            on_device.corner_normal,
+            on_device.label,
+            few,
+            launcher.array(np.stack(total, axis=1), wp.vec3),
+            grid_of(launcher, few.position, REACH * width),
+            width,
+            REACH * width,
+        ],
+        [result.corner_normal],
+        grain=GRAIN_OF_NEIGHBORS,
+    )
+    return result
