@@ -80,7 +80,9 @@ class PlaneSeparation(Separation):
         order = spatial_order(launcher, pose, model.space.size)
         # What else keeps its distance from obstacles does so by where bodies may be.
         by_outlines = parted_from_obstacles(model.problem, model.footprints).any()
-        standing = standing_outlines(model.problem) if by_outlines else StandingOutlines([], np.empty((0, 2)))
+        standing = StandingOutlines([], np.empty((0, 2)))
+        if by_outlines:
+            standing = standing_outlines(model.problem, float(tables.reach.max()))
         tables = tables.followed_by(standing)
         super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
         everything = np.concatenate([order, np.arange(n, n + len(standing))])

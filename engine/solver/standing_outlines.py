@@ -34,8 +34,8 @@ class StandingOutlines:
         return [outline.corners - place for outline, place in zip(self.outlines, self.position, strict=True)]
 
 
-def standing_outlines(problem: Problem) -> StandingOutlines:
-    """Return the convex obstacles of a problem that come upon its domain."""
+def standing_outlines(problem: Problem, reach: float) -> StandingOutlines:
+    """Return the convex obstacles of a problem that bodies may touch which reach so far beyond its domain [m]."""
     domain = problem.rectangle
     size = np.array(domain.size)
     found = []
@@ -43,9 +43,8 @@ def standing_outlines(problem: Problem) -> StandingOutlines:
         outline = obstacle.outline
         if outline is None:
             continue
-        near = (outline.corners.max(axis=0) >= -outline.rounding) & (
-            outline.corners.min(axis=0) <= size + outline.rounding
-        )
+        away = outline.rounding + reach
+        near = (outline.corners.max(axis=0) >= -away) & (outline.corners.min(axis=0) <= size + away)
         # In a periodic domain they go on at the other side.
         if domain.periodic or near.all():
             found.append(outline)

@@ -135,9 +135,13 @@ def _part_of(rotation: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return rotations ``[n, 3, 3]`` about the same axes by a share of the angle."""
     axis = np.stack([rotation[:, k - 1, k - 2] for k in range(3)], axis=1)
     axis = 0.5 * (axis - np.stack([rotation[:, k - 2, k - 1] for k in range(3)], axis=1))
-    sine = np.linalg.norm(axis, axis=1)
-    angle = share * np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0))
-    x, y, z = (axis / np.maximum(sine, 1e-300)[:, None]).T
+    sine, cosine = np.linalg.norm(axis, axis=1), 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0)
+    angle = share * np.arctan2(sine, cosine)
+    # About half a turn, as that of a mirrored target is, the sine says nothing: what a rotation leaves as it is does.
+    kept = rotation + rotation.transpose(0, 2, 1) - 2.0 * cosine[:, None, None] * np.eye(3)
+    longest = np.take_along_axis(kept, np.argmax(np.linalg.norm(kept, axis=1), axis=1)[:, None, None], axis=2)[:, :, 0]
+    longest = np.where((longest * axis).sum(axis=1, keepdims=True) < 0.0, -longest, longest)
+    x, y, z = unit_vectors(np.where(cosine[:, None] < 0.0, longest, axis)).T
     zero = np.zeros_like(x)
     cross = np.stack([np.stack(row, axis=1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], axis=1)
     s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]

@@ -20,7 +20,7 @@ from ..densities.flat_shapes import check_shapes, read_shapes, shape_objects
 from ..result.display import shown_objects
 from ..result.kept_ground import read_attribute
 from ..result.node_group import INSTANCE_INDEX
-from ..result.standing_now import raised, standing_now
+from ..result.standing_now import standing_now
 from ..targets.target import is_result
 
 # Warp is not imported before something is computed.
@@ -189,7 +189,8 @@ def _read_result(item: bpy.types.Object) -> _Stood:
             meshes.append(None if source is None else read_source(source, bpy.context, KEY))
         except ProblemError:
             meshes.append(None)
-    return _Stood(stands.position[:, :2], raised(stands.axes)[:, :2, :2], variant, tuple(meshes))
+    # Seen from above, as outlines on slopes are while they are parted.
+    return _Stood(stands.position[:, :2], stands.axes[:, :2, :2], variant, tuple(meshes))
 
 
 def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Survey) -> list[Obstacle]:

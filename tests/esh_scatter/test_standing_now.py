@@ -43,6 +43,7 @@ CHANGES = {
     "the target is moved": lambda ground, result: setattr(ground, "location", (6.3, 4.3, 1.0)),
     "the target is turned": lambda ground, result: setattr(ground, "rotation_euler", (0.1, 0.2, 0.8)),
     "the target is scaled": lambda ground, result: setattr(ground, "scale", (1.5, 1.0, 0.7)),
+    "the target is mirrored": lambda ground, result: setattr(ground, "scale", (-1.0, 1.2, 1.0)),
     "the target is bent": lambda ground, result: bend(ground),
     "the result is turned": lambda ground, result: setattr(result, "rotation_euler", (0.0, 0.0, math.pi / 2)),
     "the result is mirrored": lambda ground, result: setattr(result, "scale", (-1.0, 1.0, 1.0)),
@@ -66,7 +67,7 @@ def test_objects_stand_where_their_instances_do(ground, plank, change, align):
     assert np.allclose(stands.axes[order], shown.matrix[:, :3, :3], atol=2e-4)
 
 
-@pytest.mark.parametrize("change", ["the target is turned", "the result is mirrored"])
+@pytest.mark.parametrize("change", ["the target is turned", "the target is mirrored", "the result is mirrored"])
 def test_another_scatter_keeps_off_what_is_shown(ground, plank, change):
     from shapely.geometry import Polygon
 
@@ -86,6 +87,37 @@ def test_another_scatter_keeps_off_what_is_shown(ground, plank, change):
     assert shared < 0.02, "cells of the obstacles' picture are a hundredth of a meter"
 
 
+def test_another_scatter_keeps_off_what_leans_on_a_slope(ground):
+    """Seen from above a plank that lies across a slope points elsewhere than one that stands upright."""
+    from shapely.geometry import Polygon
+
+    position = _flat(ground).reshape(-1, 3)
+    position[:, 2] = position[:, 0]
+    ground.data.vertices.foreach_set("co", position.ravel())
+    bpy.ops.mesh.primitive_plane_add(size=1.0, location=(80, 0, 0))
+    plank = bpy.context.object
+    plank.scale = (2.0, 0.3, 1.0)
+    bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
+    standing = Standing(align_to_normal=1.0, random_turn=1.0)
+    size = ScatterSize("s", 80, plank, line=False)
+    first = scatter(ground, [ScatterClass("planks", [size], standing=standing)], name="One", **OPTIONS)
+    more = scatter(
+        ground,
+        [ScatterClass("planks", [size], standing=Standing(align_to_normal=1.0))],
+        name="Two",
+        obstacles=[first.object],
+        device="cpu",
+        max_steps=60,
+    )
+    corners = np.array([[-1.0, -0.15], [1.0, -0.15], [1.0, 0.15], [-1.0, 0.15]])
+    one, two = (
+        [Polygon(m[:2, 3] + corners @ m[:2, :2].T) for m in _read(bpy.context, result.object).matrix]
+        for result in (first, more)
+    )
+    assert more.report.converged
+    assert max(a.intersection(b).area for a in one for b in two) < 0.001
+
+
 def _flat(ground):
     position = np.array([vertex.co for vertex in ground.data.vertices], np.float32)
     position[:, 2] = 0.0
@@ -94,7 +126,11 @@ def _flat(ground):
 
 @pytest.mark.parametrize("surface", ["above", "whole"])
 @pytest.mark.parametrize(
-    "change", ["nothing", "the target is moved", "the target is turned", "the target is bent", "the result is turned"]
+    "change",
+    [
+        *("nothing", "the target is moved", "the target is turned", "the target is bent"),
+        "the result is turned",
+    ],
 )
 def test_what_is_pinned_stays_where_it_is_shown(ground, plank, change, surface):
     standing = Standing(align_to_normal=1.0)

@@ -96,6 +96,15 @@ def test_an_obstacle_far_larger_than_the_domain_is_met_as_well():
     assert overlaps(shapes, [shapely.Polygon(half)]) == overlaps(shapes, shapes) == 0
 
 
+def test_what_lies_just_beyond_the_border_is_met_by_those_that_reach_across_it():
+    beyond = [[0.0, SIDE + 0.1], [SIDE, SIDE + 0.1], [SIDE, SIDE + 0.7], [0.0, SIDE + 0.7]]
+    placement = solve(problem_of(PLANK, 150, [Obstacle(polygon=beyond)]), device="cpu")
+    shapes = laid_out(placement, PLANK)
+    assert any(shape.bounds[3] > SIDE for shape in shapes)
+    assert overlaps(shapes, [shapely.Polygon(beyond)]) == placement.report.in_obstacles == 0
+    assert placement.report.converged
+
+
 def test_edits_part_them_as_well():
     obstacles, ground = convex_ones("triangles")
     solver = Solver(problem_of(PLANK, 80, []), device="cpu")
