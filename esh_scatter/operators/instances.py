@@ -243,12 +243,15 @@ class ESH_OT_instances_from_real(Edit):
         except EshError as error:
             self.report({"ERROR"}, f"{sentence(error)}. Choose to discard the changes, or keep the objects")
             return {"CANCELLED"}
-        real_objects.take_over(result, found)
+        mirrored = real_objects.take_over(result, found)
         if len(found.removed):
             _remove(scatter, result, found.removed)
         real_objects.discard_real(collection, found.objects)
         text = f"{len(found.points):,} pinned as they were changed, {len(found.removed):,} removed"
-        self.report({"INFO"}, text + (f". {found.added:,} other objects stay in the scene" if found.added else ""))
+        text += f". {found.added:,} other objects stay in the scene" if found.added else ""
+        if mirrored:
+            text += f". Instances cannot be mirrored: {mirrored:,} stand unmirrored"
+        self.report({"WARNING" if mirrored else "INFO"}, text)
         return {"FINISHED"}
 
 

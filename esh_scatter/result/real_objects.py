@@ -147,11 +147,16 @@ def changes_of(context: bpy.types.Context, collection: bpy.types.Collection) -> 
     )
 
 
-def take_over(result: bpy.types.Object, changes: Changes) -> None:
-    """Have the objects of a result's points stand as their real objects do, and stay so in the next run; none are removed."""
+def take_over(result: bpy.types.Object, changes: Changes) -> int:
+    """Have the objects of a result's points stand as their real objects do, and stay so in the next run; none are removed.
+
+    Points have no mirrored objects: these stand there as they were before, with the direction and size of the mirrored one. Returns
+    how many do.
+    """
     mesh, points = result.data, changes.points
     if not len(points):
-        return
+        return 0
+    mirrored = 0
     world = np.array(result.matrix_world, np.float64)
     ways = np.linalg.inv(world) @ changes.ways @ world
     names = ("position", ROTATION, SCALE, TO_ORIGIN, "heading")
@@ -161,7 +166,11 @@ def take_over(result: bpy.types.Object, changes: Changes) -> None:
         before = Matrix.LocRotScale(
             position[point].tolist(), Quaternion(rotation[point].tolist()), scale[point].tolist()
         )
-        place, turned, sized = (Matrix(way.tolist()) @ before).decompose()
+        after = Matrix(way.tolist()) @ before
+        if after.determinant() < 0.0:
+            after = after @ Matrix.Diagonal((1.0, -1.0, 1.0, 1.0))
+            mirrored += 1
+        place, turned, sized = after.decompose()
         # About its own axis: what else was turned does not outlast the next run.
         x, y, _ = Quaternion(rotation[point].tolist()).inverted() @ turned @ Matrix.Identity(3).col[0]
         turn, factor = math.atan2(y, x), float(np.mean(sized)) / float(np.mean(scale[point]))
@@ -174,6 +183,7 @@ def take_over(result: bpy.types.Object, changes: Changes) -> None:
     for name, value in zip((*names, FIT, BODY_ANGLE), (*values, fit, angle), strict=True):
         write_attribute(mesh, name, value)
     pins.pin(mesh, points)
+    return mirrored
 
 
 def discard_real(collection: bpy.types.Collection, objects: Sequence[bpy.types.Object] | None = None) -> None:

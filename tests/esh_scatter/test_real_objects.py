@@ -145,6 +145,22 @@ def test_what_was_moved_turned_and_scaled_stays_so_in_the_next_run(scatter):
         assert np.linalg.norm(shown[there.argmin(), :3, 0]) == pytest.approx(size, rel=1e-3)
 
 
+def test_mirrored_objects_stand_unmirrored_and_do_not_block_the_next_run(scatter):
+    bpy.ops.esh.instances_make_real()
+    bpy.context.view_layer.update()
+    mirrored = real_objects.real_objects_of(scatter.result).objects["Pine 0002"]
+    before = np.array(mirrored.matrix_world)
+    mirrored.scale.x *= -1.0
+    bpy.context.view_layer.update()
+    assert bpy.ops.esh.instances_from_real() == {"FINISHED"}
+    assert (read_attribute(scatter.result.data, "scale") > 0.0).all()
+    pinned = np.flatnonzero(read_attribute(scatter.result.data, "pinned"))
+    assert len(pinned) == 1
+    np.testing.assert_allclose(read_attribute(scatter.result.data, "position")[pinned[0]], before[:3, 3], atol=1e-3)
+    assert bpy.ops.esh.scatter() == {"FINISHED"}
+    assert scatter.report["fixed_overlaps"] == 0 and read_attribute(scatter.result.data, "pinned").sum() == 1
+
+
 def real_rotation(scatter, point):
     from mathutils import Quaternion
 
