@@ -197,11 +197,11 @@ def _of_material(mesh: TriangleMesh, name: str) -> TriangleMesh:
 
 
 def _outward(mesh: TriangleMesh, item: bpy.types.Object, context: bpy.types.Context) -> TriangleMesh:
-    """Return a mesh whose triangles look to the same side as its faces, also where the object is mirrored."""
+    """Return a mesh whose triangles and normals look to the same side as its faces, also where the object is mirrored."""
     if np.linalg.det(world_matrix(item, context)[:3, :3]) >= 0.0:
         return mesh
     triangle, corner = (np.ascontiguousarray(values[:, [0, 2, 1]]) for values in (mesh.triangle, mesh.corner))
-    return replace(mesh, triangle=triangle, corner=corner)
+    return replace(mesh, triangle=triangle, corner=corner, normal_matrix=-mesh.normal_matrix)
 
 
 def _name_of(objects: Sequence[bpy.types.Object]) -> str:

@@ -225,6 +225,23 @@ def test_a_scaled_and_parented_pair_and_a_mirrored_one():
     assert (target == 0).sum() == pytest.approx(500 * surfaces[0] / sum(surfaces), abs=10)
 
 
+@pytest.mark.parametrize("scale", [(-1.0, 1.2, 1.0), (1.0, -0.8, 1.0), (-1.0, -1.0, 1.0)])
+def test_normals_of_a_mirrored_terrain_look_up(scale):
+    from esh.esh_scatter.result.kept_ground import NORMAL
+
+    terrain = added("grid", size=10.0, x_subdivisions=12, y_subdivisions=12)
+    for vertex in terrain.data.vertices:
+        vertex.co.z = 0.6 * np.sin(0.7 * vertex.co.x) + 0.2 * vertex.co.y
+    terrain.data.update()
+    terrain.scale = scale
+    item = scatter(terrain, classes(60, chip()), **OPTIONS).object
+    x, _, _ = points(item).T
+    # Mirrored along x, the sine goes the other way.
+    steep = np.stack([np.sign(scale[0]) * 0.42 * np.cos(0.7 * x), np.full(len(x), 0.2 / scale[1])], axis=1)
+    expected = np.column_stack([-steep, np.ones(len(x))]) / np.sqrt(1.0 + (steep**2).sum(axis=1))[:, None]
+    np.testing.assert_allclose(values(item, NORMAL), expected, atol=0.15)
+
+
 def test_points_are_known_by_face_and_weights_so_that_they_follow_a_mesh_that_bends():
     torus, ball = added("torus", location=(4, 0, 0)), added("uv_sphere", location=(0, 0, 3))
     torus.scale = (1, -1, 1)
