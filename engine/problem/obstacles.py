@@ -175,8 +175,8 @@ class Obstacle(Settings):
 
     @cached_property
     def pieces(self) -> tuple[Footprint, ...]:
-        """That ground in convex pieces, of a polygon that is not convex trapezoids; none of images, balls, and what has no inside."""
-        if self.outline is not None:
+        """That ground in convex pieces, of many-cornered polygons trapezoids; none of images, balls, and what has no inside."""
+        if self.outline is not None and (self.polygon is None or len(self.polygon) <= MOST_CORNERS):
             return (self.outline,)
         found = []
         for corners in () if self.polygon is None else _slabs(np.asarray(self.polygon)):
@@ -268,7 +268,9 @@ def clearance(obstacles: Sequence[Obstacle], domain: Domain, shape: tuple[int, i
     return result
 
 
-def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, periodic: bool) -> np.ndarray:
+def distance_to(
+    mask: np.ndarray, pixel: tuple[float, float], reach: float, periodic: bool, *, squares: bool = False
+) -> np.ndarray:
     """Distance of every pixel's center from that of the nearest one in ``mask``, exact up to ``reach``, which is the most.
 
     Args:
@@ -276,7 +278,9 @@ def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, peri
         pixel: Width and height of a pixel.
         reach: Largest distance of interest.
         periodic: Whether the image wraps.
+        squares: Whether it is the distance from the nearest pixel as a whole, which is 0 in it.
     """
+    half = 0.5 if squares else 0.0
     rows, columns = (min(math.ceil(reach / side), n) for side, n in zip(pixel[::-1], mask.shape, strict=True))
     large = np.float32(np.float32(2.0 * reach + 1.0) ** 2)
     # First up and down, then across: the square of the distance is a sum.
@@ -284,7 +288,8 @@ def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, peri
     steps = _steps_to(padded)
     if periodic:
         steps = steps[rows : rows + mask.shape[0]]
-    away = np.append(((np.arange(rows + 1) * pixel[1]) ** 2).astype(np.float32), large)
+    up = np.maximum(np.arange(rows + 1) - half, 0.0) * pixel[1]
+    away = np.append((up**2).astype(np.float32), large)
     squared = away[np.minimum(steps, rows + 1)]
     beside = ((0, 0), (columns, columns))
     wide = np.pad(squared, beside, mode="wrap") if periodic else np.pad(squared, beside, constant_values=large)
@@ -294,7 +299,7 @@ def distance_to(mask: np.ndarray, pixel: tuple[float, float], reach: float, peri
         if (around >= large).all():
             continue
         for step in range(-columns, columns + 1):
-            beyond = np.float32((step * pixel[0]) ** 2)
+            beyond = np.float32((max(abs(step) - half, 0.0) * pixel[0]) ** 2)
             np.minimum(nearest, around[:, columns + step : columns + step + mask.shape[1]] + beyond, out=nearest)
     return np.minimum(np.sqrt(squared), np.float32(reach))
 
@@ -369,11 +374,21 @@ def _cut_shape(
 
 def _from_image(image: np.ndarray, domain: Domain, shape: tuple[int, int], reach: float) -> np.ndarray:
     """Distance of every pixel's center from the edge of an image's obstacles, below 0 within them."""
-    row = ((np.arange(shape[0]) + 0.5) * image.shape[0] / shape[0]).astype(np.int64)
-    column = ((np.arange(shape[1]) + 0.5) * image.shape[1] / shape[1]).astype(np.int64)
-    mask = image[row[:, None], column]
+    mask = _any_of(_any_of(image, shape[0]).T, shape[1]).T
     pixel = (domain.size[0] / shape[1], domain.size[1] / shape[0])
     half = np.float32(0.5 * min(pixel))
-    away = distance_to(mask, pixel, reach + float(half), domain.periodic) - half
+    away = distance_to(mask, pixel, reach + max(pixel), domain.periodic, squares=True)
     # Within them nobody asks how far: half a pixel on their edge, more than that elsewhere.
     return np.where(mask, np.float32(-2.0) * half, away)
+
+
+def _any_of(image: np.ndarray, rows: int) -> np.ndarray:
+    """An image of so many rows, bool: where any part of a row is set."""
+    own = len(image)
+    if rows % own == 0:
+        return np.repeat(image, rows // own, axis=0)
+    begin = np.arange(rows) * own // rows
+    end = -(-(np.arange(rows) + 1) * own // rows)
+    before = np.zeros((own + 1, *image.shape[1:]), np.int32)
+    np.cumsum(image, axis=0, out=before[1:])
+    return before[end] > before[begin]

@@ -44,6 +44,21 @@ def cost_of_walls(i: int, corners: int, at: wp.vec2, outlines: Outlines, size: w
 
 
 @wp.func
+def comes_near(j: int, at: wp.vec2, reach: float, outlines: Outlines):
+    """Whether a disc at a place seen from body j may touch its outline: quickly told of long ones, near which most bodies are not."""
+    begin = outlines.first_corner[j]
+    end = outlines.first_corner[j + 1]
+    away = reach + outlines.rounding[j]
+    near = bool(True)
+    if end - begin > 1:
+        for k in range(begin, end):
+            v = outlines.corner[k]
+            if v[2] * (at[0] - v[0]) + v[3] * (at[1] - v[1]) > away:
+                near = False
+    return near
+
+
+@wp.func
 def cost_of_pair(i: int, corners: int, j: int, d: wp.vec2, outlines: Outlines):
     """The squared overlap of body i with body j at a place relative to it, and more where that one cannot give way."""
     depth = -apart(i, corners, j, outlines.first_corner[j], d, outlines, 0.0)
@@ -66,7 +81,7 @@ def cost_with(before: float, i: int, corners: int, at: wp.vec2, j: int, crowd: C
     for y in range(-crowd.images[1], crowd.images[1] + 1):
         for x in range(-crowd.images[0], crowd.images[0] + 1):
             d = wp.vec2(short[0] + float(x) * space.size[0], short[1] + float(y) * space.size[1])
-            if wp.length_sq(d) < within * within:
+            if wp.length_sq(d) < within * within and comes_near(j, -d, outlines.reach[i], outlines):
                 total += cost_of_pair(i, corners, j, d, outlines)
     return total
 

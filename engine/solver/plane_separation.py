@@ -29,6 +29,9 @@ LEAST_PARALLEL = 0.9
 # Places that a body tries which is wedged between pinned ones, or caught in a gap between obstacles with others that overlap it by
 # more than this share of its width.
 PLACES_TO_TRY = 1000
+# Of many bodies each tries fewer, so that all of them try as many as this, but no fewer than these.
+PLACES_IN_ALL = 400_000
+FEWEST_PLACES = 200
 CAUGHT = 0.01
 # Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
 # for them: no other follows.
@@ -256,7 +259,8 @@ class PlaneSeparation(Separation):
         place, left = launcher.empty(len(stuck), wp.vec3), launcher.zeros(len(stuck), float)
         seed = (self._model.problem.seed * 7919 + (1 << 21) + number) % (1 << 31)
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
-        inputs = [on_device, PLACES_TO_TRY, self._corner_count, self._trial_corners, seed, self._room]
+        candidates = min(PLACES_TO_TRY, max(FEWEST_PLACES, PLACES_IN_ALL // len(stuck)))
+        inputs = [on_device, candidates, self._corner_count, self._trial_corners, seed, self._room]
         inputs += [self._bodies, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
         # Who is caught among bodies that give way goes only where there is room.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..problem.body_footprints import BodyFootprints
+from ..problem.domain import Domain
 from ..problem.obstacles import Obstacle, clearance
 from ..problem.of_bodies import of_bodies
 from ..problem.problem import Problem
@@ -18,6 +20,9 @@ __all__ = ["Supports", "parted_from_obstacles", "supports_of"]
 
 # Bodies of a size whose footprints differ keep off obstacles by one of so many distances, the next larger one.
 LEVELS = 4
+# Width of a pixel over what bodies need beside convex obstacles, and pixels along an axis for that, at most.
+PIXEL_OF_NEEDED = 0.5
+MOST_PIXELS = 2048
 # Farther than by rounding.
 SAFELY = 1.0 + 1e-4
 
@@ -75,11 +80,11 @@ def supports_of(
         return known[kind, shape]
 
     for c, body_class in enumerate(problem.classes):
-        image = body_class.density_image
+        own = class_index == c
+        image = _fine_enough(body_class.density_image, problem.rectangle, nearest[own], bool(kinds[1][1]))
         shape = (image.shape[0], image.shape[1])
         # A pixel belongs to the support with its corners.
         corner = 0.5 * float(np.hypot(*(np.array(problem.rectangle.size) / shape[::-1])))
-        own = class_index == c
         free = [free_around(kind, shape) for kind in range(len(kinds))]
         for s, size in enumerate(body_class.sizes):
             bodies = np.flatnonzero(own & (size_index == s))
@@ -122,6 +127,15 @@ def _radii(
     circle = np.array([outline.circumradius for outline in footprints.shapes] + [0.0])[footprints.shape]
     dots = footprints.is_outline & ~_has_axis(problem)
     return np.where(dots, circle * footprints.factor, radius)
+
+
+def _fine_enough(image: np.ndarray, domain: Domain, needed: np.ndarray, convex: bool) -> np.ndarray:
+    """An image with pixels smaller than what bodies need beside convex obstacles [m], so that gaps between these are not lost."""
+    least = float(needed.min(initial=np.inf, where=needed > 0.0))
+    for axis, (count, length) in enumerate(zip(image.shape, domain.size[::-1], strict=True)) if convex else ():
+        times = min(math.ceil(length / count / least / PIXEL_OF_NEEDED), MOST_PIXELS // count)
+        image = np.repeat(image, max(times, 1), axis=axis)
+    return image
 
 
 def _left_of(image: np.ndarray, free: Sequence[np.ndarray | None], needed: Sequence[float]) -> np.ndarray:

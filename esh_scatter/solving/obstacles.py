@@ -45,6 +45,8 @@ MOST_CONVEX = 2000
 # A shape is convex where of its hull, so many cells along its longer side, it lacks no larger share.
 CELLS_OF_SHAPE = 64
 MOST_LACKING = 0.03
+# How far beyond the border they are looked for, as a share of the target's longer side.
+BESIDE = 0.1
 KEY = "`obstacles`"
 
 
@@ -222,7 +224,9 @@ def obstacles_in(obstacles: Sequence[StoredObstacle], chart: Chart, survey: Surv
                 pieces.append(hull)
         pieces += [corners for stood in obstacle.stood for outlines in _outlines(stood, survey) for corners in outlines]
         near = (corners - chart.origin for corners in pieces)
-        found += [_obstacle_of(c, obstacle.reach, reach) for c in near if _comes_upon(c, reach, chart.size)]
+        # What reaches across the border may meet what stands beyond it.
+        beside = reach + BESIDE * float(max(chart.size))
+        found += [_obstacle_of(c, obstacle.reach, reach) for c in near if _comes_upon(c, beside, chart.size)]
     image = obstacle_image(drawn, chart.size)
     return found if image is None else [*found, image]
 

@@ -1,5 +1,7 @@
 """Outlines of any shape lie close to convex obstacles, are parted from them as from each other, and turn into the gaps between."""
 
+import time
+
 import numpy as np
 import pytest
 import shapely
@@ -141,3 +143,45 @@ def test_round_polygons_of_many_corners_have_one_around_them():
     outline = shapely.Polygon(Obstacle(polygon=ring).outline.corners)
     assert outline.buffer(1e-9).contains(shapely.Polygon(ring))
     assert outline.area < 1.03 * shapely.Polygon(ring).area
+
+
+def test_many_thin_gaps_are_found_in_little_time():
+    """Gaps that are as narrow as a pixel of a density would be lost; and nobody tries a thousand places beside two hundred walls."""
+    walls = [[[0.0, y], [50.0, y], [50.0, y + 0.05], [0.0, y + 0.05]] for y in np.arange(0.0, 50.0, 0.5)]
+    size = Size("a", None, 1500, footprint=Footprints([Footprint.rectangle(0.5, 0.2)]))
+    problem = Problem(
+        Domain((50.0, 50.0)),
+        [BodyClass("k", [size])],
+        avoid_overlap=True,
+        obstacles=[Obstacle(polygon=wall) for wall in walls],
+    )
+    start = time.process_time()
+    report = solve(problem, device="cpu", max_steps=60).report
+    assert report.clean and report.coverage_error < 0.1
+    assert time.process_time() - start < 60.0
+
+
+@pytest.mark.parametrize("shape", [(37, 41), (64, 64)])
+def test_discs_keep_off_the_squares_of_an_image_whose_pixels_are_others(shape):
+    random = np.random.default_rng(3)
+    image = random.random(shape) < 0.03
+    rows, columns = np.nonzero(image)
+    high, wide = SIDE / shape[0], SIDE / shape[1]
+    ground = [
+        shapely.box(c * wide, SIDE - (r + 1) * high, (c + 1) * wide, SIDE - r * high)
+        for r, c in zip(rows, columns, strict=True)
+    ]
+    disc = Footprint.disc(0.4)
+    placement = solve(problem_of(disc, 200, [Obstacle(image=image)]), device="cpu")
+    away = shapely.distance(shapely.points(placement.position)[:, None], np.array(ground)[None])
+    assert away.min() > disc.circumradius - 1e-6
+
+
+def test_polygons_of_many_corners_are_measured_as_they_are():
+    """They are parted by an outline around them, which is a little larger."""
+    ring = np.array(shapely.Point(10.0, 10.0).buffer(3.0, 10).exterior.coords)[:-1]
+    obstacle = Obstacle(polygon=ring)
+    assert shapely.union_all([shapely.Polygon(p.corners) for p in obstacle.pieces]).area == pytest.approx(
+        shapely.Polygon(ring).area, rel=1e-9
+    )
+    assert obstacle.outline.area > 1.001 * shapely.Polygon(ring).area
