@@ -7,8 +7,8 @@ import warp as wp
 from ..space.kernels_images import Images, in_support
 from ..space.kernels_meeting import keep_apart
 from ..space.kernels_neighborhood import LANES, SAFELY, bodies_of_run, cells_around, lowest_bit, next_near, run_count
-from ..space.kernels_space import confine, difference
-from .kernels_descent import Bodies
+from ..space.kernels_space import Space, confine, difference
+from .kernels_descent import Bodies, vector_into_support
 from .kernels_outlines import Outlines, apart, turned_corner, wall_contact
 from .kernels_pairs import Crowd
 from .kernels_separation import WALL_COST
@@ -181,13 +181,36 @@ def propose_swaps(
 @wp.func
 def turn_trial(i: int, angle: float, corners: int, outlines: Outlines):
     """Write corners of body i as they would be at an angle, from ``corners`` on."""
-    c = wp.cos(angle)
-    s = wp.sin(angle)
+    c = wp.cos(angle + outlines.offset[i])
+    s = wp.sin(angle + outlines.offset[i])
     start = outlines.shape_start[outlines.shape[i]]
     for k in range(outlines.first_corner[i + 1] - outlines.first_corner[i]):
         outlines.corner[corners + k] = turned_corner(
             outlines.shape_corner[start + k], outlines.factor[i], c, s, outlines.slope[i]
         )
+
+
+@wp.func
+def lies_in_support(
+    i: int,
+    at: wp.vec2,
+    angle: float,
+    outlines: Outlines,
+    bodies: Bodies,
+    bend: wp.array(dtype=float),
+    support: int,
+    images: Images,
+    space: Space,
+):
+    """Whether body i may be at a place, with its axis if it has one."""
+    body = outlines.body[i]
+    inside = in_support(at, support, images, space.size)
+    if inside and bodies.kind[body] >= 0:
+        pose = wp.vec4(at[0], at[1], angle, outlines.length[i])
+        begin = bodies.first_charge[body]
+        back = vector_into_support(pose, begin, bodies.first_charge[body + 1], bodies, bend, support, images, space)
+        inside = back[2] == 0.0
+    return inside
 
 
 @wp.kernel
@@ -199,7 +222,9 @@ def propose_places(
     most_corners: int,
     seed: int,
     room: wp.vec4,
+    may_turn: wp.array(dtype=wp.int32),
     bodies: Bodies,
+    bend: wp.array(dtype=float),
     images: Images,
     # outputs
     crowd: Crowd,
@@ -220,7 +245,6 @@ def propose_places(
     state = wp.rand_init(seed, i)
     least = float(PINNED_COST)
     chosen = wp.vec3(own[0], own[1], crowd.pose[i][2])
-    may_turn = outlines.ease[i] > 0.0 and outlines.length[i] == 0.0
     for candidate in range(candidates):
         share = float(candidate) / float(candidates)
         far = outlines.reach[i] * NEAREST_PLACE * wp.pow(FARTHEST_PLACE / NEAREST_PLACE, share)
@@ -231,10 +255,10 @@ def propose_places(
         in_room = at[0] >= room[0] and at[1] >= room[1] and at[0] <= room[2] and at[1] <= room[3]
         angle = crowd.pose[i][2]
         corners = outlines.first_corner[i]
-        if may_turn and candidate % 2 == 1:
+        if may_turn[i] != 0 and candidate % 2 == 1:
             angle = wp.randf(state, 0.0, 2.0 * wp.pi)
             corners = room_for_corners + i * most_corners
-        if in_room and in_support(at, support, images, space.size):
+        if in_room and lies_in_support(i, at, angle, outlines, bodies, bend, support, images, space):
             if corners >= room_for_corners:
                 turn_trial(i, angle, corners, outlines)
             here = cost_of_place(i, corners, i, at, least, crowd)

@@ -82,7 +82,9 @@ class PlaneSeparation(Separation):
         angle = np.where(is_line, given[:, 2], start_turn)
         order = spatial_order(launcher, pose, model.space.size)
         # What else keeps its distance from obstacles does so by where bodies may be.
-        by_outlines = parted_from_obstacles(model.problem, model.footprints).any()
+        by_outlines = parted_from_obstacles(model.problem, model.footprints).any() or (
+            model.problem.avoid_overlap and bool(model.kinds)
+        )
         standing = StandingOutlines([], np.empty((0, 2)))
         if by_outlines:
             standing = standing_outlines(model.problem, float(tables.reach.max()))
@@ -100,6 +102,10 @@ class PlaneSeparation(Separation):
         # Images that are farther than the nearest one matter where two bodies reach over half a period.
         periods = model.space.images_within(float(reach[:n].max() + reach.max()), MOST_IMAGES)
         self._slopes = self._slopes_for_kernels(order, len(standing))
+        # Lines that have a direction of their own do not turn away from it.
+        led = np.array([isinstance(k.line.direction, str) and k.line.direction == "none" for k in model.kinds] + [True])
+        may_turn = (self._outlines.ease.numpy()[:n] > 0.0) & led[model.body.kind[order]]
+        self._may_turn = launcher.array(may_turn.astype(np.int32), wp.int32)
         self._make_arrays(given, angle, standing)
         self._crowd = kernels_pairs.Crowd()
         self._crowd.pose, self._crowd.outlines, self._crowd.neighbors = (
@@ -261,7 +267,7 @@ class PlaneSeparation(Separation):
         on_device = wp.array(stuck.astype(np.int32), dtype=wp.int32, device=launcher.device)
         candidates = min(PLACES_TO_TRY, max(FEWEST_PLACES, PLACES_IN_ALL // len(stuck)))
         inputs = [on_device, candidates, self._corner_count, self._trial_corners, seed, self._room]
-        inputs += [self._bodies, self._images, self._crowd]
+        inputs += [self._may_turn, self._bodies, self._bend, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
         # Who is caught among bodies that give way goes only where there is room.
         found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, TOLERANCE**2)

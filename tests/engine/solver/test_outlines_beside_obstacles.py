@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 import shapely
-from esh import BodyClass, Domain, Footprint, Footprints, Obstacle, Problem, Size, Solver, solve
+from esh import BodyClass, Domain, Footprint, Footprints, Line, Obstacle, Problem, Size, Solver, solve
 from shapely import affinity
 
 SIDE = 20.0
@@ -185,3 +185,17 @@ def test_polygons_of_many_corners_are_measured_as_they_are():
         shapely.Polygon(ring).area, rel=1e-9
     )
     assert obstacle.outline.area > 1.001 * shapely.Polygon(ring).area
+
+
+@pytest.mark.parametrize("direction", ["none", 0.4])
+def test_long_bodies_with_an_axis_find_the_gaps_as_well(direction):
+    """Where they start an axis lies across obstacles, and only turning and going elsewhere leads out."""
+    planks = laid_out(solve(problem_of(PLANK, 146, [], seed=1), device="cpu"), PLANK)
+    line = Line(1.7, direction, width=0.3)
+    size = Size("a", 0.6, 80, line=line, footprint=Footprints([PLANK]))
+    obstacles = [Obstacle(polygon=np.array(shape.exterior.coords)[:-1]) for shape in planks]
+    problem = Problem(Domain((SIDE, SIDE)), [BodyClass("k", [size])], avoid_overlap=True, obstacles=obstacles, seed=2)
+    placement = solve(problem, device="cpu")
+    shapes = laid_out(placement, PLANK)
+    assert overlaps(shapes, planks) == overlaps(shapes, shapes) == 0
+    assert placement.report.clean
