@@ -18,6 +18,9 @@ from .density_source import Known, checksum
 
 __all__ = ["Shapes", "check_shapes", "read_shapes", "shape_objects"]
 
+# Corners of the outlines of instances, and directions along which their farthest points are looked for.
+CORNERS_OF_INSTANCES, DIRECTIONS = 24, 256
+
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
@@ -75,7 +78,7 @@ def shape_objects(source: object, key: str) -> list[bpy.types.Object]:
 def read_shapes(source: object, key: str, known: Known) -> Shapes:
     """Read objects as they stand in the world, with their modifiers. Only the main thread may call this.
 
-    Of another scatter's result, its points are read; of what has no geometry, its origin.
+    Of another scatter's result, its points are read; of what shows instances, these as well; of what has no geometry, its origin.
     """
     if isinstance(source, Shapes):
         return source
@@ -107,9 +110,12 @@ def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Co
     if is_result(item):
         yield _points(vertices_in_world(item.data, matrix))
         return
+    instances = list(_instances_of(item, context)) if _may_instance(item) else []
+    yield from instances
     with evaluated_mesh(item, context) as mesh:
         if mesh is None or not len(mesh.vertices):
-            yield _points(matrix[None, :3, 3])
+            if not instances:
+                yield _points(matrix[None, :3, 3])
         elif len(mesh.polygons):
             read = read_triangles(mesh, matrix, item.name)
             yield _Shape(read.position[read.triangle][..., :2], np.empty((0, 2, 2)))
@@ -117,6 +123,48 @@ def _shapes_of(item: bpy.types.Object, matrix: np.ndarray, context: bpy.types.Co
             yield _edges(mesh, vertices_in_world(mesh, matrix), item.type == "CURVE")
         else:
             yield _points(vertices_in_world(mesh, matrix))
+
+
+def _may_instance(item: bpy.types.Object) -> bool:
+    """Whether an object may show others: by its vertices and faces, its particles, or its nodes."""
+    return item.instance_type != "NONE" or any(m.type in {"NODES", "PARTICLE_SYSTEM"} for m in item.modifiers)
+
+
+def _instances_of(item: bpy.types.Object, context: bpy.types.Context) -> Iterator[_Shape]:
+    """Give what an object shows of others: of each a convex outline, as of what is scattered. There may be very many of them."""
+    found: dict[int, tuple[np.ndarray, list[np.ndarray]]] = {}
+    for one in context.evaluated_depsgraph_get().object_instances:
+        if not one.is_instance or one.parent is None or one.parent.original != item:
+            continue
+        mesh = one.object.data
+        if not isinstance(mesh, bpy.types.Mesh) or not len(mesh.vertices):
+            continue
+        number = mesh.as_pointer()
+        if number not in found:
+            found[number] = _outermost(vertices_in_world(mesh, np.eye(4))), []
+        found[number][1].append(np.array(one.matrix_world))
+    angle = np.arange(CORNERS_OF_INSTANCES) * (2.0 * np.pi / CORNERS_OF_INSTANCES)
+    way = np.stack([np.cos(angle), np.sin(angle)])
+    for position, matrices in found.values():
+        matrix = np.array(matrices, np.float64)
+        place = np.einsum("nij,pj->npi", matrix[:, :2, :3], position) + matrix[:, None, :2, 3]
+        # The farthest ones along directions, one after the other, go round.
+        corner = np.take_along_axis(place, (place @ way).argmax(axis=1)[:, :, None], axis=1)
+        first = np.broadcast_to(corner[:, :1], corner[:, 1:-1].shape)
+        fan = np.stack([first, corner[:, 1:-1], corner[:, 2:]], axis=2)
+        yield _Shape(fan.reshape(-1, 3, 2), np.empty((0, 2, 2)))
+
+
+def _outermost(position: np.ndarray) -> np.ndarray:
+    """Return the points ``[n, 3]`` that are the farthest along some direction; where there are few, all of them."""
+    if len(position) <= DIRECTIONS:
+        return position
+    number = np.arange(DIRECTIONS) + 0.5
+    # Spread evenly over the sphere, by the golden angle.
+    height, turn = 1.0 - 2.0 * number / DIRECTIONS, number * (np.pi * (3.0 - 5.0**0.5))
+    across = np.sqrt(1.0 - height**2)
+    way = np.stack([across * np.cos(turn), across * np.sin(turn), height])
+    return position[np.unique((position @ way).argmax(axis=0))]
 
 
 def _points(position: np.ndarray) -> _Shape:

@@ -7,6 +7,7 @@ bpy = pytest.importorskip("bpy")
 
 import esh  # noqa: E402
 from esh import EshError, ScatterClass, ScatterObstacle, ScatterSize, scatter  # noqa: E402
+from mathutils import Matrix  # noqa: E402
 
 OPTIONS = {"device": "cpu", "max_steps": 30}
 
@@ -160,6 +161,45 @@ def test_boxes_find_the_gaps_between_the_planks_of_another_scatter(ground, tree)
         pairs = [(a, b) for a, one in enumerate(shown) for b in tree_of.query(one) if others[b] is not one]
         assert max(shown[a].intersection(others[b]).area for a, b in pairs) < 1e-4
     assert from_box(xy(second), (5, 5), 1.0).min() > 0.29, "nor in the house"
+
+
+def instancer(kind):
+    """Logs of 3 x 0.4 m that another object shows, and where their middles are."""
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(60, 0, 0))
+    log = bpy.context.object
+    log.scale = (3.0, 0.4, 0.4)
+    bpy.ops.object.transform_apply(location=True, rotation=False, scale=True)
+    log.data.transform(Matrix.Translation((-60, 0, 0)))
+    corners = [(0.0, 0.0, 1.0), (8.0, 3.0, 1.0), (3.0, 9.0, 1.0)]
+    mesh = bpy.data.meshes.new("Instancer")
+    mesh.from_pydata(corners, [], [])
+    shows = bpy.data.objects.new("Instancer", mesh)
+    bpy.context.scene.collection.objects.link(shows)
+    if kind == "vertices":
+        log.parent, shows.instance_type = shows, "VERTS"
+    else:
+        group = bpy.data.node_groups.new("Logs", "GeometryNodeTree")
+        for way in ("INPUT", "OUTPUT"):
+            group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        nodes = [
+            group.nodes.new(name) for name in ("NodeGroupInput", "GeometryNodeInstanceOnPoints", "NodeGroupOutput")
+        ]
+        info = group.nodes.new("GeometryNodeObjectInfo")
+        info.inputs["Object"].default_value = log
+        group.links.new(nodes[0].outputs["Geometry"], nodes[1].inputs["Points"])
+        group.links.new(info.outputs["Geometry"], nodes[1].inputs["Instance"])
+        group.links.new(nodes[1].outputs["Instances"], nodes[2].inputs["Geometry"])
+        shows.modifiers.new("Logs", "NODES").node_group = group
+    bpy.context.view_layer.update()
+    return shows, [corner[:2] for corner in corners]
+
+
+@pytest.mark.parametrize("kind", ["vertices", "nodes"])
+def test_instances_that_an_object_shows_are_kept_off_as_well(ground, tree, kind):
+    shows, middles = instancer(kind)
+    position = xy(placed(ground, tree, 200, obstacles=[shows]))
+    away = min(from_box(position, middle, np.array([1.5, 0.2])).min() for middle in middles)
+    assert 0.3 - 2 * CELL < away < 0.6
 
 
 def test_what_covers_everything_is_said(ground, tree):
