@@ -87,7 +87,9 @@ class PlaneSeparation(Separation):
         )
         standing = StandingOutlines([], np.empty((0, 2)))
         if by_outlines:
-            standing = standing_outlines(model.problem, float(tables.reach.max()))
+            standing = standing_outlines(
+                model.problem, float(tables.reach.max()), has_edges=bool(model.space.has_edges)
+            )
         tables = tables.followed_by(standing)
         super().__init__(model, launcher, tables, order, length, np.where(is_line, start_turn, 0.0))
         everything = np.concatenate([order, np.arange(n, n + len(standing))])

@@ -34,10 +34,12 @@ class StandingOutlines:
         return [outline.corners - place for outline, place in zip(self.outlines, self.position, strict=True)]
 
 
-def standing_outlines(problem: Problem, reach: float) -> StandingOutlines:
-    """Return the convex obstacles of a problem that bodies may touch which reach so far beyond its domain [m]."""
-    domain = problem.rectangle
-    size = np.array(domain.size)
+def standing_outlines(problem: Problem, reach: float, *, has_edges: bool) -> StandingOutlines:
+    """Return the convex obstacles of a problem that bodies may touch which reach so far beyond its domain [m].
+
+    Where that has no edges, all obstacles come upon it somewhere.
+    """
+    size = np.array(problem.rectangle.size)
     found = []
     for obstacle in problem.obstacles:
         outline = obstacle.outline
@@ -45,8 +47,7 @@ def standing_outlines(problem: Problem, reach: float) -> StandingOutlines:
             continue
         away = outline.rounding + reach
         near = (outline.corners.max(axis=0) >= -away) & (outline.corners.min(axis=0) <= size + away)
-        # In a periodic domain they go on at the other side.
-        if domain.periodic or near.all():
+        if near.all() or not has_edges:
             found.append(outline)
     middle = np.array([outline.middle for outline in found]).reshape(-1, 2)
     # Cells of neighbors know places inside the domain only.
