@@ -67,13 +67,45 @@ def test_none_lies_in_an_obstacle_nor_in_another(kind, boundary, footprints):
 @pytest.mark.parametrize("count", [90, 160])
 def test_they_find_the_gaps_between_many_planks(count):
     """Where each kept the distance of a disc around it, there was room for hardly any of them."""
-    planks = solve(problem_of(PLANK, 146, [], seed=1), device="cpu")
-    ground = laid_out(planks, PLANK)
+    ground = planks_on_the_ground()
     obstacles = [Obstacle(polygon=np.array(shape.exterior.coords)[:-1]) for shape in ground]
     placement = solve(problem_of(QUAD, count, obstacles), device="cpu")
     shapes = laid_out(placement, QUAD)
     assert overlaps(shapes, ground) == overlaps(shapes, shapes) == placement.report.overlaps == 0
     assert placement.report.coverage_error < 0.1
+
+
+def test_a_second_scatter_fills_the_gaps_of_a_first_one():
+    """Trees and logs stand already: pebbles that are pressed a little into each other between them find other gaps."""
+    tree, log = Footprint.polygon(round_corners(0.4, 32)), Footprint.rectangle(1.6, 0.2)
+    sizes = [Size(name, None, n, footprint=Footprints([one])) for name, n, one in (("t", 146, tree), ("l", 90, log))]
+    first = solve(Problem(Domain((SIDE, SIDE)), [BodyClass("k", sizes)], avoid_overlap=True), device="cpu")
+    standing = zip(laid_out(first, tree), laid_out(first, log), first.size_index, strict=True)
+    ground = [as_log if number else as_tree for as_tree, as_log, number in standing]
+    obstacles = [Obstacle(polygon=np.array(shape.exterior.coords)[:-1]) for shape in ground]
+    pebble = Footprint.polygon(round_corners(0.3, 10))
+    for seed in (1, 2):
+        placement = solve(problem_of(pebble, 460, obstacles, seed=seed, turn="random"), device="cpu")
+        shapes = laid_out(placement, pebble)
+        assert overlaps(shapes, ground) == overlaps(shapes, shapes) == placement.report.overlaps == 0
+
+
+def test_long_ones_find_the_last_places_between_others():
+    obstacles = [Obstacle(polygon=np.array(shape.exterior.coords)[:-1]) for shape in planks_on_the_ground()]
+    size = Size("a", 0.6, 120, line=Line(1.7, "none", width=0.3), footprint=Footprints([PLANK]))
+    problem = Problem(
+        Domain((SIDE, SIDE)), [BodyClass("k", [size])], avoid_overlap=True, obstacles=obstacles, seed=2
+    )
+    assert solve(problem, device="cpu").report.overlaps == 0
+
+
+def round_corners(radius, count):
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def planks_on_the_ground():
+    return laid_out(solve(problem_of(PLANK, 146, [], seed=1), device="cpu"), PLANK)
 
 
 def test_they_lie_close_to_a_wall():
