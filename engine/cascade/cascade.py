@@ -304,7 +304,9 @@ class Cascade:
         result = np.zeros(len(tiles.position), np.int32)
         near = nearest_of(launcher, chosen(launcher, tiles, full), on_surface, HOME_REACH * length, HOME_TURN * length)
         result[full] = place[near.numpy()]
-        empty = np.setdiff1d(np.arange(len(result)), full)
+        is_empty = np.ones(len(result), bool)
+        is_empty[full] = False
+        empty = np.flatnonzero(is_empty)
         if len(empty):
             # What is fixed may lie there, and ends of lines.
             near = nearest_of(launcher, chosen(launcher, tiles, empty), on_surface, FAR_HOME_REACH * length, 0.0)
