@@ -9,6 +9,7 @@ Laplacian. In time it is exact: exp(-t L) is expanded in Chebyshev polynomials o
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -26,6 +27,9 @@ MOST_PER_BODY = 8
 FEWEST = 400_000
 # Detail that is finer than this share of a spacing need not spread fast: bounds the number of polynomials where triangles are slivers.
 FINEST = 1.0 / 12.0
+# Points that stand for a third of a small triangle each, by weights of its corners; how many are asked for a density at once.
+INNER = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+POINTS_AT_ONCE = 1 << 20
 # Polynomials that are left out count less than this.
 PRECISION = 1e-7
 
@@ -108,20 +112,26 @@ class HeatMesh:
         weight = np.where(upper[:, None], turned, weight) * charge[:, None]
         return np.bincount(corner.ravel(), weight.ravel(), len(self._mass))
 
-    def points(self) -> PointsOnSurface:
-        """Three points in every small triangle, one after the other, that stand for its area."""
-        corner = self._weights[self._pattern]
-        inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-        weight = np.einsum("qk,fkd->fqd", inner, corner).reshape(-1, 3)
-        count = len(self._surface.triangle)
-        return self._surface.points(np.repeat(np.arange(count), len(weight)), np.tile(weight, (count, 1)))
+    def target(self, density: Callable[[PointsOnSurface], np.ndarray] | None = None) -> np.ndarray:
+        """Share of a density at every vertex; None: of the surface's area.
 
-    def target(self, density: np.ndarray) -> np.ndarray:
-        """Share of a density, given at :meth:`points`, at every vertex."""
-        area = np.repeat(self._surface.triangle_area / self._cuts**2, self._cuts**2)
-        values = density.reshape(-1, 3) * (area / 3.0)[:, None]
-        inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-        share = np.bincount(self._face.ravel(), (values @ inner).ravel(), len(self._mass))
+        Args:
+            density: Of points on the surface, shape ``[n]``; it is asked at three in every small triangle, many at a time.
+        """
+        area = self._surface.triangle_area / self._cuts**2
+        small = len(self._pattern)
+        if density is None:
+            even = np.bincount(self._face.ravel(), np.repeat(area / 3.0, 3 * small), len(self._mass))
+            return even / even.sum()
+        share = np.zeros(len(self._mass))
+        weight = np.einsum("qk,fkd->fqd", INNER, self._weights[self._pattern]).reshape(-1, 3)
+        face = self._face.reshape(-1, small, 3)
+        at_once = max(1, POINTS_AT_ONCE // len(weight))
+        for first in range(0, len(area), at_once):
+            own = np.arange(first, min(first + at_once, len(area)))
+            points = self._surface.points(np.repeat(own, len(weight)), np.tile(weight, (len(own), 1)))
+            values = density(points).reshape(len(own), small, 3) * (area[own] / 3.0)[:, None, None]
+            share += np.bincount(face[own].ravel(), (values @ INNER).ravel(), len(share))
         return share / share.sum()
 
     def error(self, charges: np.ndarray, target: np.ndarray, count: int, k: float = 1.0) -> float:

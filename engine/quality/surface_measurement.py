@@ -53,8 +53,7 @@ def measure_on_surface(placement: Placement, launcher: Launcher) -> SurfaceFigur
     points = _points(placement, surface)
     area, class_index = placement.area, placement.class_index
     mesh = HeatMesh(launcher, surface, len(area))
-    corners = mesh.points()
-    targets = [mesh.target(c.density_on(corners)) for c in problem.classes]
+    targets = [mesh.target(c.density_on if c.varies_on_surface else None) for c in problem.classes]
     charges, errors = [], []
     for k, body_class in enumerate(problem.classes):
         own = class_index == k

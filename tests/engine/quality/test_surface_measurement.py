@@ -79,7 +79,7 @@ def test_coverage_errors_are_those_of_finite_elements_by_scipy(launcher, shape):
     other = metric.SurfaceMetric(*mesh, 700)
     heat = HeatMesh(launcher, surface, 700)
     charges = heat.charges(points.triangle, points.barycentric, np.ones(700))
-    target = heat.target(density(heat.points().position))
+    target = heat.target(lambda points: density(points.position))
     assert charges.sum() == pytest.approx(700.0)
     for k, expected in zip((1.0, 2.0, 4.0), other.coverage(points.position, density, (1.0, 2.0, 4.0)), strict=True):
         assert heat.error(charges, target, 700, k) == pytest.approx(expected, rel=0.02)
