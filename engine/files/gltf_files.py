@@ -168,9 +168,10 @@ def read_glb(path: Path) -> Bodies:
         raise InputFileError(f"{path} must hold instances ({EXTENSION}); it has none")
     shared = [key for key in parts[0] if all(key in part for part in parts)]
     columns = {key: np.concatenate([part[key] for part in parts]) for key in shared}
-    if "id" in columns and len(np.unique(columns["id"])) == len(columns["id"]):
+    if "id" in columns:
         order = np.argsort(columns["id"], kind="stable")
-        columns = {key: values[order] for key, values in columns.items()}
+        if (np.diff(columns["id"][order]) != 0).all():
+            columns = {key: values[order] for key, values in columns.items()}
     names = {"prototype": [labels.get(number, "") for number in range(max(labels) + 1)]}
     return bodies_from_columns(columns, names | (extras if isinstance(extras, dict) else {}), str(path))
 

@@ -298,8 +298,8 @@ class Solver:
         if steps:
             self.step(steps)
         self.separate(again=True)
-        gone = np.setdiff1d(before.body.identity, model.body.identity)
-        return Edit(np.setdiff1d(model.body.identity, before.body.identity), gone, steps)
+        old, new = before.body.identity, model.body.identity
+        return Edit(_only_in_first(new, old), _only_in_first(old, new), steps)
 
     def _edit_on_surface(self, problem: Problem, descent: SurfaceDescent) -> Model:
         before, old = self.model, descent.state
@@ -404,7 +404,7 @@ class Solver:
             )
         if identity is not None:
             identity = np.where(model.fixed, body.identity, identity)
-            if len(np.unique(identity)) != len(identity) or (identity < 0).any():
+            if (identity < 0).any() or (np.diff(np.sort(identity)) == 0).any():
                 raise ProblemError(
                     "`identity` must be a whole number of 0 or more for every body that no other one has"
                 )
@@ -646,6 +646,12 @@ class Solver:
         if self._border is not None:
             return self._cut_position().position
         return self.descent.positions()
+
+
+def _only_in_first(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Identities that only the first holds, rising; in either there is each once."""
+    # To look for repetitions as well takes newer NumPy seconds.
+    return np.sort(np.setdiff1d(one, other, assume_unique=True))
 
 
 def _charges_per_body(model: Model) -> np.ndarray:
