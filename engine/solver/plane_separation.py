@@ -32,6 +32,9 @@ PLACES_TO_TRY = 20_000
 # Of many bodies each tries fewer, so that all of them try as many as this, but no fewer than these.
 PLACES_IN_ALL = 400_000
 FEWEST_PLACES = 200
+# Squared overlaps that a place may leave of those that a body had. Measured on 500 pebbles among trees and logs: where a place had to
+# be free of all, 7 pairs were left.
+KEEP_PLACES = 0.5
 # Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
 # for them: no other follows.
 STILL_CAUGHT, MANY_CAUGHT = 0.8, 0.2
@@ -270,8 +273,9 @@ class PlaneSeparation(Separation):
         inputs = [on_device, candidates, self._corner_count, self._trial_corners, seed, self._room]
         inputs += [self._may_turn, self._bodies, self._bend, self._images, self._crowd]
         launcher.launch(kernels_trials.propose_places, len(stuck), inputs, [place, left], grain=1)
-        # Who is caught among bodies that give way goes only where there is room.
-        found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, TOLERANCE**2)
+        # Who is caught among bodies that give way goes where it is better by far.
+        enough = np.maximum(TOLERANCE**2, KEEP_PLACES * before[stuck])
+        found = left.numpy() < np.where(wedged[stuck], kernels_trials.PINNED_COST, enough)
         landing = np.flatnonzero(found)
         landing = landing[_alone(place.numpy()[landing, :2], self._outlines.reach.numpy()[stuck[landing]])]
         poses, home, last = (array.numpy().copy() for array in (self._crowd_pose, self._moves.home, self._moves.last))

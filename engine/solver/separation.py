@@ -77,6 +77,10 @@ MOST_ROUNDS = 2500
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
+# Where the squared overlaps are this large on average, so many rounds without progress are enough, and no second try follows: measured
+# on pebbles among others, of which a second try leaves as many.
+JAMMED = 0.02
+ROUNDS_OF_THE_JAMMED = 200
 # Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
 TOO_CROWDED = 0.86
 ROUNDS_OF_THE_TOO_CROWDED = 500
@@ -360,9 +364,9 @@ class Separation(ABC):
             again: Whether bodies have been parted before, and stand and lie nearly as well as they can.
             guidance: What says where bodies are pulled; None for back to where they come from.
         """
-        self._again, self._guidance = again, guidance
+        self._again, self._guidance, self._jammed = again, guidance, False
         parted = self._try(go_on, hot=False)
-        if parted is False and self._swappable and not self.too_crowded:
+        if parted is False and self._swappable and not (self.too_crowded or self._jammed):
             self._go_home()
             parted = self._try(go_on, hot=True)
         self._write_back()
@@ -442,9 +446,11 @@ class Separation(ABC):
                     return True
                 if squares < best:
                     best, best_places = squares, [wp.clone(array) for array in self._places()]
+                self._jammed = squares > JAMMED * len(self._order)
+                patience = ROUNDS_OF_THE_JAMMED if self._jammed else ROUNDS_WITHOUT_PROGRESS
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
-                if number == guided + most or (since >= ROUNDS_WITHOUT_PROGRESS and deep > 0):
+                if number == guided + most or (since >= patience and deep > 0):
                     break
                 if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self.too_crowded:
                     break
