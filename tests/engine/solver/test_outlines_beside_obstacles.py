@@ -93,9 +93,7 @@ def test_a_second_scatter_fills_the_gaps_of_a_first_one():
 def test_long_ones_find_the_last_places_between_others():
     obstacles = [Obstacle(polygon=np.array(shape.exterior.coords)[:-1]) for shape in planks_on_the_ground()]
     size = Size("a", 0.6, 120, line=Line(1.7, "none", width=0.3), footprint=Footprints([PLANK]))
-    problem = Problem(
-        Domain((SIDE, SIDE)), [BodyClass("k", [size])], avoid_overlap=True, obstacles=obstacles, seed=2
-    )
+    problem = Problem(Domain((SIDE, SIDE)), [BodyClass("k", [size])], avoid_overlap=True, obstacles=obstacles, seed=2)
     assert solve(problem, device="cpu").report.overlaps == 0
 
 
