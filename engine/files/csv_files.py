@@ -69,6 +69,10 @@ def read_csv(path: Path, numbers: Collection[str]) -> Table:
         raise InputFileError(f"{path} cannot be read as a table: {' '.join(str(error).split())[:200]}") from None
     known = {column.name: column for column in COLUMNS}
     read = [name for name in names if name in numbers or (name in known and known[name].text)]
+    for name in names:
+        small = name.lower()
+        if name not in known and small in known and small not in names:
+            raise InputFileError(f"{path} must name its columns in small letters; it has {show(name)}")
     for needed in ("x", "y"):
         if needed not in names:
             raise InputFileError(f"{path} must have a column `{needed}`; its columns are {show(', '.join(names))}")

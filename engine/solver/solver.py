@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -621,9 +621,15 @@ class Solver:
         """Give the threads back, unless they are somebody else's; nothing can be stepped after that."""
         if not self._is_shared:
             self.launcher.close()
-        elif hasattr(self, "descent"):
+        elif "descent" in vars(self):
             self.launcher.release(self.descent.step)
             del self.descent
+
+    def __getattr__(self, name: str) -> NoReturn:
+        # Only what is missing is asked for here.
+        if name == "descent":
+            raise ProblemError("this Solver has given its last placement, or was closed; make another one to go on")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __enter__(self) -> Solver:
         return self

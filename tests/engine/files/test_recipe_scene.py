@@ -261,6 +261,8 @@ def test_mistakes_are_named(tmp_path, text, message):
         ("x,y\n1,b\n", 'must hold numbers in its column `y`; line 2 has "b"'),
         ("x,y,area\n1,2,-3\n", "`fixed.area` must be above 0"),
         ("", "must have a column `x`"),
+        ("X,Y\n1,2\n", 'must name its columns in small letters; it has "X"'),
+        ("x,y,Angle\n1,2,1\n", 'small letters; it has "Angle"'),
         ("x,x,y\n1,2,3\n", "must have one column `x`; it has 2"),
         ("x,y,class_index\n1,2,0\n1,2,0.5\n", 'must hold whole numbers in its column `class_index`; line 3 has "0.5"'),
         ("x,y,size_index\n1,2,nan\n", 'must hold whole numbers in its column `size_index`; line 2 has "nan"'),

@@ -5,6 +5,7 @@ import weakref
 
 import numpy as np
 import pytest
+from esh.engine.errors import ProblemError
 from esh.engine.problem.balance import Balance
 from esh.engine.problem.body_class import BodyClass
 from esh.engine.problem.domain import Domain
@@ -130,6 +131,23 @@ def test_a_closed_solver_is_let_go_at_once():
         assert seen() is None, "a circle of references holds the solver's arrays until the collector comes by"
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize("use", ["step", "run", "edit", "separate", "state", "placement"])
+def test_a_solver_at_its_end_says_so(use):
+    problem = problem_of("contact")
+    solver = Solver(problem, device="cpu")
+    solver.last_placement()
+    with pytest.raises(ProblemError, match="make another one"):
+        {
+            "step": solver.step,
+            "run": lambda: solver.run(3),
+            "edit": lambda: solver.edit(problem),
+            "separate": solver.separate,
+            "state": lambda: solver.state,
+            "placement": solver.placement,
+        }[use]()
+    solver.close()
 
 
 def test_one_step_does_not_tell_that_bodies_have_settled():
