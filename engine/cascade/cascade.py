@@ -533,11 +533,12 @@ def _alike(place: np.ndarray, side: np.ndarray, label: np.ndarray) -> tuple[np.n
         side: Normals there.
         label: Parts of the surface that they are on, shape ``[n]``.
     """
-    low = place.min(axis=0)
+    # Column by column: NumPy is several times as fast along them as across.
+    columns = [np.ascontiguousarray(place[:, k]) for k in range(3)]
+    step = max(SAME_PLACE, max(float(column.max() - column.min()) for column in columns) / (1 << 20))
     # Three numbers fit into one where each has 21 bits.
-    step = max(SAME_PLACE, float((place.max(axis=0) - low).max()) / (1 << 20))
-    x, y, z = np.round((place - low) / step).astype(np.int64).T
-    u, v, w = np.round((side + 1.0) / SAME_SIDE).astype(np.int64).T
+    x, y, z = (np.round((column - column.min()) / step).astype(np.int64) for column in columns)
+    u, v, w = (np.round((side[:, k] + 1.0) / SAME_SIDE).astype(np.int64) for k in range(3))
     one, other = (x << 42) | (y << 21) | z, (label.astype(np.int64) << 24) | (u << 16) | (v << 8) | w
     order = np.lexsort((other, one))
     new = np.ones(len(order), bool)

@@ -114,14 +114,15 @@ def thinned(launcher: Launcher, points: kernels_points.Points, radius: float) ->
 
 def _one_of_each_cell(points: kernels_points.Points, cell: float) -> np.ndarray | None:
     """Numbers of points of which no two lie in one cell, on one part and look into the same direction; None if nearly all do not."""
-    place = np.floor(points.position.numpy() / cell).astype(np.int64)
-    place -= place.min(axis=0)
-    facing = np.round(points.normal.numpy() * 1.49).astype(np.int64) + 1
+    position, normal = points.position.numpy(), points.normal.numpy()
     key = points.label.numpy().astype(np.int64)
-    for values, size in ((place, place.max(axis=0) + 1), (facing, np.full(3, 3))):
-        for axis in range(3):
-            # Where numbers grow beyond 64 bits, they go round: cells that then share one lose a point, no more.
-            key = key * int(size[axis]) + values[:, axis]
+    # Where numbers grow beyond 64 bits, they go round: cells that then share one lose a point, no more.
+    for axis in range(3):
+        place = np.floor(position[:, axis] / cell).astype(np.int64)
+        place -= place.min()
+        key = key * (int(place.max()) + 1) + place
+    for axis in range(3):
+        key = 3 * key + np.round(normal[:, axis] * 1.49).astype(np.int64) + 1
     few = np.unique(key, return_index=True)[1]
     return np.sort(few) if len(few) < CROWDED * len(key) else None
 

@@ -66,7 +66,7 @@ class HeatMesh:
                 if i < cuts - j - 1:
                     pattern.append((number[i + 1, j + 1], number[i, j + 1], number[i + 1, j]))
         self._pattern = np.array(pattern)
-        vertex = np.einsum("ck,tkd->tcd", self._weights, corner).reshape(-1, 3)
+        vertex = (self._weights @ corner).reshape(-1, 3)
         self._index = self._joined(vertex, corner).reshape(triangles, -1)
         self._face = face = self._index[:, self._pattern].reshape(-1, 3)
         n = int(face.max()) + 1
@@ -124,7 +124,7 @@ class HeatMesh:
             even = np.bincount(self._face.ravel(), np.repeat(area / 3.0, 3 * small), len(self._mass))
             return even / even.sum()
         share = np.zeros(len(self._mass))
-        weight = np.einsum("qk,fkd->fqd", INNER, self._weights[self._pattern]).reshape(-1, 3)
+        weight = (INNER @ self._weights[self._pattern]).reshape(-1, 3)
         face = self._face.reshape(-1, small, 3)
         at_once = max(1, POINTS_AT_ONCE // len(weight))
         for first in range(0, len(area), at_once):
