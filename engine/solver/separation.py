@@ -458,7 +458,7 @@ class Separation(ABC):
                     stopped = True
                     break
                 if number and number % ROUNDS_PER_SWAP == 0 and deep and self._change_places(number, number - guided):
-                    since = 0
+                    since = since if self._jammed else 0
                     self._find()
             self._move()
         self._recall(best_places)
