@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputFileError, ProblemError
-from ..problem.fixed_bodies import FixedBodies, Origin
+from ..problem.fixed_bodies import FixedBodies, Origin, WrongBodyError
 from ..problem.settings import settle
 from ..problem.validation import as_path
 from .array_files import read_arrays
@@ -53,6 +53,7 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         raise InputFileError(f"{path} must end in {one_of(readers)}; got the ending {path.suffix!r}")
     if not path.is_file():
         raise InputFileError(f"{path} {'is not a file' if path.exists() else 'does not exist'}; {ACCEPTED}")
+    line: np.ndarray | None = None
     try:
         columns, line = reader(path)
         bodies = FixedBodies(
@@ -69,6 +70,8 @@ def read_fixed_bodies(path: str | Path, *, body_class: str | None = None, size: 
         given = {name for name, label in (("body_class", body_class), ("size", size)) if label is not None}
         settle(bodies, origin=Origin(str(path), line, given))
         return bodies
+    except WrongBodyError as error:
+        raise InputFileError(f"{Origin(str(path), line).told(error.body, '')}{error}") from None
     except ProblemError as error:
         raise InputFileError(f"{path}: {error}") from None
     except InputFileError:

@@ -21,7 +21,7 @@ from .validation import FOREIGN_ERRORS, show
 if TYPE_CHECKING:
     from .placement import Placement
 
-__all__ = ["FixedBodies", "FixedBody", "FixedTable", "Origin", "fixed_table"]
+__all__ = ["FixedBodies", "FixedBody", "FixedTable", "Origin", "WrongBodyError", "fixed_table"]
 
 # A class or a size: by its name, or by its index.
 Label = str | int
@@ -59,6 +59,24 @@ class Origin:
         return f"{self.path}, " + (f"body {body + 1}: " if self.line is None else f"line {self.line[body]}: ")
 
 
+class WrongBodyError(ProblemError):
+    """A value of one of several bodies that is none.
+
+    Attributes:
+        body: Which of them has it.
+    """
+
+    def __init__(self, said: str, body: int) -> None:
+        super().__init__(said)
+        self.body = body
+
+
+def _refuse(wrong: np.ndarray, said: str) -> None:
+    """Raise an error about the first body that has a wrong value, if there is any; shape ``[m]``, or none for a single value."""
+    if wrong.any():
+        raise WrongBodyError(said, int(np.argmax(wrong)))
+
+
 def _check_positions(value: object, key: str) -> np.ndarray:
     try:
         position = None if isinstance(value, str) else validation.as_reals(value)
@@ -88,43 +106,46 @@ def _check_angle(value: object, key: str) -> np.ndarray:
 
 
 def _finite(numbers: np.ndarray, key: str) -> np.ndarray:
-    if not np.isfinite(numbers).all():
-        raise ProblemError(f"{key} must be finite everywhere; it holds NaN or infinity")
+    wrong = ~np.isfinite(numbers)
+    _refuse(
+        wrong.any(axis=1) if wrong.ndim > 1 else wrong, f"{key} must be finite everywhere; it holds NaN or infinity"
+    )
     return numbers
 
 
 def _check_above_0(value: object, key: str) -> np.ndarray:
     """Return numbers above 0, or NaN for what is not said."""
     numbers = _check_numbers(value, key)
-    wrong = numbers[~(np.isnan(numbers) | ((numbers > 0.0) & np.isfinite(numbers)))]
-    if wrong.size:
-        raise ProblemError(f"{key} must be above 0, and finite; got {show(float(wrong[0]))}")
+    wrong = ~(np.isnan(numbers) | ((numbers > 0.0) & np.isfinite(numbers)))
+    _refuse(wrong, f"{key} must be above 0, and finite; got {_first(numbers, wrong)}")
     return numbers
+
+
+def _first(numbers: np.ndarray, wrong: np.ndarray) -> str:
+    """The first of the wrong ones, as sentences show it; empty where there is none."""
+    return show(numbers[wrong][0]) if wrong.any() else ""
 
 
 def _check_lengths(value: object, key: str) -> np.ndarray:
     numbers = _check_numbers(value, key)
     # A dot has no axis, and files say so with 0.
-    _check_above_0(numbers[numbers != 0.0], key)
+    _check_above_0(np.where(numbers == 0.0, np.nan, numbers), key)
     return numbers
 
 
 def _check_whole(value: object, key: str) -> np.ndarray:
     """Return whole numbers, int64; -1 stands for one that is not said."""
     numbers = _check_numbers(value, key)
-    wrong = numbers[~((numbers >= -1) & (numbers == np.floor(numbers)) & (numbers < 2**31))]
-    if wrong.size:
-        raise ProblemError(
-            f"{key} must be whole numbers of 0 or more, below 2**31, or -1 for free ones; got {show(wrong[0])}"
-        )
+    wrong = ~((numbers >= -1) & (numbers == np.floor(numbers)) & (numbers < 2**31))
+    accepted = "whole numbers of 0 or more, below 2**31, or -1 for free ones"
+    _refuse(wrong, f"{key} must be {accepted}; got {_first(numbers, wrong)}")
     return numbers.astype(np.int64)
 
 
 def _check_variant(value: object, key: str) -> np.ndarray:
     numbers = _check_numbers(value, key)
-    wrong = numbers[~((numbers >= 0.0) & (numbers % 1.0 == 0.0) & (numbers < 2**31))]
-    if wrong.size:
-        raise ProblemError(f"{key} must be whole numbers of 0 or more, below 2**31; got {show(wrong[0])}")
+    wrong = ~((numbers >= 0.0) & (numbers % 1.0 == 0.0) & (numbers < 2**31))
+    _refuse(wrong, f"{key} must be whole numbers of 0 or more, below 2**31; got {_first(numbers, wrong)}")
     return numbers.astype(np.int32)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -63,11 +64,14 @@ def measure(placement: Placement, launcher: Launcher) -> Report:
     overlaps = overlaps_of(placement, launcher, footprints, bodies.position)
     notes += _notes_on_overlaps(problem, overlaps, covered)
     misplaced = out_of_place(placement, launcher, footprints)
-    notes += _notes_on_places(misplaced)
+    notes += _notes_on_places(problem, misplaced)
     of_fixed = Overlaps(0)
     if problem.avoid_overlap and np.count_nonzero(placement.fixed) > 1:
         of_fixed = overlaps_of_fixed(placement, launcher, footprints)
     notes += _notes_on_fixed(of_fixed)
+    if placement.fixed.any():
+        # As if only the others were.
+        notes += _notes_on_fixed_places(out_of_place(replace(placement, fixed=~placement.fixed), launcher, footprints))
     spacing = measure_spacing(bodies, _number_density(bodies, problem.classes))
     apart = [spacing]
     if len(problem.classes) > 1:
@@ -150,17 +154,19 @@ def _notes_on_overlaps(problem: Problem, overlaps: Overlaps, covered: float) -> 
     return notes
 
 
-def _notes_on_places(found: OutOfPlace) -> list[str]:
-    """Say what lies in obstacles or reaches across the border."""
+def _notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
+    """Say what lies in obstacles or reaches across the border, and what helps."""
+    if not (found.in_obstacles or found.beyond_border):
+        return []
     notes = []
+    # Where there is room for all, those that are left may only need time to find it.
+    helps = ("" if cover_of(problem).too_much else "take more steps, or ") + "lower the counts or the areas"
     if found.in_obstacles:
         lie = "1 body lies" if found.in_obstacles == 1 else f"{found.in_obstacles} bodies lie"
-        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; lower the counts or the areas")
+        notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; {helps}")
     if found.beyond_border:
         reach = "1 body reaches" if found.beyond_border == 1 else f"{found.beyond_border} bodies reach"
-        notes.append(
-            f"{reach} across the border, the farthest by {found.farthest:.3g} m; lower the counts or the areas"
-        )
+        notes.append(f"{reach} across the border, the farthest by {found.farthest:.3g} m; {helps}")
     return notes
 
 
@@ -170,6 +176,24 @@ def _notes_on_fixed(found: Overlaps) -> list[str]:
         return []
     pairs = "1 pair of fixed bodies overlaps" if found.count == 1 else f"{found.count} pairs of fixed bodies overlap"
     return [f"{pairs} each other, the deepest by {found.deepest:.3g} m: they stay where they are"]
+
+
+def _notes_on_fixed_places(found: OutOfPlace) -> list[str]:
+    """Say which fixed bodies lie in obstacles or reach across the border, which nothing can move."""
+    notes = []
+    if found.in_obstacles == 1:
+        notes.append(f"1 fixed body lies in obstacles, by {found.deepest:.3g} m: it stays where it is")
+    elif found.in_obstacles:
+        deepest = f"the deepest by {found.deepest:.3g} m"
+        notes.append(f"{found.in_obstacles} fixed bodies lie in obstacles, {deepest}: they stay where they are")
+    if found.beyond_border == 1:
+        notes.append(f"1 fixed body reaches across the border, by {found.farthest:.3g} m: it stays where it is")
+    elif found.beyond_border:
+        farthest = f"the farthest by {found.farthest:.3g} m"
+        notes.append(
+            f"{found.beyond_border} fixed bodies reach across the border, {farthest}: they stay where they are"
+        )
+    return notes
 
 
 def _covers(body_class: PreparedClass) -> bool:

@@ -94,7 +94,7 @@ def notes(report: dict[str, Any]) -> list[str]:
 
 def _in_blender(note: str) -> str:
     """Return a sentence of a report in the words of the sidebar."""
-    note = note.replace("`", "").replace("fixed bodies", "pinned objects")
+    note = note.replace("`", "").replace("fixed bodies", "pinned objects").replace("fixed body", "pinned object")
     return note.replace("1 body ", "1 object ").replace(" bodies ", " objects ")
 
 

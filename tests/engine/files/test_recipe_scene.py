@@ -259,7 +259,12 @@ def test_mistakes_are_named(tmp_path, text, message):
         ("x;y\n1;2\n", "must have a column `x`"),
         ("x,y\n1\n", "must have 2 cells in every line; line 2 has 1"),
         ("x,y\n1,b\n", 'must hold numbers in its column `y`; line 2 has "b"'),
-        ("x,y,area\n1,2,-3\n", "`fixed.area` must be above 0"),
+        ("x,y,area\n1,2,3\n1,2,-3\n", r"t\.csv, line 3: `fixed\.area` must be above 0, and finite; got -3"),
+        ("x,y,scale\n\n1,2,\n1,2,inf\n", r"t\.csv, line 4: `fixed\.scale` must be above 0, and finite; got inf"),
+        ("x,y,length\n1,2,0\n1,2,-1\n", r"t\.csv, line 3: `fixed\.length` must be above 0"),
+        ("x,y,variant\n1,2,0\n1,2,-2\n", r"t\.csv, line 3: `fixed\.variant` must be whole numbers"),
+        ("x,y,angle\n1,2,0\n1,2,nan\n", r"t\.csv, line 3: `fixed\.angle` must be finite everywhere"),
+        ("x,y\n1,2\n1,inf\n", r"t\.csv, line 3: `fixed\.position` must be finite everywhere"),
         ("", "must have a column `x`"),
         ("X,Y\n1,2\n", 'must name its columns in small letters; it has "X"'),
         ("x,y,Angle\n1,2,1\n", 'small letters; it has "Angle"'),
@@ -268,7 +273,7 @@ def test_mistakes_are_named(tmp_path, text, message):
         ("x,y,size_index\n1,2,nan\n", 'must hold whole numbers in its column `size_index`; line 2 has "nan"'),
         ("x,y,variant\n1,2,1e20\n", 'whole numbers of at most 32 bits in its column `variant`; line 2 has "1e20"'),
         ("x,y,id\n1,2,-9223372036854775809\n", "whole numbers of at most 64 bits in its column `id`; line 2"),
-        ("x,y,id\n1,2,-1\n1,2,-5\n", "`fixed.id` must be whole numbers of 0 or more, .*; got -5$"),
+        ("x,y,id\n1,2,-1\n1,2,-5\n", "line 3: `fixed.id` must be whole numbers of 0 or more, .*; got -5$"),
     ],
 )
 def test_damaged_tables_are_named(tmp_path, content, message):
@@ -345,6 +350,9 @@ def test_damaged_archives_are_named(tmp_path):
         read_fixed_bodies(path)
     np.savez(path, position=np.zeros((1, 2), "datetime64[s]"))
     with pytest.raises(EshError, match=r"`fixed\.position` must be a list of positions, .*; got \[\['1970-01-01T"):
+        read_fixed_bodies(path)
+    np.savez(path, position=[[1.0, 2.0]] * 2, scale=[1.0, -1.0])
+    with pytest.raises(EshError, match=r"t\.npz, body 2: `fixed\.scale` must be above 0"):
         read_fixed_bodies(path)
     np.savez(path, position=[[1.0, 2.0]], id=[-5])
     with pytest.raises(EshError, match=r"`fixed\.id` must be whole numbers .*; got -5$"):

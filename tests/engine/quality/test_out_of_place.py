@@ -95,7 +95,9 @@ def test_the_depth_is_the_shortest_way_out(launcher):
     report = measure(replace(placement, position=np.array([[11.3, 10.0], [3.0, 3.0]])), launcher)
     assert (report.in_obstacles, report.beyond_border) == (1, 0)
     assert report.deepest_in_obstacle == pytest.approx(0.4)
-    assert report.notes == ("1 body lies in obstacles, the deepest by 0.4 m; lower the counts or the areas",)
+    assert report.notes == (
+        "1 body lies in obstacles, the deepest by 0.4 m; take more steps, or lower the counts or the areas",
+    )
 
 
 def test_in_a_periodic_domain_obstacles_go_on_at_the_other_side(launcher):
@@ -141,7 +143,33 @@ def test_fixed_bodies_do_not_count_but_those_that_overlap_each_other_are_told():
     assert report.clean and report.converged and report.fixed_overlaps == 1
     assert report.notes == (
         "1 pair of fixed bodies overlaps each other, the deepest by 0.5 m: they stay where they are",
+        "1 fixed body lies in obstacles, by 1.5 m: it stays where it is",
     )
+
+
+def test_fixed_bodies_out_of_place_are_told(launcher):
+    """In a disc, in an image, and across the border; what moves is away from all of them."""
+    image = np.zeros((40, 40), bool)
+    image[:, 20:24] = True
+    given = problem_of(Footprint.disc(0.5), [Obstacle(disc=(5.0, 10.0, 1.0)), Obstacle(image=image)], count=1)
+    fixed = FixedBodies([[6.2, 10.0], [11.0, 3.0], [0.3, 15.0], [16.0, 16.0]])
+    placement = solve(replace(given, fixed=fixed), device="cpu", max_steps=1)
+    moved = placement.position.copy()
+    moved[~placement.fixed] = [16.0, 5.0]
+    report = measure(replace(placement, position=moved), launcher)
+    assert report.clean and (report.in_obstacles, report.beyond_border) == (0, 0)
+    told, across = report.notes
+    assert told.startswith("2 fixed bodies lie in obstacles, the deepest by 0.3")
+    assert across == "1 fixed body reaches across the border, by 0.2 m: it stays where it is"
+
+
+def test_where_too_much_is_asked_for_more_steps_are_not_advised(launcher):
+    disc = Obstacle(disc=(10.0, 10.0, 2.0))
+    for count, advised in ((20, True), (800, False)):
+        placement = solve(problem_of(Footprint.disc(0.5), [disc], count=count), device="cpu", max_steps=1)
+        within = replace(placement, position=np.full_like(placement.position, 10.0))
+        (note,) = [note for note in measure(within, launcher).notes if "in obstacles" in note]
+        assert ("more steps" in note) == advised and "lower the counts" in note
 
 
 def test_where_footprints_may_overlap_nothing_is_out_of_place(launcher):
