@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import bpy
 import numpy as np
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ...engine.surface.surface_points import SurfacePoints
 
 __all__ = [
+    "TO_PAINT",
     "Density",
     "DensityReader",
     "DensitySource",
@@ -31,6 +32,8 @@ __all__ = [
     "sample_image",
 ]
 
+# What to do where nothing has been painted yet.
+TO_PAINT = ": paint where objects are to stand"
 # What was read of Blender's data, by what it was read of: images and objects that several densities name are read once.
 Known = dict[Hashable, Any]
 
@@ -41,7 +44,13 @@ def checksum(*arrays: np.ndarray) -> Hashable:
 
 
 class DensitySource(Settings, ABC):
-    """Base of what a density can be read from."""
+    """Base of what a density can be read from.
+
+    Attributes:
+        hint: What to do where it is 0 everywhere, behind that sentence; empty where there is nothing to say.
+    """
+
+    hint: ClassVar[str] = ""
 
     @property
     def label(self) -> str:
@@ -131,8 +140,10 @@ class DensityReader:
         values = self.of_class(name, key)
         if not values.any():
             density = self._classes[name]
-            what = density.label if isinstance(density, DensitySource) else "it"
-            raise ProblemError(f"{key} must be above 0 somewhere on {self.points.target_name}; {what} is 0 everywhere")
+            what, hint = (density.label, density.hint) if isinstance(density, DensitySource) else ("it", "")
+            raise ProblemError(
+                f"{key} must be above 0 somewhere on {self.points.target_name}; {what} is 0 everywhere{hint}"
+            )
         return values
 
     def of_class(self, name: str, key: str) -> np.ndarray:

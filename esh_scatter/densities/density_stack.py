@@ -181,7 +181,8 @@ class DensityStack(DensitySource):
             elif culprit is None:
                 nothing = not values.any() and layer.blend != "subtract"
                 told = "is 0 everywhere" if nothing or before is None else "leaves nothing of those before it"
-                culprit = f"layer {number} ({layer.label}) {told}"
+                hint = "" if layer.invert or values.any() else getattr(layer.density, "hint", "")
+                culprit = f"layer {number} ({layer.label}) {told}{hint}"
         assert result is not None
         if culprit is not None:
             raise ProblemError(f"{key} must be above 0 somewhere on {reader.points.target_name}; {culprit}")

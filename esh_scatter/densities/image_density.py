@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 import numpy as np
@@ -14,7 +14,16 @@ from ...engine.errors import ProblemError
 from ...engine.problem.settings import Choice, as_given, described, setting
 from ...engine.problem.validation import LARGEST_ANGLE, check_density, show
 from ..targets.target import check_exists
-from .density_source import Density, DensityReader, DensitySource, Known, checksum, inverted, sample_image
+from .density_source import (
+    TO_PAINT,
+    Density,
+    DensityReader,
+    DensitySource,
+    Known,
+    checksum,
+    inverted,
+    sample_image,
+)
 from .image_pixels import FIRST_TILE, TILES_IN_ROW, StoredImage, read_image
 
 if TYPE_CHECKING:
@@ -27,6 +36,8 @@ __all__ = ["ImageDensity", "stored_density"]
 @dataclass(frozen=True)
 class ImageDensity(DensitySource):
     """An image: white = many, black = none."""
+
+    hint: ClassVar[str] = TO_PAINT
 
     image: bpy.types.Image | StoredImage = field(
         metadata=setting(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from ...engine.problem.settings import as_given, described, setting
-from .density_source import DensityReader, DensitySource, checksum, inverted
+from .density_source import TO_PAINT, DensityReader, DensitySource, checksum, inverted
 
 __all__ = ["AttributeDensity", "VertexGroupDensity"]
 
@@ -17,6 +18,8 @@ __all__ = ["AttributeDensity", "VertexGroupDensity"]
 @dataclass(frozen=True)
 class VertexGroupDensity(DensitySource):
     """The weights of a vertex group of the target, interpolated within each face."""
+
+    hint: ClassVar[str] = TO_PAINT
 
     name: str = field(metadata=setting("Name of the vertex group", check=as_given))
     invert: bool = field(default=False, metadata=setting("Let white mean none and black mean many"))

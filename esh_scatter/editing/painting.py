@@ -56,7 +56,8 @@ def _paint_weights(target: bpy.types.Object, layer: Any, name: str) -> None:
 
 
 def _paint_image(context: bpy.types.Context, target: bpy.types.Object, layer: Any, name: str, resolution: int) -> None:
-    if layer.image is None:
+    is_new = layer.image is None
+    if is_new:
         layer.image = bpy.data.images.new(name, resolution, resolution, alpha=False, is_data=True)
         # Black: nothing stands there before something is painted.
         layer.image.generated_color = (0.0, 0.0, 0.0, 1.0)
@@ -74,6 +75,19 @@ def _paint_image(context: bpy.types.Context, target: bpy.types.Object, layer: An
     paint = context.scene.tool_settings.image_paint
     paint.mode, paint.canvas = "IMAGE", layer.image
     bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    if is_new:
+        _paint_white(context)
+
+
+def _paint_white(context: bpy.types.Context) -> None:
+    """Have the brush paint white, and black with Ctrl: Blender's is black at first, which on a black image does nothing."""
+    paint = context.scene.tool_settings.image_paint
+    # Since Blender 5.0 every mode has its own.
+    shared = getattr(paint, "unified_paint_settings", None) or context.scene.tool_settings.unified_paint_settings
+    for owner in (shared, paint.brush):
+        # Brushes of a library can be changed until Blender is closed; there is none without a window.
+        if owner is not None:
+            owner.color, owner.secondary_color = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 
 def _map_from_above(target: bpy.types.Object) -> str:

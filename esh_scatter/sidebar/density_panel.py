@@ -25,7 +25,7 @@ def draw_density(context: bpy.types.Context, column: bpy.types.UILayout, scatter
         column.label(text="Even, the same everywhere")
         row = column.row(align=True)
         row.menu("ESH_MT_layer_add", text="Add Layer", icon="ADD")
-        row.operator_menu_enum("esh.layer_paint", "kind", text="Paint", icon="BRUSH_DATA")
+        row.menu("ESH_MT_layer_paint", text="Paint", icon="BRUSH_DATA")
         return []
     row = column.row()
     row.template_list(

@@ -66,6 +66,17 @@ class ESH_MT_layer_add(bpy.types.Menu):
             layout.operator("esh.layer_add", text=kind.label, icon=kind.icon).kind = name
 
 
+class ESH_MT_layer_paint(bpy.types.Menu):
+    """What a class without layers can be painted on."""
+
+    bl_label = "Paint"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the menu."""
+        for kind in ("IMAGE", "VERTEX_GROUP"):
+            self.layout.operator("esh.layer_paint", text=f"New {KINDS[kind].label}", icon=KINDS[kind].icon).kind = kind
+
+
 class ESH_MT_presets(bpy.types.Menu):
     """Scatters to begin with."""
 
@@ -171,4 +182,12 @@ def _asset_menus() -> list[type[bpy.types.Menu]]:
     return [getattr(bpy.types, name) for name in names if hasattr(bpy.types, name)]
 
 
-CLASSES = (ESH_MT_classes, ESH_MT_layer_add, ESH_MT_presets, ESH_MT_scatters, ESH_MT_object, ESH_MT_assets)
+CLASSES = (
+    ESH_MT_classes,
+    ESH_MT_layer_add,
+    ESH_MT_layer_paint,
+    ESH_MT_presets,
+    ESH_MT_scatters,
+    ESH_MT_object,
+    ESH_MT_assets,
+)

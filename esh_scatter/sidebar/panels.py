@@ -46,6 +46,10 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         layout.use_property_decorate = False
         scatter = active_scatter(context)
         if scatter is None:
+            if running.session is not None:
+                # The first run adds its scatter when it ends.
+                _draw_progress(layout)
+                return
             _draw_beginning(context, layout.column())
             return
         top = layout.column()
@@ -60,7 +64,7 @@ class ESH_PT_scatter(Panel, bpy.types.Panel):
         row.prop(scatter, "target_kind", text="", icon_only=True)
         layout.separator(factor=0.5)
         if running.session is not None:
-            _draw_progress(context, layout)
+            _draw_progress(layout)
             return
         button = layout.split(factor=BUTTON, align=True)
         button.scale_y = 1.8
@@ -310,7 +314,8 @@ def _draw_status(context: bpy.types.Context, column: bpy.types.UILayout, scatter
             )
     said = live.status(context.scene, scatter)
     if said:
-        write_text(context, column, said, icon="ERROR")
+        # Before the first stroke there is nothing yet, and that is no mistake.
+        write_text(context, column, said, icon="INFO" if context.mode.startswith("PAINT") else "ERROR")
     _draw_forecast(context, column, scatter, record)
     left_out = scatter.left_out()
     if left_out:
@@ -332,16 +337,16 @@ def _draw_forecast(
             column.operator("esh.counts_to_fit")
 
 
-def _draw_progress(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+def _draw_progress(layout: bpy.types.UILayout) -> None:
+    """Draw how far the run is, where the button was, and below it how to end it: in no more lines than there were."""
     session = running.session
     assert session is not None
-    row = layout.row(align=True)
-    row.scale_y = 1.4
+    row = layout.row()
+    row.scale_y = 1.8
     row.progress(factor=session.factor, text=session.text)
     buttons = layout.row(align=True)
     buttons.operator("esh.keep", text="Keep", icon="CHECKMARK")
     buttons.operator("esh.stop", text="Stop", icon="CANCEL")
-    write_text(context, layout, "Esc stops the run and changes nothing. Keep takes what is there", icon="INFO")
 
 
 def _draw_inputs(column: bpy.types.UILayout, modifier: bpy.types.Modifier, names: Collection[str]) -> None:

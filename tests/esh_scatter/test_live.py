@@ -255,7 +255,10 @@ def test_what_cannot_be_solved_is_said_and_it_goes_on_when_it_can(scatter, follo
     group = scatter.target.vertex_groups["here"]
     group.add(list(range(441)), 0.0, "REPLACE")
     follow()
-    assert scatter.live and "above 0 somewhere" in live.status(bpy.context.scene, scatter)
+    said = live.status(bpy.context.scene, scatter)
+    assert (
+        scatter.live and "above 0 somewhere" in said and said.endswith("0 everywhere: paint where objects are to stand")
+    )
     assert len(points()) == 400
     group.add(list(range(200)), 1.0, "REPLACE")
     follow()

@@ -41,6 +41,14 @@ def test_an_image_is_made_black_and_lies_as_seen_from_above(scatter):
     assert scatter.target.mode == "TEXTURE_PAINT"
     assert bpy.context.scene.tool_settings.image_paint.canvas == layer.image
     assert tuple(layer.image.size) == (64, 64) and not any(layer.image.pixels[:3])
+    # A black brush would do nothing.
+    paint = bpy.context.scene.tool_settings.image_paint
+    shared = getattr(paint, "unified_paint_settings", None) or bpy.context.scene.tool_settings.unified_paint_settings
+    assert shared.color[:] == (1.0, 1.0, 1.0) and not any(shared.secondary_color)
+    # And painted on again, the brush keeps the color that somebody has chosen.
+    shared.color = (0.25, 0.25, 0.25)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.ops.esh.layer_paint(kind="SELECTED") == {"FINISHED"} and shared.color[0] == 0.25
     bpy.ops.object.mode_set(mode="OBJECT")
     uv = np.empty(2 * len(mesh.loops), np.float32)
     mesh.uv_layers[layer.uv_map].uv.foreach_get("vector", uv)

@@ -110,7 +110,8 @@ def empty_file():
 def shown_context(width: int = 300) -> SimpleNamespace:
     """Return what drawing asks of a context; without a window Blender knows no scale of its interface."""
     preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
-    return SimpleNamespace(scene=bpy.context.scene, preferences=preferences, region=SimpleNamespace(width=width))
+    region = SimpleNamespace(width=width)
+    return SimpleNamespace(scene=bpy.context.scene, mode=bpy.context.mode, preferences=preferences, region=region)
 
 
 def draw_all(width: int = 300) -> list[str]:
@@ -378,6 +379,11 @@ def test_removed_data_never_stops_the_drawing():
 
 
 def test_a_run_shows_its_progress_and_a_stop_button():
+    # Also the first one, whose scatter is added when it ends.
+    running.session = SimpleNamespace(factor=0.0, text="Preparing")
+    drawn = draw_all()
+    assert "Preparing" in drawn and "esh.stop" in drawn and "esh.scatter_selection" not in drawn
+    running.session = None
     scatter = bpy.context.scene.esh_scatter.add_scatter(new_object("Ground"))
     scatter.add_class()
     running.session = SimpleNamespace(factor=0.25, text="Step 5 of 20")
