@@ -9,6 +9,9 @@ import numpy as np
 
 from .agreement import agreement_of
 from .body_footprints import CAPSULE, BodyFootprints, footprints_of
+from .body_kind import disc_radius
+from .domain import Domain
+from .obstacles import clearance
 from .packing import elongation_of, in_cells, packable, share_inside
 from .problem import Problem
 from .surface import Surface
@@ -22,6 +25,9 @@ CELLS = 128
 CROWDED = 1.15
 # Bodies that a region has at least: fewer are no region.
 BODIES_PER_CELL = 16.0
+# Pixels along the radius of a usual body in which obstacles are looked at, along the longer side of the domain at most.
+PIXELS_PER_RADIUS = 8.0
+PIXELS = 512
 # What fits is known about: a count that was rounded up to a whole body is not too much.
 ABOUT = 1.01
 
@@ -82,7 +88,9 @@ def cover_of(problem: Problem) -> Cover:
         sample = problem.domain.sample()
         share = np.mean(np.any([c.density_on(sample) > 0.0 for c in problem.classes], axis=0))
         return Cover(most / max(float(share) * problem.domain.area, 1e-300), fits, 0.0)
-    fits *= share_inside(problem.domain, float(area.mean()))
+    fits *= share_inside(problem.domain, float(area.mean())) * _share_beside_obstacles(
+        problem, problem.domain, float(area.mean())
+    )
     shape = _cells(problem, float(area.mean()))
     shares = [in_cells(c.density_image, shape) for c in problem.classes]
     free = np.clip(np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0), 0.0, 1.0)
@@ -93,6 +101,22 @@ def cover_of(problem: Problem) -> Cover:
     too_much = asked > CROWDED * fits * np.maximum(free, 1e-12) * cell
     crowded = float(asked[too_much].sum() / asked.sum())
     return Cover(covered, fits, crowded)
+
+
+def _share_beside_obstacles(problem: Problem, domain: Domain, mean_area: float) -> float:
+    """Part of what fits on free ground that fits beside obstacles: along them bodies leave gaps like those along an edge.
+
+    There a quarter of a disc's width is lost; see :func:`.packing.share_inside`.
+    """
+    if not problem.obstacles:
+        return 1.0
+    radius = float(disc_radius(mean_area))
+    width, height = domain.size
+    pixel = max(radius / PIXELS_PER_RADIUS, max(width, height) / PIXELS)
+    shape = (max(1, round(height / pixel)), max(1, round(width / pixel)))
+    free = np.max([in_cells(c.density_image > 0.0, shape) for c in problem.classes], axis=0)
+    beside = clearance(problem.obstacles, domain, shape, 0.5 * radius) < 0.5 * radius
+    return float(free[~beside].sum() / max(float(free.sum()), 1e-300))
 
 
 def _areas(problem: Problem, footprints: BodyFootprints) -> np.ndarray:

@@ -226,8 +226,19 @@ def _share_of_cover(classes: Sequence[BodyClass | PreparedClass]) -> float:
     return scale_to_fit(images, max(fits))
 
 
-def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obstacle]) -> PreparedClass:
+def cut_out(
+    body_class: PreparedClass,
+    domain: Domain,
+    obstacles: Sequence[Obstacle],
+    known: dict[tuple[int, int], np.ndarray] | None = None,
+) -> PreparedClass:
     """Return a class whose density is 0 on obstacles; its image may have more pixels.
+
+    Args:
+        body_class: The class.
+        domain: Where.
+        obstacles: The obstacles.
+        known: Clearances by the shapes of their images, of these obstacles: what another class has needed is not made again.
 
     Raises:
         ProblemError: Nothing of the density is left, or too little for a count of ``"cover"``.
@@ -235,7 +246,10 @@ def cut_out(body_class: PreparedClass, domain: Domain, obstacles: Sequence[Obsta
     image = body_class.density_image
     shape = mask_shape(obstacles, domain, (image.shape[0], image.shape[1]), body_class.body_count)
     pixel = math.sqrt(domain.area / (shape[0] * shape[1]))
-    free = clearance(obstacles, domain, shape, pixel)
+    known = {} if known is None else known
+    if shape not in known:
+        known[shape] = clearance(obstacles, domain, shape, pixel)
+    free = known[shape]
     factors = [n // own for n, own in zip(shape, image.shape, strict=True)]
     fine = np.repeat(np.repeat(image, factors[0], axis=0), factors[1], axis=1)
     # The share of a pixel that an edge leaves.

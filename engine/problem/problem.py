@@ -138,7 +138,8 @@ class Problem(ProblemSettings):
                 with_clumps(c, index, domain, settings.seed, settings.regularity) for index, c in enumerate(bases)
             )
             if obstacles:
-                prepared = tuple(cut_out(c, domain, obstacles) for c in prepared)
+                clearances: dict[tuple[int, int], np.ndarray] = {}
+                prepared = tuple(cut_out(c, domain, obstacles, clearances) for c in prepared)
         prepared = _sharing_images(prepared)
         settle(self, **values_of(settings, ProblemSettings))
         settle(self, domain=domain, classes=prepared, balance=balance, obstacles=obstacles)

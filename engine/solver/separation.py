@@ -84,6 +84,10 @@ ROUNDS_OF_THE_JAMMED = 200
 # Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
 TOO_CROWDED = 0.86
 ROUNDS_OF_THE_TOO_CROWDED = 500
+# The same where gaps between what stands there are too narrow for what is to go into them, which no cover tells: after those rounds
+# the squared overlaps are still this large on average. Measured: 2.8 of 557 pebbles and planks among 236 trees and logs that leave no
+# room for them, .006 of 1,900 that nearly fit, and .0004 of a jam that a second try does part.
+HOPELESS = 0.5
 # Where footprints cover more than the ground, none of this helps: so many rounds, of many bodies as many as this has of all bodies.
 ROUNDS_OF_THE_HOPELESS = 150
 FEWEST_ROUNDS = 15
@@ -204,6 +208,8 @@ class Separation(ABC):
         self._pairs = pairs
         self._moves: Any = None
         self._swaps_left = self._jumps_left = 0
+        # Places of the bodies once they have traded them before the first round; nothing before that.
+        self._begun: list[wp.array] = []
         self._one_round: tuple[Recording, Recording] | None = None
         self._slots = 0
 
@@ -368,6 +374,7 @@ class Separation(ABC):
         parted = self._try(go_on, hot=False)
         if parted is False and self._swappable and not (self.too_crowded or self._jammed):
             self._go_home()
+            self._recall(self._begun)
             parted = self._try(go_on, hot=True)
         self._write_back()
         self._forget()
@@ -399,8 +406,9 @@ class Separation(ABC):
         """One try; None where it was stopped."""
         self._moves.last.zero_()
         self._rebuild()
-        if self._swappable and self._fixed and self._covered <= 1.0:
+        if self._swappable and self._fixed and self._covered <= 1.0 and not self._begun:
             self._swap_first()
+            self._begun = [wp.clone(array) for array in self._places()]
         if not hot and self._covered <= 1.0 and self._free and not self._again:
             self._turn_first()
         momentum = HOT_MOMENTUM if hot else FIRST_MOMENTUM
@@ -452,7 +460,8 @@ class Separation(ABC):
                 least = squares if since == 0 else least
                 if number == guided + most or (since >= patience and deep > 0):
                     break
-                if number >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and self.too_crowded:
+                hopeless = self.too_crowded or squares > HOPELESS * len(self._order)
+                if number - guided >= ROUNDS_OF_THE_TOO_CROWDED and deep > 0 and hopeless:
                     break
                 if go_on is not None and not go_on():
                     stopped = True

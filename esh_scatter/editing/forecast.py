@@ -1,22 +1,25 @@
 """What can be said of a scatter of the sidebar before it is solved: how much of the ground it covers, and whether that fits.
 
-Drawing asks, and must not wait: what is not known yet is worked out a moment later, once for everything that has changed, on a coarse
-chart of the target.
+Drawing asks, and must not wait: what is not known yet is read a moment later, once for everything that has changed, and worked out in
+a thread on a coarse chart of the target: among the instances of another scatter that takes half a second.
 """
 
 from __future__ import annotations
 
 import math
+import threading
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 
 from ...engine.errors import EshError
 from ..solving import running
+from ..solving.background_run import BackgroundRun
 from ..targets.references import Reference
 
 if TYPE_CHECKING:
     from ...engine.problem.cover import Cover
+    from ..api import ScatterJob
     from ..classes.survey import Survey
 
 __all__ = ["MOST_BODIES", "Forecast", "detach", "forecast", "known", "scale_counts_to_fit"]
@@ -25,6 +28,8 @@ __all__ = ["MOST_BODIES", "Forecast", "detach", "forecast", "known", "scale_coun
 RESOLUTION = 192
 # Seconds after the last change that somebody saw.
 PAUSE = 0.4
+# Seconds between two looks at whether the thread has ended.
+LOOK = 0.05
 # Bodies of which it is worked out: each has an outline of its own.
 MOST_BODIES = 500_000
 # Counts are scaled to this share of what fits, and so many times at most: some cannot be scaled, or not below one.
@@ -43,11 +48,34 @@ _survey: Survey | None = None
 # By scene and the number of a scatter in it.
 _known: dict[tuple[int, int], Forecast] = {}
 _asked: tuple[Reference, int] | None = None
+# What is worked out in a thread just now, and for whom.
+_going: tuple[BackgroundRun, _Work] | None = None
+
+
+class _Work:
+    """What is worked out in a thread: the cover of a job that was read, for the scatter that it was read from."""
+
+    def __init__(self, job: ScatterJob | None, scene: bpy.types.Scene, number: int) -> None:
+        self.key = scene.session_uid, number
+        self.scene = Reference(scene, "scene")
+        self.fingerprint = _fingerprint(scene.esh_scatter.scatters[number])
+        self._job = job
+        self.cover: Cover | None = None
+
+    def run(self, _progress: object) -> None:
+        """Work it out; touches nothing of Blender."""
+        self.cover = _cover(self._job)
 
 
 def forecast(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
     """Work out what the footprints of a scatter will cover; None where overlap is allowed, or nothing can be placed."""
-    from ...engine.problem.cover import cover_of
+    # Both use the same survey.
+    _end()
+    return _cover(_read(scatter, scene))
+
+
+def _read(scatter: Any, scene: bpy.types.Scene) -> ScatterJob | None:
+    """Read a scatter from Blender; None where nothing can be said of it."""
     from ..api import ScatterJob
     from ..classes.survey import Survey
 
@@ -59,11 +87,31 @@ def forecast(scatter: Any, scene: bpy.types.Scene) -> Cover | None:
     positional, named = scatter.arguments(scene)
     _survey = _survey or Survey(RESOLUTION)
     try:
-        job = ScatterJob(*positional, **{**named, "device": "cpu", "result": None}, survey=_survey)
+        return ScatterJob(*positional, **{**named, "device": "cpu", "result": None}, survey=_survey, prepare=False)
     except EshError:
         # The run will say it.
         return None
+
+
+def _cover(job: ScatterJob | None) -> Cover | None:
+    """Work out what the footprints of a job will cover; in any thread."""
+    from ...engine.problem.cover import cover_of
+
+    if job is None:
+        return None
+    try:
+        job.prepare()
+    except EshError:
+        return None
     return cover_of(job.problem)
+
+
+def _end() -> None:
+    """Wait for what is worked out just now, and forget it: who still wants it asks again."""
+    global _going
+    if _going is not None:
+        _going[0].join(threading.TIMEOUT_MAX)
+        _going = None
 
 
 def known(scatter: Any, scene: bpy.types.Scene, record: dict[str, Any] | None = None) -> Cover | None:
@@ -112,6 +160,7 @@ def detach() -> None:
     global _survey, _asked
     if bpy.app.timers.is_registered(_work):
         bpy.app.timers.unregister(_work)
+    _end()
     _known.clear()
     _survey, _asked = None, None
 
@@ -131,22 +180,31 @@ def _scale(body_class: Any, factor: float) -> None:
         body_class.cover_share *= factor
 
 
-def _work() -> None:
-    """Work out what was asked for last, and show it; Blender calls it."""
-    global _asked
+def _work() -> float | None:
+    """Work out what was asked for last, and show it; Blender calls it, and again after so many seconds as it returns."""
+    global _asked, _going
     if running.session is not None:
         # Whoever draws after the run asks again.
-        return
+        return None
+    if _going is not None:
+        run, work = _going
+        if run.running:
+            return LOOK
+        _going = None
+        _known[work.key] = Forecast(work.fingerprint, work.cover)
+        if bpy.context.scene == work.scene.find():
+            running.redraw_sidebars()
     asked, _asked = _asked, None
     scene = asked[0].find() if asked is not None else None
-    if asked is None or not isinstance(scene, bpy.types.Scene):
-        return
     # Scripts and panels see what the context's scene holds.
-    if bpy.context.scene == scene and look(scene, asked[1]) is not None:
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
+    if asked is None or not isinstance(scene, bpy.types.Scene) or bpy.context.scene != scene:
+        return None
+    scatters = scene.esh_scatter.scatters
+    if asked[1] >= len(scatters):
+        return None
+    work = _Work(_read(scatters[asked[1]], scene), scene, asked[1])
+    _going = BackgroundRun(work.run), work
+    return LOOK
 
 
 def _number_of(scatter: Any) -> int:

@@ -10,6 +10,7 @@ from esh.engine.problem.fixed_bodies import FixedBodies
 from esh.engine.problem.footprint import Footprint
 from esh.engine.problem.footprints import Footprints
 from esh.engine.problem.line import Line
+from esh.engine.problem.obstacles import Obstacle
 from esh.engine.problem.problem import Problem
 from esh.engine.problem.size import Size
 from esh.engine.problem.surface import Surface, SurfaceMesh
@@ -73,6 +74,25 @@ def test_a_crowded_region_is_told_from_too_little_space():
     assert "too crowded there" in cover.warning
     # On a gentle slope there is room enough beside.
     assert cover_of(problem_of(Footprint.disc(0.2), 1000, np.linspace(0.5, 1.5, 64)[None, :])).warning is None
+
+
+def test_less_fits_between_obstacles_the_larger_the_bodies_are():
+    posts = [
+        Obstacle(polygon=[(x - 0.3, y - 0.3), (x + 0.3, y - 0.3), (x + 0.3, y + 0.3), (x - 0.3, y + 0.3)])
+        for x in np.arange(1.0, 20.0, 2.0)
+        for y in np.arange(1.0, 20.0, 2.0)
+    ]
+
+    def cover(radius, count, **kwargs):
+        return cover_of(problem_of(Footprint.disc(radius), count, **kwargs))
+
+    alone = cover(0.4, 100).fits
+    # A strip of half a radius around every post is lost, of what they leave; its corners are round.
+    lost = 100 * (4 * 0.6 * 0.2 + np.pi * 0.04) / (400.0 - 100 * 0.36)
+    assert cover(0.4, 100, obstacles=posts).fits == pytest.approx(alone * (1.0 - lost), rel=0.02)
+    assert alone > cover(0.1, 100, obstacles=posts).fits > cover(0.4, 100, obstacles=posts).fits
+    # Nothing but the count tells these from what fits.
+    assert cover(0.4, 520, obstacles=posts).too_much and not cover(0.4, 400, obstacles=posts).too_much
 
 
 def test_room_and_gap_count_as_covered():

@@ -19,6 +19,7 @@ from esh.engine.solve import solve
 from esh.engine.solver.body_flags import BodyFlags
 from esh.engine.solver.footprint_tables import numbered, ranked
 from esh.engine.solver.plane_separation import PlaneSeparation
+from esh.engine.solver.separation import Separation
 from esh.engine.solver.solver import Solver
 
 pytest.importorskip("shapely")
@@ -563,3 +564,23 @@ def test_capsules_are_parted_from_boxes_that_are_parallel_to_them(angle, unit):
         problem = Problem(Domain((12.0 * unit, 12.0 * unit)), [BodyClass("a", [size])], avoid_overlap=True, seed=seed)
         report = solve(problem, device="cpu", max_steps=20).report
         assert report.overlaps == 0, f"seed {seed}: the deepest by {report.deepest_overlap / unit:.3f}"
+
+
+def test_what_has_no_room_between_obstacles_is_given_up_without_a_second_try(monkeypatch):
+    tries = []
+    attempt = Separation._try
+
+    def watched(self, go_on, hot):
+        tries.append(hot)
+        return attempt(self, go_on, hot)
+
+    monkeypatch.setattr(Separation, "_try", watched)
+    posts = [
+        Obstacle(polygon=[(x - 0.3, y - 0.3), (x + 0.3, y - 0.3), (x + 0.3, y + 0.3), (x - 0.3, y + 0.3)])
+        for x in np.arange(0.5, 10.0, 1.0)
+        for y in np.arange(0.5, 10.0, 1.0)
+    ]
+    planks = Size("plank", count=120, footprint=Footprints(Footprint.rectangle(2.4, 0.15), turn="random"))
+    problem = Problem(Domain((10.0, 10.0)), [BodyClass("a", [planks])], obstacles=posts, avoid_overlap=True)
+    assert solve(problem, device="cpu").report.in_obstacles > 0
+    assert tries == [False]
