@@ -17,8 +17,17 @@ __all__ = ["Facets"]
 # Longest side of a tile, and of a facet, in units.
 TILE = 1.3
 FACET = 5.2
+# Longest side of a tile where the surface ends or bends sharply: there the pull of the target changes within half a spacing. Measured
+# with 4,096 bodies and five seeds, all tiles alike and then so, errors at 1 and 2 spacings: two strips of other triangles that make a
+# square .0026 and .0006, .0022 and .0005; a square of 37 by 37 cells .0026 and .0006, .0023 and .0005; one of 64 by 64 .0023 and
+# .0005, .0020 and .0004.
+TILE_AT_EDGE = 0.65
 # A facet's longest side over its height, beyond which it is cut in two rather than into even tiles.
 MOST_SLENDER = 4.0
+# Corners are in one place, in units, where they differ by less.
+SAME_PLACE = 1e-3
+# Make one number of three.
+PLACE_FACTORS = np.array([1, 1_000_003, 998_244_353_001])
 # Bits of the Hilbert curve along which facets are in order, per axis.
 CURVE_BITS = 16
 
@@ -66,7 +75,8 @@ class Facets:
         self.edge_side = self._sides_on(surface.edge_side)
         self.area = triangle_areas(self.corner)
         longest = np.linalg.norm(self.corner - np.roll(self.corner, 1, axis=1), axis=2).max(axis=1)
-        self.cuts = np.maximum(np.ceil(longest / TILE - 1e-6), 1.0).astype(np.int64)
+        tile = np.where(self._at_edge(), TILE_AT_EDGE, TILE)
+        self.cuts = np.maximum(np.ceil(longest / tile - 1e-6), 1.0).astype(np.int64)
         self._count()
 
     @property
@@ -154,6 +164,17 @@ class Facets:
             on_side = absent[:, (k + 1) % 3] & absent[:, (k + 2) % 3]
             result[:, k] = (on_side & of_triangle[self.triangle]).any(axis=1)
         return result
+
+    def _at_edge(self) -> np.ndarray:
+        """Facets that a crease or the surface's end touches, by a side or a corner, shape ``[f]``."""
+        facet, side = np.nonzero(self.edge_side)
+        if not len(facet):
+            return np.zeros(self.count, bool)
+        cell = np.round(self.corner / SAME_PLACE).astype(np.int64)
+        # Numbers that go round at 64 bits cut a facet for nothing, no more.
+        place = (cell * PLACE_FACTORS).sum(axis=2)
+        ends = np.concatenate([place[facet, (side + 1) % 3], place[facet, (side + 2) % 3]])
+        return np.isin(place, np.unique(ends)).any(axis=1)
 
     def _count(self) -> None:
         self.first_tile = np.concatenate([[0], np.cumsum(self.cuts**2)])
