@@ -8,7 +8,7 @@ from esh.engine.device.devices import resolve_device
 from esh.engine.device.launcher import Launcher
 from esh.engine.problem.surface import Surface, SurfaceMesh
 from esh.engine.surface import kernels_facets
-from esh.engine.surface.facets import FACET, MOST_SLENDER, TILE, TILE_AT_EDGE, Facets
+from esh.engine.surface.facets import FACET, MOST_SLENDER, TILE, TILE_AT_END, Facets
 from esh.engine.surface.parts import joined_parts
 
 
@@ -50,23 +50,14 @@ def test_facets_cover_the_surface_and_none_is_long_or_slender():
     np.testing.assert_allclose(np.einsum("fck,fkd->fcd", facets.weight, place), facets.corner, atol=1e-9)
 
 
-def test_tiles_are_finer_where_the_surface_ends_or_bends_sharply():
+def test_tiles_are_finer_where_the_surface_ends():
     # Cells of 1.2 units: their sides and diagonals are those of tiles elsewhere.
     vertices, triangles = plate((0.0, 9.6), (0.0, 9.6), cells=8)
-    # Its right half goes up as a wall does.
-    bent = vertices.copy()
-    right = bent[:, 0] > 4.8
-    bent[right, 2] = bent[right, 0] - 4.8
-    bent[right, 0] = 4.8
-    for points, creased in ((vertices, False), (bent, True)):
-        facets = cut(points, triangles)
-        along, across = vertices[:, 0][triangles], vertices[:, 1][triangles]
-        at_end = ((along % 9.6 < 1e-9) | (across % 9.6 < 1e-9)).any(axis=1)
-        at_crease = (np.abs(along - 4.8) < 1e-9).any(axis=1)
-        at_edge = (at_end | at_crease if creased else at_end)[facets.triangle]
-        side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
-        assert (side[at_edge] / facets.cuts[at_edge]).max() <= TILE_AT_EDGE * (1 + 1e-5)
-        assert (facets.cuts[~at_edge] == 2).all() and (~at_edge).sum() > 20
+    facets = cut(vertices, triangles)
+    at_end = (vertices[triangles][:, :, :2] % 9.6 < 1e-9).any(axis=(1, 2))[facets.triangle]
+    side = np.linalg.norm(facets.corner - np.roll(facets.corner, 1, axis=1), axis=2).max(axis=1)
+    assert (side[at_end] / facets.cuts[at_end]).max() <= TILE_AT_END * (1 + 1e-5)
+    assert (facets.cuts[~at_end] == 2).all() and (~at_end).sum() > 20
 
 
 def test_open_sides_follow_their_triangles():
