@@ -20,8 +20,8 @@ FACET = 5.2
 # Longest side of a tile where the surface ends: there the pull of the target changes within half a spacing. Measured
 # with 4,096 bodies and five seeds, all tiles alike and then so, errors at 1 and 2 spacings: two strips of other triangles that make a
 # square .0026 and .0006, .0022 and .0005; a square of 37 by 37 cells .0026 and .0006, .0023 and .0005; one of 64 by 64 .0023 and
-# .0005, .0020 and .0004. At creases, too: on a box with thin walls .0033 and .0008, .0030 and .0007; but on a surface of cubes that is all
-# creases .055 and .003, .077 and .028.
+# .0005, .0020 and .0004. At creases, too: on a box with thin walls .0033 and .0008, .0030 and .0007; but on a surface of cubes
+# that is all creases .055 and .003, .077 and .028.
 TILE_AT_END = 0.65
 # A facet's longest side over its height, beyond which it is cut in two rather than into even tiles.
 MOST_SLENDER = 4.0
