@@ -33,6 +33,7 @@ def check_feasible(problem: Problem) -> None:
     _check_areas(problem)
     _check_emphasis(problem)
     _check_extents(problem)
+    _check_fixed(problem)
     _check_inset(problem)
 
 
@@ -169,10 +170,52 @@ def _check_emphasis(problem: Problem) -> None:
             )
 
 
-def _check_extents(problem: Problem) -> None:
-    side, most, which = max(problem.domain.size), validation.MOST_EXTENT, "longer side of the domain"
+def _most_extent(problem: Problem) -> tuple[float, int, str]:
+    """Return a side of the domain [m], how many times as long a body may be, and what sentences call that side."""
     if isinstance(problem.domain, Domain) and problem.domain.periodic:
-        side, most, which = min(problem.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
+        return min(problem.domain.size), validation.MOST_PERIODS, "shorter side of the periodic domain"
+    return max(problem.domain.size), validation.MOST_EXTENT, "longer side of the domain"
+
+
+def _check_fixed(problem: Problem) -> None:
+    """Hold fixed bodies to what those of a size are held to: areas beside all others', and lengths beside the domain."""
+    fixed = problem.fixed
+    if not len(fixed.id):
+        return
+    spans = [size.area_span for c in problem.classes for size in c.sizes]
+    low, high = min(span[0] for span in spans), max(span[1] for span in spans)
+    smallest, largest = float(fixed.area.min()), float(fixed.area.max())
+    if max(high, largest) > validation.MOST_AREA_RATIO * min(low, smallest):
+        got = largest if largest > validation.MOST_AREA_RATIO * low else smallest
+        raise ProblemError(
+            f"`fixed.area` must not be more than {validation.MOST_AREA_RATIO:g} times another body's, or so much less; got {got:g} "
+            f"beside {low:g} m²"
+        )
+    side, most, which = _most_extent(problem)
+    for c, body_class in enumerate(problem.classes):
+        for s, size in enumerate(body_class.sizes):
+            own = (fixed.class_index == c) & (fixed.size_index == s)
+            narrowest, longest = _span_of_fixed(size, fixed.area[own], fixed.variant[own], fixed.scale[own])
+            if longest > most * side or narrowest < validation.SMALLEST_LENGTH:
+                raise ProblemError(
+                    f'`fixed.area` and `fixed.scale` of size "{size.name}" of class "{body_class.name}" must make bodies no longer '
+                    f"than {most:,} times the {which}, {side:g} m, and at least {validation.SMALLEST_LENGTH:g} m wide; got "
+                    f"{longest:.3g} by {narrowest:.3g} m"
+                )
+
+
+def _span_of_fixed(size: Size, area: np.ndarray, variant: np.ndarray, scale: np.ndarray) -> tuple[float, float]:
+    """How wide the narrowest outline of fixed bodies of a size is, and how long the longest one [m]; see :class:`.FixedTable`."""
+    if not isinstance(size.footprint, Footprints) or not len(area):
+        return math.inf, max((float(size.kind.extent(float(one))) for one in area), default=0.0)
+    outlines = size.footprint.outlines
+    areas, widths, reaches = np.array([(o.area, o.width, o.circumradius) for o in outlines])[variant].T
+    factor = np.where(np.isnan(scale), np.sqrt(area / areas), scale)
+    return float((factor * widths).min()), 2.0 * float((factor * reaches).max())
+
+
+def _check_extents(problem: Problem) -> None:
+    side, most, which = _most_extent(problem)
     for c in problem.classes:
         for size in c.sizes:
             key, extent = "line" if size.kind.has_axis else "area", size.kind.extent(size.area_span[1])

@@ -102,7 +102,11 @@ def _check_numbers(value: object, key: str) -> np.ndarray:
 
 
 def _check_angle(value: object, key: str) -> np.ndarray:
-    return _finite(_check_numbers(0.0 if value is None else value, key), key)
+    numbers = _finite(_check_numbers(0.0 if value is None else value, key), key)
+    most = validation.LARGEST_ANGLE
+    wrong = np.abs(numbers) > most
+    _refuse(wrong, f"{key} must be angles between {-most:g} and {most:g} radians; got {_first(numbers, wrong)}")
+    return numbers
 
 
 def _finite(numbers: np.ndarray, key: str) -> np.ndarray:

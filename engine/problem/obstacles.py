@@ -67,6 +67,10 @@ def _center_and_radius(value: object, key: str, center: str) -> tuple[float, ...
     if not len(entries) == len(numbers) == center.count(",") + 2 or not numbers[-1] > 0.0:
         raise ProblemError(f"{key} must be {center} and a radius above 0, in meters; got {show(value)}")
     _check_near(max(map(abs, numbers)), key)
+    if numbers[-1] < validation.SMALLEST_LENGTH:
+        raise ProblemError(
+            f"{key} must have a radius of at least {validation.SMALLEST_LENGTH:g} m; got {numbers[-1]:g}"
+        )
     return numbers
 
 

@@ -153,3 +153,47 @@ def test_bodies_of_a_placement_are_fixed_with_all_that_they_have():
     assert again.fixed.area.tolist() == placement.area[chosen].tolist()
     # Only lines have a length.
     np.testing.assert_array_equal(again.fixed.length, [np.nan, np.nan, 0.9])
+
+
+@pytest.mark.parametrize(
+    ("boundary", "kind", "values", "message"),
+    [
+        (
+            "open",
+            "disc",
+            {"area": 1e300},
+            r"`fixed\.area` must not be more than 1e\+08 times another body's.*; got 1e\+300",
+        ),
+        ("open", "disc", {"area": 1e-300}, r"`fixed\.area` must not be more than 1e\+08 times .*; got 1e-300 beside"),
+        (
+            "open",
+            "plank",
+            {"scale": 1e300},
+            r"`fixed\.scale` of size \"s\" of class \"k\" must make bodies no longer than 10,0",
+        ),
+        (
+            "open",
+            "plank",
+            {"scale": 1e-12},
+            r"`fixed\.scale` of size .* and at least 1e-09 m wide; got 1\.24e-12 by 3e-13 m",
+        ),
+        (
+            "periodic",
+            "plank",
+            {"scale": 200.0},
+            r"no longer than 16 times the shorter side of the periodic domain, 8 m",
+        ),
+        ("periodic", "disc", {"area": 1e5}, r"no longer than 16 times the shorter side of the periodic domain, 8 m"),
+        (
+            "open",
+            "plank",
+            {"angle": 1e300},
+            r"`fixed\.angle` must be angles between -10000 and 10000 radians; got 1e\+300",
+        ),
+    ],
+)
+def test_what_no_size_may_be_no_fixed_body_is(boundary, kind, values, message):
+    outline = Footprints([Footprint.rectangle(1.2, 0.3)]) if kind == "plank" else None
+    size = Size("s", 0.3 if outline is None else None, 30, footprint=outline)
+    with pytest.raises(ProblemError, match=message):
+        Problem(Domain((10.0, 8.0), boundary), [BodyClass("k", [size])], fixed=FixedBodies([[5.0, 4.0]], **values))

@@ -126,3 +126,9 @@ def test_obstacles_everywhere_are_refused():
 def test_values_that_are_none_are_refused_with_a_sentence(values, message):
     with pytest.raises(ProblemError, match=message):
         Obstacle(**values)
+
+
+@pytest.mark.parametrize(("kind", "value"), [("disc", (5.0, 4.0, 1e-12)), ("ball", (5.0, 4.0, 0.0, 1e-12))])
+def test_a_radius_below_every_length_is_named(kind, value):
+    with pytest.raises(ProblemError, match=rf"{kind}` must have a radius of at least 1e-09 m; got 1e-12"):
+        Obstacle(**{kind: value})
