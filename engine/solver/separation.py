@@ -77,8 +77,8 @@ MOST_ROUNDS = 2500
 ROUNDS_AT_ONCE = 5
 ROUNDS_WITHOUT_PROGRESS = 500
 PROGRESS = 0.97
-# Where the squared overlaps are this large on average, so many rounds without progress are enough, and no second try follows: measured
-# on pebbles among others, of which a second try leaves as many.
+# Where the squared overlaps are this large on average beside obstacles, so many rounds without progress are enough, and no second try
+# follows: measured on pebbles among others, of which a second try leaves as many.
 JAMMED = 0.02
 ROUNDS_OF_THE_JAMMED = 200
 # Above this cover hardly anything can be parted to the last: so many rounds at most, and no second try.
@@ -454,7 +454,7 @@ class Separation(ABC):
                     return True
                 if squares < best:
                     best, best_places = squares, [wp.clone(array) for array in self._places()]
-                self._jammed = squares > JAMMED * len(self._order)
+                self._jammed = self._is_jam(squares)
                 patience = ROUNDS_OF_THE_JAMMED if self._jammed else ROUNDS_WITHOUT_PROGRESS
                 since = 0 if squares < PROGRESS * least else since + ROUNDS_AT_ONCE
                 least = squares if since == 0 else least
@@ -472,6 +472,11 @@ class Separation(ABC):
             self._move()
         self._recall(best_places)
         return None if stopped else False
+
+    def _is_jam(self, squares: float) -> bool:
+        """Whether squared overlaps are so large that they hardly come apart; where nothing stands in the way they do for long."""
+        limit = JAMMED if self._model.problem.obstacles else HOPELESS
+        return squares > limit * len(self._order)
 
     def _change_places(self, number: int, unguided: int) -> int:
         """Give bodies that stay stuck other places: those of others of their kind, and free ones; returns how many have one.
