@@ -107,7 +107,8 @@ def measure_spacing(bodies: MeasuredBodies, number_density: wp.array) -> Spacing
             return None
         side *= WIDER
     smallest, _ = least_and_number(launcher, share, nobody)
-    usual = median_of_least(launcher, nearest, found)
+    # Whoever has none in sight is farther from it than most are.
+    usual = median_of_least(launcher, nearest, n if found > n // 2 else found)
     return Spacing(
         smallest / HEXAGONAL_SPACING if smallest < kernels_spacing.NOBODY else None,
         closest * bodies.unit,

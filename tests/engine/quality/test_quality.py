@@ -116,6 +116,18 @@ def test_distances_are_those_of_neighbors_in_meters(launcher):
     assert measure_spacing(measured_bodies(launcher, Domain((30.0, 20.0)), position[:1]), density[:1]) is None
 
 
+def test_who_stands_alone_counts_among_usual_distances(launcher):
+    """A row in which every body is farther from the next than those before, and a few that see nobody."""
+    row = np.stack([0.2 * np.arange(41) ** 1.3, np.full(41, 2.0)], axis=1)
+    alone = np.array([[5.0, 18.0], [14.0, 18.0], [23.0, 18.0], [29.0, 10.0], [2.0, 10.0]])
+    position = np.concatenate([row, alone])
+    bodies = measured_bodies(launcher, Domain((30.0, 20.0)), position)
+    # Most of the ground asks for none: who is alone is so by many spacings.
+    density = wp.array(np.full(46, 16.0 * 46 / 600.0 * bodies.unit**2), dtype=float, device=launcher.device)
+    between = np.linalg.norm(position[:, None] - position, axis=2) + 1e9 * np.eye(46)
+    assert measure_spacing(bodies, density).usual == pytest.approx(np.median(between.min(axis=1)), rel=1e-5)
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("unasked", [1, 60, 96])
 def test_bodies_where_nothing_is_asked_for_have_a_distance_but_no_spacing(launcher, unasked):
