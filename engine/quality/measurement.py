@@ -160,7 +160,7 @@ def _notes_on_places(problem: Problem, found: OutOfPlace) -> list[str]:
         return []
     notes = []
     # Where there is room for all, those that are left may only need time to find it.
-    helps = ("" if cover_of(problem).too_much else "take more steps, or ") + "lower the counts or the areas"
+    helps = ("" if cover_of(problem).warning else "take more steps, or ") + "lower the counts or the areas"
     if found.in_obstacles:
         lie = "1 body lies" if found.in_obstacles == 1 else f"{found.in_obstacles} bodies lie"
         notes.append(f"{lie} in obstacles, the deepest by {found.deepest:.3g} m; {helps}")
