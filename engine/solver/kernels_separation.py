@@ -385,12 +385,12 @@ def measure_overlaps(
 ):
     """Of every body: how many pairs whose first it is overlap by more than the tolerance, how many at all, and its squared overlaps.
 
-    Overlaps count in smaller widths; edges of the domain count as bodies.
+    Overlaps count in smaller widths; edges of the domain count as bodies, but for what does not move: obstacles go on beyond them.
     """
     i = first + wp.tid()
+    outlines = crowd.outlines
     deeper, overlaps, squares = overlaps_of_pairs(i, pairs, tolerance)
-    if crowd.inset != 0:
-        outlines = crowd.outlines
+    if crowd.inset != 0 and outlines.lightness[i] > 0.0:
         size = crowd.neighbors.grid.space.size
         p = wp.vec2(crowd.pose[i][0], crowd.pose[i][1])
         for side in range(4):

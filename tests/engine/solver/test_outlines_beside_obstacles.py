@@ -1,5 +1,6 @@
 """Outlines of any shape lie close to convex obstacles, are parted from them as from each other, and turn into the gaps between."""
 
+import dataclasses
 import time
 
 import numpy as np
@@ -135,6 +136,17 @@ def test_what_lies_just_beyond_the_border_is_met_by_those_that_reach_across_it()
     assert any(shape.bounds[3] > SIDE for shape in shapes)
     assert overlaps(shapes, [shapely.Polygon(beyond)]) == placement.report.in_obstacles == 0
     assert placement.report.converged
+
+
+@pytest.mark.parametrize("seed", [4, 7])
+def test_obstacles_that_go_on_beyond_an_inset_border_are_no_jam(seed):
+    """What does not move was counted among those that reach across it: runs were given up early, and the last bodies stayed there."""
+    random = np.random.default_rng(seed)
+    corners = [random.uniform(0.0, SIDE, 2) + random.uniform(-3.0, 3.0, (3, 2)) for _ in range(30)]
+    obstacles = [Obstacle(polygon=WALL), *(Obstacle(polygon=c) for c in corners)]
+    given = problem_of(QUAD, 260, obstacles, seed=seed, turn="random", scale_jitter=0.4)
+    report = solve(dataclasses.replace(given, domain=Domain((SIDE, SIDE), inset=True)), device="cpu").report
+    assert report.overlaps == report.beyond_border == report.in_obstacles == 0
 
 
 def test_edits_part_them_as_well():
