@@ -261,10 +261,15 @@ def propose_places(
         if in_room and lies_in_support(i, at, angle, outlines, bodies, bend, support, images, space):
             if corners >= room_for_corners:
                 turn_trial(i, angle, corners, outlines)
-            here = cost_of_place(i, corners, i, at, least, crowd)
-            if here < least:
-                least = here
-                chosen = wp.vec3(at[0], at[1], angle)
+            # Edges do not give way, either.
+            over = float(0.0)
+            if crowd.inset != 0:
+                over = cost_of_walls(i, corners, at, outlines, space.size)
+            if over <= WALL_COST * TOLERABLE * TOLERABLE:
+                here = cost_of_place(i, corners, i, at, least, crowd)
+                if here < least:
+                    least = here
+                    chosen = wp.vec3(at[0], at[1], angle)
     place[q] = chosen
     cost[q] = least
 
