@@ -147,7 +147,11 @@ def carry_over(old: Model, position: np.ndarray, model: Model, first_identity: i
     identity[carried] = before.identity[source[carried]]
     fresh = (source < 0) & ~model.fixed
     identity[fresh] = first_identity + np.arange(int(fresh.sum()))
-    return CarriedOver(_in_support(model, result), source, identity, position[gone])
+    result = _in_support(model, result)
+    there = np.flatnonzero(source >= 0)
+    away = there[(result[there] != position[source[there]]).any(axis=1)]
+    moved = np.concatenate([result[away], position[source[away]]])
+    return CarriedOver(result, source, identity, position[gone], moved)
 
 
 def _changes(old: Model, position: np.ndarray, model: Model, used: np.ndarray) -> list[_Change]:

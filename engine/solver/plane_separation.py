@@ -35,8 +35,8 @@ FEWEST_PLACES = 200
 # Squared overlaps that a place may leave of those that a body had. Measured on 500 pebbles among trees and logs: where a place had to
 # be free of all, 7 pairs were left.
 KEEP_PLACES = 0.5
-# And that it may leave where the last pass helped nobody: those that are pressed there give way. Measured on quads between triangles at
-# 42 %: one is caught at the border, and of 200,000 places none is free, but many press by a fifth of a width.
+# And that it may leave where the last pass helped nobody: those that are pressed there give way. Measured on quads between triangles
+# at 42 %: one is caught at the border, and of 200,000 places none is free, but many press by a fifth of a width.
 PRESSED_PLACES = 0.1
 # Where a pass leaves more than this share of those who are caught, and they are more than this share of all bodies, there is no room
 # for them: no other follows.

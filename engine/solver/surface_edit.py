@@ -48,10 +48,11 @@ def carry_over_on_surface(
         for s, size in enumerate(body_class.sizes):
             edit.settle(c, s, size.name, share_before, share_now)
     edit.leave_the_empty()
-    return CarriedOver(np.zeros((model.body_count, 3)), edit.source, edit.identities(first_identity), edit.removed()), (
-        edit.facet,
-        edit.weight,
-    )
+    # Who moved, nobody asks.
+    anywhere, nowhere = np.zeros((model.body_count, 3)), np.zeros((0, 3))
+    identity = edit.identities(first_identity)
+    carried = CarriedOver(anywhere, edit.source, identity, edit.removed(), nowhere)
+    return carried, (edit.facet, edit.weight)
 
 
 class _SurfaceEdit:

@@ -24,6 +24,7 @@ from esh.engine.solver.carried_over import CarriedOver
 from esh.engine.solver.edit import carry_over
 from esh.engine.solver.line_rules import length_blocks
 from esh.engine.solver.model import Model
+from esh.engine.solver.settling import settle_near
 from scipy.spatial import cKDTree
 
 DOMAIN = Domain((64.0, 64.0))
@@ -87,8 +88,8 @@ def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled
         solver.run(150)
         converged = error(solver.placement(), density)
     assert len(after.position) == count
-    # Over eight seeds 1.37 to 1.52 where the stroke is thinned, and 1.11 to 1.17 where it is made denser.
-    assert error(after, density) < (1.6 if factor < 1.0 else 1.25) * converged
+    # Over eight seeds 1.03 to 1.28 where the stroke is thinned, and 1.02 to 1.08 where it is made denser.
+    assert error(after, density) < (1.35 if factor < 1.0 else 1.2) * converged
     assert error(before, density) > 5.0 * converged
     way, at = moved(before, after)
     assert (way[far(at)] < 0.1).mean() > 0.9
@@ -96,6 +97,21 @@ def test_a_stroke_is_followed_in_five_steps_and_leaves_the_rest_in_place(settled
     np.testing.assert_array_equal(np.sort(np.setdiff1d(before.id, after.id)), np.sort(edit.removed))
     changed = abs(count - N)
     assert changed <= max(len(edit.added), len(edit.removed)) < changed + 20
+
+
+def test_only_who_came_and_who_is_near_settles_before_the_steps_of_all(settled):
+    density, count = painted(3.0), counts_by_density(3.0)
+    with solver_at(settled) as solver:
+        before = solver.placement()
+        solver.edit(problem_of(density, count), steps=0)
+        set_down = solver.placement()
+        rough = error(set_down, density)
+        new = set_down.position[~np.isin(set_down.id, before.id)]
+        settle_near(solver.descent, new / solver.model.unit, 16)
+        after = solver.placement()
+    assert error(after, density) < 0.7 * rough
+    way, at = moved(before, after)
+    assert way[far(at, 6.0)].max() < 1e-3 and way[~far(at)].max() > 0.1
 
 
 @pytest.mark.parametrize("factor", [0.25, 0.5])
