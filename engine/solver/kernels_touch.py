@@ -306,13 +306,29 @@ class WayOut:
 
 
 @wp.func
+def middle_of_core(core: Core, corner: wp.array(dtype=wp.vec4)):
+    """The mean of a core's corners, seen from the body's position: that may be at an end of it, or outside."""
+    result = wp.vec2(0.0, 0.0)
+    for k in range(core.first, core.first + core.count):
+        result += wp.vec2(corner[k][0], corner[k][1])
+    return result / float(core.count)
+
+
+@wp.func
 def ways_across_faces(
-    before: WayOut, a: Core, b: Core, d: wp.vec2, slack: float, sharpness: float, corner: wp.array(dtype=wp.vec4)
+    before: WayOut,
+    a: Core,
+    b: Core,
+    d: wp.vec2,
+    between: wp.vec2,
+    slack: float,
+    sharpness: float,
+    corner: wp.array(dtype=wp.vec4),
 ):
     """The ways of B, at offset ``d``, out of A across the faces of A, with those before; up to ``slack`` beyond the face.
 
-    A way counts by how short it is, as a share of what it is where both have one center, to the power of
-    ``sharpness``: along two planks as much as across.
+    A way counts by how short it is, as a share of what it is where both have one middle, to the power of
+    ``sharpness``: along two planks as much as across. ``between`` is from the middle of A to that of B where both have one position.
     """
     result = before
     r = a.rounding + b.rounding
@@ -320,8 +336,8 @@ def ways_across_faces(
         v = corner[a.first + face]
         n = wp.vec2(v[2], v[3])
         lowest, _nearest = support(corner, b.first, b.count, n)
-        longest = n[0] * v[0] + n[1] * v[1] - lowest + r
-        depth = longest - (n[0] * d[0] + n[1] * d[1])
+        longest = n[0] * (v[0] + between[0]) + n[1] * (v[1] + between[1]) - lowest + r
+        depth = longest - (n[0] * (d[0] + between[0]) + n[1] * (d[1] + between[1]))
         result.shortest = wp.min(result.shortest, longest)
         if depth <= longest:
             share = wp.max(depth / longest, LEAST_DEPTH)
@@ -342,9 +358,10 @@ def way_between_parallels(i: int, j: int, d: wp.vec2, outlines: Outlines, slack:
     a = core_of(i, outlines)
     b = core_of(j, outlines)
     result.shortest = outlines.reach[i] + outlines.reach[j]
-    result = ways_across_faces(result, b, a, -d, slack, sharpness, outlines.corner)
+    between = middle_of_core(b, outlines.corner) - middle_of_core(a, outlines.corner)
+    result = ways_across_faces(result, b, a, -d, -between, slack, sharpness, outlines.corner)
     result.way = -result.way
-    result = ways_across_faces(result, a, b, d, slack, sharpness, outlines.corner)
+    result = ways_across_faces(result, a, b, d, between, slack, sharpness, outlines.corner)
     if result.shortest > SIDE_BY_SIDE * 0.5 * (outlines.width[i] + outlines.width[j]):
         result.weights = 0.0
     return result

@@ -52,9 +52,9 @@ TOLERANCE = 2e-4
 # What counts as converged where the steps run out: bodies want to move by less than half a hundredth of their spacing.
 SETTLED = 5e-3
 # The same where outlines that keep apart cover more than this of their ground, or lie between obstacles: contact grants little of what
-# forces ask for there, and who gives way here presses elsewhere, so that bodies go on jostling by 0.004 to 0.015 of their spacing however
-# many steps are taken. Measured on planks, boxes and discs at 80 %, and on quads between triangles at 42 %; ten steps come to 0.03 to
-# 0.05. Planks at 70 % come to 0.001.
+# forces ask for there, and who gives way here presses elsewhere, so that bodies go on jostling by 0.004 to 0.015 of their spacing
+# however many steps are taken. Measured on planks, boxes and discs at 80 %, and on quads between triangles at 42 %; ten steps come to
+# 0.03 to 0.05. Planks at 70 % come to 0.001.
 JOSTLED = 0.75
 SETTLED_WHERE_JOSTLED = 2e-2
 # What is said where numbers leave the range of float32 all the same.

@@ -105,6 +105,20 @@ def test_a_run_that_settled_and_parted_has_converged():
 
 
 @pytest.mark.parametrize(
+    "origin", [(0.0, 0.0), (1.0, 0.15), (0.0, 0.15), (3.0, 0.15)], ids=["corner", "middle", "end", "outside"]
+)
+@pytest.mark.parametrize(("turn", "cover"), [("random", 0.6), (0.5, 0.6), ("free", 0.7)])
+def test_planks_are_parted_wherever_their_origin_is(contact, turn, cover, origin):
+    """Where their origins were not their middles, crossing planks counted as lying side by side, and were never parted."""
+    corners = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 0.3], [0.0, 0.3]]) - origin
+    side = math.sqrt(240 * 0.6 / cover)
+    size = Size("a", count=240, footprint=Footprints(Footprint.polygon(corners), turn=turn))
+    placement = solve(Problem(Domain((side, side)), [BodyClass("k", [size])], avoid_overlap=True, seed=1), device="cpu")
+    assert placement.report.overlaps == contact.overlaps_by_shapely(placement)[0] == 0
+    assert placement.report.coverage_error < 0.1
+
+
+@pytest.mark.parametrize(
     "share, turn, cover",
     [((1, 0, 0), "free", 0.7), ((1, 0, 0), "random", 0.6), ((1, 1, 1), "free", 0.8), ((0, 0, 1), 0.0, 0.8)],
 )
