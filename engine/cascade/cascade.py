@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -30,7 +31,7 @@ from .beyond_edges import with_nodes_beyond_edges
 from .kernels_points import Points
 from .points import Lists, chosen, empty_points, grid_of, lists_of, nearest_of, running_sum, runs_of, thinned
 
-__all__ = ["Cascade"]
+__all__ = ["Cascade", "Softness"]
 
 # Distance of nodes over the level's length, and how much farther a home may be.
 NODE_DISTANCE = 0.7
@@ -54,7 +55,7 @@ FAR_OCTAVES = 40
 FITTED = 4001
 # Nodes whose normals are farther apart see nothing of each other.
 LEAST_COSINE = -0.95
-# The target of the near part is blurred by this share of the spacing, as it is in the plane: bodies cannot resolve more, and
+# Where the near part is sharp, its target is blurred by this share of the spacing, as it is in the plane: bodies cannot resolve more, and
 # would crowd along its edges.
 BLUR = 0.37
 # A uniform one has no such edges, and its blur only leaks where the surface ends or bends sharply. Measured with 0.3, 0.33 and 0.37:
@@ -89,6 +90,20 @@ class _Level:
     up_value: wp.array | None = None
     down: Lists | None = None
     down_value: wp.array | None = None
+
+
+class Softness(NamedTuple):
+    """How soft charges are, in lengths of the cascade.
+
+    Attributes:
+        blur: Width of the Gaussian that they, and what attracts them, are blurred by.
+        core: Strength of what keeps them apart beside that, see :mod:`esh.engine.field.blur`.
+        reach: Distance at which this ends.
+    """
+
+    blur: float
+    core: float
+    reach: float
 
 
 class _Parts:
@@ -138,6 +153,7 @@ class Cascade:
         charge: Charge of every particle, shape ``[n]``.
         charge_group: Its group, shape ``[n]``.
         length: Spacing that it is to resolve, in units.
+        softness: How soft charges are; None for points, before a target that is blurred a little.
 
     Attributes:
         home: Node that is the home of charges on a tile, ``wp.int32``, shape ``[tile_count]``. Where no image asks for any, and no
@@ -159,8 +175,9 @@ class Cascade:
         charge: np.ndarray,
         charge_group: np.ndarray,
         length: float = 1.0,
+        softness: Softness | None = None,
     ) -> None:
-        self.launcher, self._length = launcher, length
+        self.launcher, self._length, self._softness = launcher, length, softness
         device = launcher.device
         self._facets = on_device
         self.group_count = len(interaction)
@@ -199,7 +216,7 @@ class Cascade:
         pairs = runs_of(launcher, lists_of(launcher, nodes, nodes, cutoff + 2.0 * NODE_DISTANCE * length, LEAST_COSINE))
         self._nearby = kernels_cascade.NearPart()
         self._nearby.start, self._nearby.near, self._nearby.cutoff = pairs.start, pairs.entry, cutoff
-        self._nearby.term = wp.array(_near_terms(cutoff / length), dtype=float, device=device)
+        self._nearby.term = wp.array(_near_terms(cutoff / length, softness), dtype=float, device=device)
         self._nearby.interaction = self._interaction
         columns = np.concatenate([share[:, full], facets.tile_area[None, full]])
         on_nodes = self._shared_out(parts, of_tile[full], columns)
@@ -320,6 +337,9 @@ class Cascade:
         square = np.linspace(0.0, cutoff**2, TABLE_SIZE + 1)[:, None]
         force = []
         for blur in (BLUR, BLUR_OF_UNIFORM):
+            if self._softness is not None:
+                force.append(_near_force(square[:, 0] / self._length**2, self._softness.blur))
+                continue
             blurred = squares + (blur * self._length) ** 2
             ratio = square / blurred
             force.append((math.log(2.0) * squares / blurred * ratio * np.exp(-0.5 * ratio)).sum(axis=1))
@@ -490,11 +510,26 @@ def _same_everywhere(share: np.ndarray, area: np.ndarray) -> np.ndarray:
     return ratio.max(axis=1) - ratio.min(axis=1) <= SAME_SHARE * ratio.max(axis=1)
 
 
-def _near_terms(cutoff: float) -> np.ndarray:
-    """Factors of the polynomial of the near part between charges (:class:`.NearPart`): -log r less all octaves that go to nodes."""
-    squared = np.linspace(0.0, 1.0, FITTED)
-    ratio = cutoff**2 * squared[:, None] / 4.0 ** (np.arange(FAR_OCTAVES) + 0.5)
+def _near_force(squared: np.ndarray, blur: float = 0.0) -> np.ndarray:
+    """Distance times force of the near part between two charges: that of -log r, blurred, less all octaves that go to nodes.
+
+    Args:
+        squared: Squares of distances, in lengths, shape ``[n]``.
+        blur: Width of the blur between them, in lengths.
+    """
+    ratio = squared[:, None] / 4.0 ** (np.arange(FAR_OCTAVES) + 0.5)
     force = 1.0 - (math.log(2.0) * ratio * np.exp(-0.5 * ratio)).sum(axis=1)
+    return force - np.exp(-0.5 * squared / blur**2) if blur > 0.0 else force
+
+
+def _near_terms(cutoff: float, softness: Softness | None) -> np.ndarray:
+    """Factors of the polynomial of the near part between charges (:class:`.NearPart`)."""
+    squared = np.linspace(0.0, 1.0, FITTED)
+    if softness is None:
+        force = _near_force(cutoff**2 * squared)
+    else:
+        core = np.maximum(1.0 - squared * (cutoff / softness.reach) ** 2, 0.0) ** 2
+        force = _near_force(cutoff**2 * squared, softness.blur) + softness.core * core
     fit = np.polynomial.Chebyshev.fit(squared, force, kernels_cascade.NEAR_TERMS - 1, domain=[0.0, 1.0])
     return fit.convert(kind=np.polynomial.Polynomial).coef
 

@@ -36,6 +36,7 @@ from .surface_own_forces import own_forces
 from .surface_placement import facing_headings, placement_on_surface, points_of
 from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
 from .surface_separation import SurfaceSeparation
+from .surface_softness import softness_of
 from .surface_state import SurfaceState
 
 __all__ = ["SurfaceDescent"]
@@ -101,6 +102,7 @@ class SurfaceDescent:
             interaction=interaction,
             charge=model.charge.charge,
             charge_group=model.body.group[model.charge.body],
+            softness=softness_of(model),
         )
         potential = correlation_potential(model, self.cascade.node_share, self.cascade.node_area)
         if potential is not None:

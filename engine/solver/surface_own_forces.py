@@ -21,6 +21,7 @@ from ..surface.facets import Facets
 from . import kernels_surface_own
 from .kernels_on_surface import Charges
 from .model import Model
+from .surface_softness import softness_of
 
 __all__ = ["OwnForces", "own_forces"]
 
@@ -72,6 +73,7 @@ class OwnForces:
             charge=charge,
             charge_group=np.zeros(len(row), np.int32),
             length=length,
+            softness=softness_of(model),
         )
         self._row = wp.array(row.astype(np.int32), dtype=wp.int32, device=launcher.device)
         self._own = Charges()

@@ -1,0 +1,45 @@
+"""How soft bodies are to each other on a surface: as in the plane, see :mod:`~esh.engine.field.blur`, where all of them are alike.
+
+What is soft has fewer patterns that it is held up in, and steps lead to more even ones.
+
+Measured with 4,096 bodies, 100 steps and four seeds, as points and so: coverage errors at 1 spacing of a rock .0022 and .0017, of a box
+with thin walls .0034 and .0019, of Suzanne .0037 and .0029, and smallest spacings of .82 and .84, .85 and .85, .75 and .76; of one of two
+classes on a torus .0077 and .0065.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..cascade.cascade import Softness
+from ..field import blur
+from .model import Model
+
+__all__ = ["softness_of"]
+
+# Two bodies of several classes stand closer than a spacing. A core that reaches no farther, and is so many times as strong, keeps close
+# pairs apart and leaves each class as even. Measured with two classes, usual core and this: smallest spacings of all .71 and .73,
+# errors of a class at 1 spacing .0064 and .0065.
+REACH_AMONG_CLASSES = 1.0
+STRONGER_AMONG_CLASSES = 2.0
+
+
+def softness_of(model: Model) -> Softness | None:
+    """Return how soft the bodies of a model are; None for points.
+
+    The blur would have to follow the spacing where a density changes, and sizes where these differ; and what is blurred lets lines and
+    outlines slip through each other.
+    """
+    problem, charge = model.problem, model.charge.charge
+    varies = any(c.varies_on_surface for c in problem.classes)
+    outlined = problem.avoid_overlap and bool(model.footprints.is_outline.any())
+    if varies or outlined or model.kinds or float(np.ptp(charge)) > 0.0:
+        return None
+    width = blur.blur_over_spacing(problem.regularity, uniform=True)
+    strength, end = blur.core(width, uniform=True)
+    reach = width * math.sqrt(2.0 * end)
+    if len(problem.classes) > 1:
+        return Softness(width, STRONGER_AMONG_CLASSES * strength, min(reach, REACH_AMONG_CLASSES))
+    return Softness(width, strength, reach)
