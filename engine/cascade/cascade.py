@@ -55,8 +55,8 @@ FAR_OCTAVES = 40
 FITTED = 4001
 # Nodes whose normals are farther apart see nothing of each other.
 LEAST_COSINE = -0.95
-# Where the near part is sharp, its target is blurred by this share of the spacing, as it is in the plane: bodies cannot resolve more, and
-# would crowd along its edges.
+# Where charges are points, the target of the near part is blurred by this share of the spacing: bodies cannot resolve more, and would
+# crowd along its edges.
 BLUR = 0.37
 # A uniform one has no such edges, and its blur only leaks where the surface ends or bends sharply. Measured with 0.3, 0.33 and 0.37:
 # coverage errors of a square at 1 spacing of .0022, .0023 and .0025; of Suzanne at 2 spacings of .0012, .0015 and .0020, and smallest

@@ -17,7 +17,7 @@ from ..surface.facets import Facets
 from . import kernels_points
 from .points import chosen, empty_points, grid_of, nearest_of, thinned
 
-__all__ = ["seen_from_afar"]
+__all__ = ["is_rough", "seen_from_afar"]
 
 # Width of the Gaussian that normals are averaged by, over the spacing. Measured with 40 bodies on the rock: errors at 1 and 2 spacings
 # are .0060 and .0013 with 0.3, .0061 and .0014 with 0.6; of 40 among 4,400 others .0070 and .0013 with 0.5, .0099 and .0026 with 1.
@@ -25,8 +25,26 @@ WIDTH = 0.5
 # Where it ends, and the distance of the points that stand for the surface, both over the width.
 REACH = 2.5
 STEP = 0.6
+# A surface that turns by more than this in a unit [rad], the root mean square over its area, is rough. Measured with 4,096 bodies,
+# from near and from afar: Suzanne, 0.40, has smallest spacings of 0.766 and 0.772 (16 seeds), a rock, 0.34, of 0.836 and 0.844.
+# Spheres and tori, 0.06 and 0.16, look the same from afar, which takes time.
+ROUGH = 0.3
+# Tiny triangles turn by any angle within no distance; they count as no more than this.
+MOST_TURN = 9.0
 # What is the same from near and from afar.
 SHARED = ("mesh", "corner", "normal", "label", "open_sides", "cuts", "first_tile", "first_corner")
+
+
+def is_rough(facets: Facets) -> bool:
+    """Tell whether a surface turns so much within a unit that what two bodies see of each other is chance."""
+    normal, corner = facets.corner_normal, facets.corner
+    steepest = np.zeros(facets.count)
+    for k in range(3):
+        one, other = k, (k + 1) % 3
+        turn = np.linalg.norm(normal[:, one] - normal[:, other], axis=1)
+        way = np.linalg.norm(corner[:, one] - corner[:, other], axis=1)
+        steepest = np.maximum(steepest, turn / np.maximum(way, 1e-6))
+    return float((facets.area * np.minimum(steepest, MOST_TURN) ** 2).sum()) > ROUGH**2 * float(facets.area.sum())
 
 
 def seen_from_afar(

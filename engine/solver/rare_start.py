@@ -7,18 +7,21 @@ many find their places around them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..device.launcher import Launcher
 from ..problem.domain import Domain
+from ..problem.obstacles import Obstacle
 from ..problem.problem import Problem
+from ..problem.surface import Surface
 from .descent import Descent
 from .final_placement import position_in_meters
 from .model import Model
 
-__all__ = ["rare_starts"]
+__all__ = ["STEPS", "rare_problems", "rare_starts"]
 
 # A class is rare beside one of so many times as many bodies. Classes nearer to each other are spread at once. Measured over six seeds:
 # of 1,000 and 100 bodies the smallest spacing of the 100 rises from 0.83 to 0.85, but of 1,000 and 300 that of the 300 by 0.003 only.
@@ -37,28 +40,13 @@ def rare_starts(launcher: Launcher, problem: Problem) -> np.ndarray | None:
         launcher: Where to run.
         problem: In a rectangle. Classes of lines, and those of which bodies are fixed, start as all others.
     """
-    balance = problem.balance
-    if balance.class_separation == 1.0 or balance.rare_emphasis == 0.0:
-        return None
-    stages = _stages(problem)
-    if not stages:
-        return None
-    class_index = problem.body_indices()[0]
+    domain = Domain(problem.rectangle.size, problem.rectangle.boundary)
     result = np.full((problem.body_count, 2), np.nan)
-    for number, stage in enumerate(stages):
-        apart = None if balance.non_overlap is None else np.asarray(balance.non_overlap)[np.ix_(stage, stage)]
-        # Their densities have clumps already, and obstacles cut out of them.
-        classes = [replace(problem.classes[c], base=None, clustering=0.0) for c in stage]
-        rare = Problem(
-            Domain(problem.rectangle.size, problem.rectangle.boundary),
-            classes,
-            replace(balance, non_overlap=apart),
-            seed=int(np.random.default_rng([problem.seed, 11, number]).integers(1 << 31)),
-            regularity=problem.regularity,
-        )
+    found = False
+    for rare, own in rare_problems(problem, domain):
+        found = True
         model = Model(rare)
         descent = Descent(model, launcher, fewest_nodes=FEWEST_NODES)
-        own = np.isin(class_index, stage)
         there = ~np.isnan(result[own, 0])
         if there.any():
             pose = descent.state.pose.numpy().copy()
@@ -68,11 +56,41 @@ def rare_starts(launcher: Launcher, problem: Problem) -> np.ndarray | None:
         descent.step.play(STEPS)
         result[own] = position_in_meters(model, descent.state, launcher)
         launcher.release(descent.step)
-    return result
+    return result if found else None
+
+
+def rare_problems(
+    problem: Problem, domain: Domain | Surface, obstacles: Sequence[Obstacle] = (), *, avoid_overlap: bool = False
+) -> Iterator[tuple[Problem, np.ndarray]]:
+    """Yield problems of rare classes, one stage after the other, and which bodies these are, a mask of shape ``[body_count]``.
+
+    Args:
+        problem: The problem that they are of.
+        domain: Where these are spread.
+        obstacles: What they keep away from there.
+        avoid_overlap: Whether their footprints are pushed apart there.
+    """
+    balance, class_index = problem.balance, problem.body_indices()[0]
+    for number, stage in enumerate(_stages(problem)):
+        apart = None if balance.non_overlap is None else np.asarray(balance.non_overlap)[np.ix_(stage, stage)]
+        # Their densities have clumps already, and obstacles cut out of them.
+        classes = [replace(problem.classes[c], base=None, clustering=0.0) for c in stage]
+        rare = Problem(
+            domain,
+            classes,
+            replace(balance, non_overlap=apart),
+            obstacles=obstacles,
+            seed=int(np.random.default_rng([problem.seed, 11, number]).integers(1 << 31)),
+            regularity=problem.regularity,
+            avoid_overlap=avoid_overlap,
+        )
+        yield rare, np.isin(class_index, stage)
 
 
 def _stages(problem: Problem) -> list[list[int]]:
     """Which classes are spread together, the rarest first; each stage has the classes of those before it, too."""
+    if problem.balance.class_separation == 1.0 or problem.balance.rare_emphasis == 0.0:
+        return []
     fixed = set(problem.fixed.class_index.tolist())
     count = [c.body_count for c in problem.classes]
     most = max(count)

@@ -43,6 +43,7 @@ from .surface_descent import SurfaceDescent
 from .surface_edit import carry_over_on_surface
 from .surface_placement import points_of
 from .surface_places import PlacesOnSurface, spots_of_places
+from .surface_rare_start import rare_start_on_surface
 from .surface_state import SurfaceState
 
 __all__ = ["Edit", "Progress", "Solver", "is_stop"]
@@ -176,11 +177,14 @@ class Solver:
                     placed = Model(problem)
                     # Of a few bodies the best of several starts is found; a state, or who pins bodies, says where they are.
                 rare = None
-                if afresh and not on_surface and number_of_starts(placed) < 2:
-                    rare = rare_starts(self.launcher, problem)
-                self.descent: Descent | SurfaceDescent = (SurfaceDescent if on_surface else Descent)(
-                    placed, self.launcher
-                )
+                self.descent: Descent | SurfaceDescent
+                if on_surface:
+                    start = rare_start_on_surface(self.launcher, problem) if afresh else None
+                    self.descent = SurfaceDescent(placed, self.launcher, start)
+                else:
+                    if afresh and number_of_starts(placed) < 2:
+                        rare = rare_starts(self.launcher, problem)
+                    self.descent = Descent(placed, self.launcher)
                 self._spreads, self._next_identity = 0, int(self.model.body.identity.max()) + 1
                 if state is not None:
                     self.start_from(state)

@@ -15,10 +15,11 @@ import warp as wp
 
 from ..cascade.cascade import Cascade
 from ..cascade.points import empty_points
+from ..cascade.seen_from_afar import is_rough, seen_from_afar
 from ..device.launcher import GRAIN_OF_NEIGHBORS, Launcher
 from ..errors import ProblemError
 from ..problem.placement import Placement
-from ..problem.surface import Surface
+from ..problem.surface import PointsOnSurface, Surface
 from ..surface import kernels_facets
 from ..surface.facets import Facets
 from ..surface.parts import joined_parts
@@ -34,7 +35,15 @@ from .surface_correlation import correlation_potential
 from .surface_line_rules import SurfaceLineRules, tangent_frame
 from .surface_own_forces import own_forces
 from .surface_placement import facing_headings, placement_on_surface, points_of
-from .surface_places import balls_of, clear_of_balls, clearances, left_by_fixed, spots_of_fixed, tiles_of
+from .surface_places import (
+    balls_of,
+    clear_of_balls,
+    clearances,
+    left_by_fixed,
+    spots_of_fixed,
+    spots_of_points,
+    tiles_of,
+)
 from .surface_separation import SurfaceSeparation
 from .surface_softness import softness_of
 from .surface_state import SurfaceState
@@ -81,6 +90,9 @@ class SurfaceDescent:
         share = self._cut_by_detail()
         self.bodies = bodies_for_kernels(model, launcher)
         on_device = self.facets.for_kernels(device)
+        # Contact and lines go by what the surface is from near.
+        if not keeps_apart(model) and not model.kinds and is_rough(self.facets):
+            on_device = seen_from_afar(launcher, self.facets, on_device, 1.0)
         asked = started = share
         fixed = None
         if model.fixed.any():
@@ -314,6 +326,13 @@ class SurfaceDescent:
             heading = self.state.heading.numpy().copy()
             heading[outlined] = before.heading.numpy()[source[outlined]]
             self.state.heading.assign(heading)
+
+    def put_some(self, rows: np.ndarray, points: PointsOnSurface) -> None:
+        """Put some bodies at points of the surface; those whose class may not be there stay where they are."""
+        facet, weight = spots_of_points(self.facets, points)
+        class_index = self.model.body.class_index[rows]
+        may_be = self.share[class_index, tiles_of(self.facets, facet, weight)] > 0.0
+        self._put(rows[may_be], (facet[may_be], weight[may_be]))
 
     def put_at(self, spots: tuple[np.ndarray, np.ndarray], angle: np.ndarray | None, length: np.ndarray | None) -> None:
         """Put all bodies somewhere, as :meth:`~.solver.Solver.start_at` takes their angles and lengths."""

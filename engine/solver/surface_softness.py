@@ -2,8 +2,8 @@
 
 What is soft has fewer patterns that it is held up in, and steps lead to more even ones.
 
-Measured with 4,096 bodies, 100 steps and four seeds, as points and so: coverage errors at 1 spacing of a rock .0022 and .0017, of a box
-with thin walls .0034 and .0019, of Suzanne .0037 and .0029, and smallest spacings of .82 and .84, .85 and .85, .75 and .76; of one of two
+Measured with 4,096 bodies and 100 steps, as points and so: coverage errors at 1 spacing of a rock .0022 and .0017, of a box with thin
+walls .0034 and .0019, of Suzanne .0037 and .0029, and their smallest spacings .82 and .84, .85 and .85, .75 and .77; of one of two
 classes on a torus .0077 and .0065.
 """
 
@@ -19,9 +19,9 @@ from .model import Model
 
 __all__ = ["softness_of"]
 
-# Two bodies of several classes stand closer than a spacing. A core that reaches no farther, and is so many times as strong, keeps close
-# pairs apart and leaves each class as even. Measured with two classes, usual core and this: smallest spacings of all .71 and .73,
-# errors of a class at 1 spacing .0064 and .0065.
+# Bodies of several classes stand closer together than a spacing. A core that reaches no farther, and is so many times as strong, keeps
+# close pairs apart and leaves each class as even. Measured with two classes, usual core and this: smallest spacings of all .71 and
+# .73, errors of a class at 1 spacing .0064 and .0065.
 REACH_AMONG_CLASSES = 1.0
 STRONGER_AMONG_CLASSES = 2.0
 

@@ -1,0 +1,48 @@
+"""Where rare classes start on a surface: spread by themselves first, as :mod:`.rare_start` does in the plane."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from ..device.launcher import Launcher
+from ..problem.problem import Problem
+from ..problem.surface import Surface
+from .model import Model
+from .rare_start import STEPS, rare_problems
+from .surface_descent import Start, SurfaceDescent
+from .surface_placement import points_of
+
+__all__ = ["rare_start_on_surface"]
+
+
+def rare_start_on_surface(launcher: Launcher, problem: Problem) -> Start | None:
+    """Return what puts the bodies of rare classes where they start; None where no class is rare.
+
+    Args:
+        launcher: Where to run.
+        problem: On a surface. Classes of lines, and those of which bodies are fixed, start as all others.
+    """
+    surface = problem.domain
+    assert isinstance(surface, Surface)
+    triangle, barycentric = np.full(problem.body_count, -1), np.zeros((problem.body_count, 3))
+
+    def put(of_bodies: np.ndarray, descent: SurfaceDescent) -> None:
+        """Put those of some bodies whose place is known there; a descent has them in their order."""
+        row = np.flatnonzero(triangle[of_bodies] >= 0)
+        place = of_bodies[row]
+        if len(row):
+            descent.put_some(row, surface.points(triangle[place], barycentric[place]))
+
+    # Who is too near to an obstacle would stay there.
+    for rare, own in rare_problems(problem, surface, problem.obstacles, avoid_overlap=problem.avoid_overlap):
+        bodies = np.flatnonzero(own)
+        descent = SurfaceDescent(Model(rare), launcher, partial(put, bodies))
+        descent.step.play(STEPS)
+        points = points_of(descent.facets, descent.state)
+        triangle[bodies], barycentric[bodies] = points.triangle, points.barycentric
+        launcher.release(descent.step)
+    if (triangle < 0).all():
+        return None
+    return partial(put, np.arange(problem.body_count))
