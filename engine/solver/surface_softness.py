@@ -40,6 +40,7 @@ def softness_of(model: Model) -> Softness | None:
     width = blur.blur_over_spacing(problem.regularity, uniform=True)
     strength, end = blur.core(width, uniform=True)
     reach = width * math.sqrt(2.0 * end)
-    if len(problem.classes) > 1:
+    between = model.groups.matrix - np.diag(np.diag(model.groups.matrix))
+    if between.any():
         return Softness(width, STRONGER_AMONG_CLASSES * strength, min(reach, REACH_AMONG_CLASSES))
     return Softness(width, strength, reach)

@@ -103,10 +103,11 @@ def test_boxes_and_planks_on_half_of_a_sphere_do_not_overlap(parted, turn):
     assert placement.report.coverage_error < 0.02
     # Where they are put down as if they were discs, many overlap, and the report knows which.
     loose = esh.solve(dataclasses.replace(placement.problem, avoid_overlap=False), device="cpu")
-    pairs = overlapping(loose)
-    assert len(pairs) > 100
-    assert loose.report.overlaps == len(pairs)
-    assert set(loose.report.overlapping) == {i for pair in pairs for i in pair}
+    # Some lie as deep in each other as is just not counted.
+    deep, most = (overlapping(loose, tolerance) for tolerance in (1.1e-3, 0.9e-3))
+    assert len(deep) > 100
+    assert len(deep) <= loose.report.overlaps <= len(most) <= len(deep) + 3
+    assert {i for pair in deep for i in pair} <= set(loose.report.overlapping) <= {i for pair in most for i in pair}
 
 
 def first_axis(normal):
